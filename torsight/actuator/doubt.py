@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.laws import laws_from
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_names, get_number, get_table
 from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
+from torsight.core.units import Floats
 from torsight.core.words.plausible import MOST_TURNED_DEG
-
-Array = NDArray[np.float64]
 
 _NO_SHARE: Final = 1e-9
 """Variance, of one per value, below which an axis is nothing but rounding (1e-16 times the number of values): a
@@ -52,7 +50,7 @@ class Doubt:
     """
 
     names: tuple[str, ...]
-    covariance: Array
+    covariance: Floats
     residual_deg: float
     alternatives: tuple[Alternative, ...] = ()
     rest_residual_deg: float | None = None
@@ -88,7 +86,7 @@ class Doubt:
         }
 
 
-def principal_axes(covariance: Array) -> tuple[Array, Array, Array]:
+def principal_axes(covariance: Floats) -> tuple[Floats, Floats, Floats]:
     """Return standard deviations (m,), and variances (m,) and axes (m, m; columns) in units of these.
 
     The axes are those of the correlation matrix: values differ in size by many orders.

@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.log.outliers import spikes
 from torsight.actuator.record.conditioning import Readings, condition
@@ -23,11 +22,11 @@ from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.series import extent, usual_step
+from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
 
-Array = NDArray[np.float64]
-Pair = tuple[Array, Array]
+Pair = tuple[Floats, Floats]
 
 ROW_RATE_HZ: Final = 5.0
 """A record that is faster than this is thinned to about so many rows per second for a fit."""
@@ -58,9 +57,9 @@ class Sensors:
         Rows of the log that the drive keeps (all that it keeps, where some of a drive's rows are taken).
     """
 
-    time_s: Array
+    time_s: Floats
     temps_c: Pair
-    rows: NDArray[np.int64]
+    rows: Ints
     _known: dict[float, Pair] = field(default_factory=dict)
 
     @cached_property
@@ -131,23 +130,23 @@ class Drive:
         The drive of which this one has some rows, and which; None for all of them.
     """
 
-    time_s: Array
-    temp_a_c: Array
-    temp_b_c: Array
-    rate_a_c_s: Array
-    rate_b_c_s: Array
-    temp_sigma_c: Array
+    time_s: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
+    rate_a_c_s: Floats
+    rate_b_c_s: Floats
+    temp_sigma_c: Floats
     noise_c: float
     reading_s: float
     cycles: HalfCycles
-    angle_rad: Array
-    angle_sigma_rad: Array
+    angle_rad: Floats
+    angle_sigma_rad: Floats
     start_angle_rad: float
     room_c: float
-    known: NDArray[np.bool_]
+    known: Flags
     sensors: Sensors
     turns: int = 0
-    part_of: tuple[Drive, Array] | None = None
+    part_of: tuple[Drive, Floats] | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -160,11 +159,11 @@ class Drive:
         )
 
     @property
-    def whole(self) -> tuple[Drive, Array]:
+    def whole(self) -> tuple[Drive, Floats]:
         """Return the whole drive, in which the log is read at other times too, and which of its rows (n,) these are."""
         return self.part_of or (self, np.arange(float(len(self))))
 
-    def at(self, rows: NDArray[np.int64]) -> Drive:
+    def at(self, rows: Ints) -> Drive:
         """Return the drive at some of its rows (m,)."""
         cycles = replace(self.cycles, active=self.cycles.active[rows], half=self.cycles.half[rows])
         names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "angle_rad",
@@ -174,7 +173,7 @@ class Drive:
         return replace(self, cycles=cycles, part_of=(whole, places[rows]), **rowwise)
 
 
-def whole_turns(angle_rad: Array) -> int:
+def whole_turns(angle_rad: Floats) -> int:
     """Return by how many whole turns a reading is ahead of the actuator's own angle.
 
     A film cannot tell a stick at 185° from one at −175°. The actuator's range lies around zero (the paper shifts its
@@ -219,7 +218,7 @@ def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "lo
     return _driven(log, row_rate_hz=math.inf, start_angle_rad=start_angle_rad, where=where)
 
 
-def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
+def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, Ints]:
     """Return a log with rows between readings that are far apart, so that a model meets the corners there.
 
     Also which of its rows are those of the log (n,). Between readings of which one is missing there is nothing.
@@ -233,7 +232,7 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
     fine = np.arange(rows[-1] + 1)
     time_s, held = np.interp(fine, rows, log.time_s), fine // every
 
-    def column(temp_c: Array) -> Array:
+    def column(temp_c: Floats) -> Floats:
         good = np.isfinite(temp_c)
         known_s, known_c = log.time_s[good], temp_c[good]
         corners = corner_gaps(known_s, known_c, measure_noise(known_s, known_c)[0])
@@ -246,7 +245,7 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, NDArray[np.int64]]:
     return TemperatureLog(time_s, column(temps[0]), column(temps[1]), heat_a, heat_b), rows
 
 
-def start_angle(angle_rad: Array, sigma_rad: Array) -> tuple[float, float]:
+def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
     """Return the angle at the start and its sigma: the mean over the rest that the record starts with.
 
     The rest is taken as long as the angle stays within five sigmas of its median so far, and the median of what follows
@@ -306,7 +305,7 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
     )
 
 
-def _bridge(time_s: Array, temp_c: Array, *, where: str) -> tuple[Array, NDArray[np.bool_]]:
+def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> tuple[Floats, Flags]:
     """Return the temperature with gaps and spikes bridged by lines, and where it is known.
 
     Only a reading whose neighbours are near in time can be a spike: further apart it may be the top of a heating.
@@ -323,7 +322,7 @@ def _bridge(time_s: Array, temp_c: Array, *, where: str) -> tuple[Array, NDArray
     return filled, good | (after - before <= MAX_GAP_S)
 
 
-def _kept_rows(time_s: Array, row_rate_hz: float) -> NDArray[np.int64]:
+def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:
     n = len(time_s)
     interval = usual_step(time_s)
     every = int(1.0 / (interval * row_rate_hz)) if interval > 0 else 1
@@ -334,7 +333,7 @@ def _kept_rows(time_s: Array, row_rate_hz: float) -> NDArray[np.int64]:
     return np.arange(every // 2, n - every // 2, every)
 
 
-def _block_means(time_s: Array, angle: Array, sigma: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+def _block_means(time_s: Floats, angle: Floats, sigma: Floats, rows: Ints) -> tuple[Floats, Floats]:
     """Return the mean angle over the rows that each kept row stands for, and its sigma."""
     if len(rows) == len(time_s):
         return angle, sigma

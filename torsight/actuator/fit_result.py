@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel, Simulation
@@ -22,11 +21,9 @@ from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.series import extent
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import estimate as estimate_words
-
-Array = NDArray[np.float64]
 
 _LEAST_MOTION: Final = 8.0
 _SILENT: Final = 0.9
@@ -80,10 +77,10 @@ class FitResult(Frozen, Shown):
     values: Mapping[str, float]
     estimates: Mapping[str, Estimate]
     free: tuple[str, ...]
-    covariance: Array
+    covariance: Floats
     simulation: Simulation
-    residual_rad: Array
-    sigma_rad: Array
+    residual_rad: Floats
+    sigma_rad: Floats
     correlation_rows: float
     variance_ratio: float
     rmse_deg: float
@@ -166,7 +163,7 @@ def middle_deg(drive: Drive) -> float:
     return sum(extent(drive.angle_rad)) / (2.0 * DEG)
 
 
-def quiet(parameters: Sequence[Parameter], sigma: Array) -> tuple[str, ...]:
+def quiet(parameters: Sequence[Parameter], sigma: Floats) -> tuple[str, ...]:
     """Return the names of the parameters about which the record says nothing that was not known.
 
     ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything.

@@ -25,12 +25,11 @@ from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.series import extent
-from torsight.core.units import DEG, MNM
+from torsight.core.units import DEG, MNM, Floats, Ints
 from torsight.core.words.plausible import require_units
 from torsight.core.words.shown import Shown, draw_series, span
 from torsight.core.words.wording import counted
 
-Array = NDArray[np.float64]
 PhaseLaw = Literal["liang_rogers", "tanaka"]
 
 
@@ -56,19 +55,19 @@ class Simulation(Shown):
         By how much A and B had been wound further than they stand in the end.
     """
 
-    time_s: Array
-    angle_rad: Array
-    phi_rad: Array
-    xi_a: Array
-    xi_b: Array
-    torque_a_nm: Array
-    torque_b_nm: Array
-    friction_nm: Array
-    temp_a_c: Array
-    temp_b_c: Array
+    time_s: Floats
+    angle_rad: Floats
+    phi_rad: Floats
+    xi_a: Floats
+    xi_b: Floats
+    torque_a_nm: Floats
+    torque_b_nm: Floats
+    friction_nm: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
     unwound_rad: tuple[float, float]
 
-    def at(self, rows: NDArray[np.int64]) -> Simulation:
+    def at(self, rows: Ints) -> Simulation:
         """Return it at some of its rows (m,)."""
         columns = (one.name for one in fields(self) if one.name != "unwound_rad")
         return replace(self, **{name: getattr(self, name)[rows] for name in columns})
@@ -367,7 +366,7 @@ def _of_spring(ports: Ports, spring: int) -> dict[str, float]:
     }
 
 
-def _tables(ports: Ports) -> Array:
+def _tables(ports: Ports) -> Floats:
     """Return the kernel's tables; those that are not there are zero and never looked at."""
     given = (
         ports.friction_down_nm,

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.springs import Rig
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 
-Array = NDArray[np.float64]
-Reading = Callable[[Array, Array], Array]
+Reading = Callable[[Floats, Floats], Floats]
 
 STEEPEST: Final = 0.9
 """Share of the way from the second slope to K_M that a loading curve may steepen by: it is wound, not unwound."""
@@ -56,18 +55,18 @@ class History:
     unwound_rad: tuple[float, float] | None = None
 
 
-Pair = tuple[Array | None, Array | None]
+Pair = tuple[Floats | None, Floats | None]
 """A table of spring A and one of B."""
 
 
-def no_steeper(torque_nm: Array, theta_rad: Array, most: float, least: float = -np.inf) -> Array:
+def no_steeper(torque_nm: Floats, theta_rad: Floats, most: float, least: float = -np.inf) -> Floats:
     """Return a torque (n,) at rising angles whose slopes, N·m/rad, are held between ``least`` and ``most``."""
     step = np.diff(theta_rad)
     rise = np.clip(np.diff(torque_nm), least * step, most * step)
     return np.concatenate([torque_nm[:1], torque_nm[0] + np.cumsum(rise)])
 
 
-def _added(tables: Pair, torque_nm: Array, spring: str) -> Pair:
+def _added(tables: Pair, torque_nm: Floats, spring: str) -> Pair:
     """Return tables with a torque added to those of one spring (``a``, ``b``) or of ``both``."""
     a, b = (
         table if spring not in ("both", name) else torque_nm if table is None else table + torque_nm
@@ -77,7 +76,7 @@ def _added(tables: Pair, torque_nm: Array, spring: str) -> Pair:
 
 
 @functools.lru_cache(maxsize=16)
-def _grids_rad(theta_p_rad: float) -> tuple[Array, Array]:
+def _grids_rad(theta_p_rad: float) -> tuple[Floats, Floats]:
     """Return the tables' angles θ^A and φ, read-only."""
     margin = _GRID_MARGIN * theta_p_rad
     own = np.linspace(-margin, theta_p_rad + margin, _GRID_POINTS)
@@ -159,29 +158,29 @@ class Ports:
 
     rig: Rig
     rig_b: Rig
-    time_s: Array
-    temp_a_c: Array
-    temp_b_c: Array
-    rate_a_c_s: Array
-    rate_b_c_s: Array
+    time_s: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
+    rate_a_c_s: Floats
+    rate_b_c_s: Floats
     active: NDArray[np.int8]
-    half: NDArray[np.int64]
-    cycle: NDArray[np.int64]
-    half_cycle: NDArray[np.int64]
+    half: Ints
+    cycle: Ints
+    half_cycle: Ints
     room_c: float
     drive: Drive
-    log_rows: Array
+    log_rows: Floats
     history: History = field(default_factory=History)
-    section_weight: Array = field(default_factory=lambda: np.ones(1))
-    section_drop_c: Array = field(default_factory=lambda: np.zeros(1))
-    section_drop_share: Array = field(default_factory=lambda: np.zeros(1))
+    section_weight: Floats = field(default_factory=lambda: np.ones(1))
+    section_drop_c: Floats = field(default_factory=lambda: np.zeros(1))
+    section_drop_share: Floats = field(default_factory=lambda: np.zeros(1))
     passive_share: float = 0.0
-    theta_l_scale: Array = field(default_factory=lambda: np.ones(1))
-    theta_l_loss_rad: Array = field(default_factory=lambda: np.zeros(1))
-    friction_scale: Array = field(default_factory=lambda: np.ones(1))
-    passive_scale: Array | None = None
-    side_a_nm: Array | None = None
-    side_b_nm: Array | None = None
+    theta_l_scale: Floats = field(default_factory=lambda: np.ones(1))
+    theta_l_loss_rad: Floats = field(default_factory=lambda: np.zeros(1))
+    friction_scale: Floats = field(default_factory=lambda: np.ones(1))
+    passive_scale: Floats | None = None
+    side_a_nm: Floats | None = None
+    side_b_nm: Floats | None = None
     first_share: float = 1.0
     home_hold: float = 1.0
     heating_bend: float = 0.0
@@ -189,11 +188,11 @@ class Ports:
     latent_c_s: float = 0.0
     viscous_nms: float = 0.0
     viscous_power: float = 1.0
-    dwell_factor: Array | None = None
-    speed_friction_nm: Array | None = None
-    friction_down_nm: Array | None = None
-    friction_up_nm: Array | None = None
-    stray_nm: Array | None = None
+    dwell_factor: Floats | None = None
+    speed_friction_nm: Floats | None = None
+    friction_down_nm: Floats | None = None
+    friction_up_nm: Floats | None = None
+    stray_nm: Floats | None = None
     loading_nm: Pair = (None, None)
     loading_follows: tuple[float, float] = (1.0, 1.0)
     side_nm: Pair = (None, None)
@@ -215,11 +214,11 @@ class Ports:
         other.__dict__.update(values)
         return other
 
-    def grid_rad(self) -> Array:
+    def grid_rad(self) -> Floats:
         """Return the angles of the tables, θ^A = φ + θ_P/2, rad."""
         return _grids_rad(self.rig.theta_p_rad)[0]
 
-    def phi_grid_rad(self) -> Array:
+    def phi_grid_rad(self) -> Floats:
         """Return the actuator angles φ of the tables, rad."""
         return _grids_rad(self.rig.theta_p_rad)[1]
 
@@ -233,7 +232,7 @@ class Ports:
         """Whether a spring's torque changes by itself, without its phase or its angle."""
         return any(torque is not None for torque in (self.passive_scale, self.side_a_nm, self.side_b_nm))
 
-    def load_change(self) -> Array:
+    def load_change(self) -> Floats:
         """Return the factor on the passive spring's torque and the driven and passive one's side torques (3, n).
 
         No column where nothing changes.
@@ -245,23 +244,23 @@ class Ports:
         a, b = (np.zeros(n) if side is None else side for side in (self.side_a_nm, self.side_b_nm))
         return np.stack([factor, *by_role(self.active, a, b)])
 
-    def with_friction(self, factor_down: Array, factor_up: Array, added_nm: Array | float = 0.0) -> Ports:
+    def with_friction(self, factor_down: Floats, factor_up: Floats, added_nm: Floats | float = 0.0) -> Ports:
         """Return ports whose friction over :meth:`grid_rad` is multiplied and added to, for either direction."""
         plain = np.full(_GRID_POINTS, self.rig.tau_c_nm)
         down = plain if self.friction_down_nm is None else self.friction_down_nm
         up = plain if self.friction_up_nm is None else self.friction_up_nm
         return self.changed(friction_down_nm=down * factor_down + added_nm, friction_up_nm=up * factor_up + added_nm)
 
-    def with_speed_friction(self, torque_nm: Array) -> Ports:
+    def with_speed_friction(self, torque_nm: Floats) -> Ports:
         """Return ports with a further friction torque over :data:`SPEEDS_RAD_S`."""
         before = self.speed_friction_nm
         return self.changed(speed_friction_nm=torque_nm if before is None else before + torque_nm)
 
-    def with_dwell(self, factor: Array) -> Ports:
+    def with_dwell(self, factor: Floats) -> Ports:
         """Return ports whose friction after a rest is multiplied, over :data:`DWELL_DECADES`."""
         return self.changed(dwell_factor=factor if self.dwell_factor is None else self.dwell_factor * factor)
 
-    def with_loading(self, torque_nm: Array, *, follows: float = 1.0, spring: str = "both") -> Ports:
+    def with_loading(self, torque_nm: Floats, *, follows: float = 1.0, spring: str = "both") -> Ports:
         """Return ports whose loading curves have a further torque over the spring's angle (on :meth:`grid_rad`).
 
         The recoverable angle follows it by the share ``follows``.
@@ -270,27 +269,27 @@ class Ports:
         shares = (follows if a else self.loading_follows[0], follows if b else self.loading_follows[1])
         return self.changed(loading_nm=_added(self.loading_nm, torque_nm, spring), loading_follows=shares)
 
-    def with_stray(self, torque_nm: Array) -> Ports:
+    def with_stray(self, torque_nm: Floats) -> Ports:
         """Return ports with a further torque along φ over :meth:`grid_rad`."""
         return self.changed(stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
 
-    def with_side(self, torque_nm: Array, *, spring: str = "both") -> Ports:
+    def with_side(self, torque_nm: Floats, *, spring: str = "both") -> Ports:
         """Return ports whose springs make a further torque over their own angle (on :meth:`grid_rad`)."""
         return self.changed(side_nm=_added(self.side_nm, torque_nm, spring))
 
-    def with_temperatures(self, change: Callable[[Array, Array], tuple[Array, Array]]) -> Ports:
+    def with_temperatures(self, change: Callable[[Floats, Floats], tuple[Floats, Floats]]) -> Ports:
         """Return ports whose wires' temperatures and slopes are changed by one rule."""
         temp_a_c, rate_a = change(self.temp_a_c, self.rate_a_c_s)
         temp_b_c, rate_b = change(self.temp_b_c, self.rate_b_c_s)
         return self.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
-    def at_log_times(self, wanted_s: Array) -> Ports:
+    def at_log_times(self, wanted_s: Floats) -> Ports:
         """Return ports with the temperatures and half-cycles that stand in the log at other times (n,)."""
         moved, cycles = self.read_at(wanted_s), self.drive.cycles
         rows = np.ceil(moved.log_rows).astype(np.int64)
         return moved.changed(active=cycles.active[rows], half=cycles.half[rows])
 
-    def read_at(self, wanted_s: Array) -> Ports:
+    def read_at(self, wanted_s: Floats) -> Ports:
         """Return ports with the temperatures that stand in the log at other times (n,), half-cycles as before."""
         drive = self.drive
         moved = self.changed(log_rows=np.interp(wanted_s, drive.time_s, np.arange(float(len(drive)))))
@@ -299,11 +298,11 @@ class Ports:
         return moved.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
     @property
-    def log_time_s(self) -> Array:
+    def log_time_s(self) -> Floats:
         """Times of the log (n,) from which the temperatures are taken: ``time_s`` where the clocks agree."""
         return self.logged(self.drive.time_s)[0]
 
-    def logged(self, *courses: Array) -> tuple[Array, ...]:
+    def logged(self, *courses: Floats) -> tuple[Floats, ...]:
         """Return courses over the log's rows where the temperatures are taken from, by lines between the rows."""
         before = np.minimum(self.log_rows.astype(np.int64), len(self.drive) - 2)
         share = self.log_rows - before

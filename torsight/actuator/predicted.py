@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import Simulation
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -32,10 +29,10 @@ class Prediction(Shown):
         Which of the drive's rows the log's instants are.
     """
 
-    angle_rad: Array
+    angle_rad: Floats
     drive: Drive
     simulation: Simulation
-    rows: NDArray[np.int64]
+    rows: Ints
 
     def facts(self) -> dict[str, str]:
         """Return rows, time and angle."""

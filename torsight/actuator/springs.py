@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from torsight.core.units import DEG, GPA, MM, MNM, MPA
+from torsight.core.units import DEG, GPA, MM, MNM, MPA, Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,19 +138,14 @@ def stress_per_torque(wire_diameter_m: float) -> float:
     return 32.0 / (math.pi * wire_diameter_m**3)
 
 
-def torsional_stiffness(rig: Rig, theta_rad: NDArray[np.float64], *, xi: float) -> NDArray[np.float64]:
+def torsional_stiffness(rig: Rig, theta_rad: Floats, *, xi: float) -> Floats:
     """Return the stiffness of figure 5: K(ξ) up to the critical angle (16), K_S beyond it (17), N·m/rad."""
     return np.where(theta_rad <= rig.theta_cr_rad, rig.stiffness(xi), rig.k_stress_induced)
 
 
 def strain_ratio(
-    theta_rad: NDArray[np.float64],
-    *,
-    wire_diameter_m: float,
-    wire_length_m: float,
-    active_coils: float,
-    compression_m: float,
-) -> NDArray[np.float64]:
+    theta_rad: Floats, *, wire_diameter_m: float, wire_length_m: float, active_coils: float, compression_m: float
+) -> Floats:
     """Return γ / ε of figure 4 for an axial pre-compression L_δ; it falls with θ: only bending strain is modelled.
 
     Shear strain γ = (N0 + θ/2π) π d L_δ / L_s² (4), Wahl factor one; normal strain ε = C1 θ (7), from winding alone:

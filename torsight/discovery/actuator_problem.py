@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
@@ -28,11 +27,9 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter, usual_step
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.discovery.actuator.temperature_errors import draw_errors, top_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
-
-Array = NDArray[np.float64]
 
 RESOLUTION_DEG: Final = 0.1
 """A difference that nobody would miss: 0.02 % of the stroke."""
@@ -83,17 +80,17 @@ class ActuatorProblem(OptionalMembers):
     _thinned: dict[Drive, Drive] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Ints:
         """Rows of the drive that stand for the record."""
         return kept_rows(self.drive, self._way, self._at_rest)
 
     @cached_property
-    def _way(self) -> Array:
+    def _way(self) -> Floats:
         """How far every row of the drive has come since the first, in steps of angle, temperatures or time."""
         return np.cumsum(_steps(self.drive))
 
     @cached_property
-    def _at_rest(self) -> NDArray[np.bool_]:
+    def _at_rest(self) -> Flags:
         """Where the measured angle stands still, in every row of the drive."""
         drive = self.drive
         return rest_mask(drive.time_s, drive.angle_rad / DEG, drive.known & np.isfinite(drive.angle_rad))
@@ -147,7 +144,7 @@ class ActuatorProblem(OptionalMembers):
         return (*starts, *zero)
 
     @cached_property
-    def share(self) -> Array:
+    def share(self) -> Floats:
         """Share of a step along the record's way that every kept row stands for, one at most."""
         return np.minimum(np.gradient(self._way[self.rows]), 1.0)
 
@@ -157,41 +154,41 @@ class ActuatorProblem(OptionalMembers):
         return math.inf
 
     @cached_property
-    def time_s(self) -> Array:
+    def time_s(self) -> Floats:
         """Film time."""
         return self.drive.time_s[self.rows]
 
     @cached_property
-    def _means(self) -> tuple[Array, Array]:
+    def _means(self) -> tuple[Floats, Floats]:
         return _symmetric_means(self.drive, self.rows)
 
     @property
-    def observed(self) -> Array:
+    def observed(self) -> Floats:
         """Measured angle in degrees, mean over the rows around each kept one."""
         return self._means[0]
 
     @property
-    def sigma(self) -> Array:
+    def sigma(self) -> Floats:
         """Standard deviation of the measured angle in degrees."""
         return self._means[1]
 
     @cached_property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Flags:
         """Where angle and temperatures are known."""
         return self.drive.known[self.rows] & np.isfinite(self.observed)
 
     @cached_property
-    def block(self) -> NDArray[np.int64]:
+    def block(self) -> Ints:
         """Half-cycle of each row."""
         return np.asarray(self.drive.cycles.half[self.rows], np.int64)
 
     @cached_property
-    def rest(self) -> NDArray[np.bool_]:
+    def rest(self) -> Flags:
         """Where the measured angle stands still."""
         return self._at_rest[self.rows]
 
     @cached_property
-    def drivers(self) -> Mapping[str, Array]:
+    def drivers(self) -> Mapping[str, Floats]:
         """Variables that an effect without a name may depend on."""
         from torsight.discovery.actuator.drivers import actuator_drivers
 
@@ -212,11 +209,11 @@ class ActuatorProblem(OptionalMembers):
         """Simulate the whole record."""
         return self.model(effects).simulate(self.drive, values, history=self.history)
 
-    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the angle in degrees as a camera would read it, at the kept rows."""
         return self._predict(self.drive, values, effects)
 
-    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what noise left in the temperatures does to the angle, the tops of half-cycles apart.
 
         Errors of the size that the conditioning gives are drawn and driven through the model.
@@ -224,7 +221,7 @@ class ActuatorProblem(OptionalMembers):
         found = self._off_by(self._smooth_drives, values, effects)
         return np.sqrt(np.mean(found**2, axis=1)) if found.shape[1] else np.zeros(len(self.rows))
 
-    def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what one standard deviation of each error that many samples share does to the angle (n, k), degrees.
 
         At a top an incomplete transformation ends: its error stays in the angle until the next heating. Tops whose
@@ -239,14 +236,14 @@ class ActuatorProblem(OptionalMembers):
         ways = [known[name].seen for name in effects if name in known]
         return sum(seen(drive.time_s, drive.angle_rad, self.time_s, values) for seen in ways if seen is not None)
 
-    def _off_by(self, drives: Sequence[Drive], values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def _off_by(self, drives: Sequence[Drive], values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return by how much the angle (n, k) differs where other drives take the record's place, degrees."""
         if not drives:
             return np.zeros((len(self.rows), 0))
         clean = self.predict(values, effects)
         return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
-    def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         if drive not in self._thinned:
             self._thinned[drive] = drive.at(self.rows)
         return self.model(effects).simulate(self._thinned[drive], values, history=self.history).angle_rad / DEG
@@ -261,7 +258,7 @@ class ActuatorProblem(OptionalMembers):
         return tuple(with_errors(self.drive, error_c) for error_c in top_errors(self.drive))
 
 
-def kept_rows(drive: Drive, way: Array, at_rest: NDArray[np.bool_]) -> NDArray[np.int64]:
+def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
     """Return the rows between which the angle or a temperature changes enough to matter.
 
     The stepping is exact for steps of any length between which temperatures rise or fall: rows only have to sample the
@@ -288,7 +285,7 @@ def kept_rows(drive: Drive, way: Array, at_rest: NDArray[np.bool_]) -> NDArray[n
     return np.flatnonzero(keep)
 
 
-def _starts(at_rest: NDArray[np.bool_], angle_deg: Array) -> list[int]:
+def _starts(at_rest: Flags, angle_deg: Floats) -> list[int]:
     """Return the rows at which the angle sets off from a rest."""
     found = []
     for _, stop in runs(at_rest):
@@ -298,7 +295,7 @@ def _starts(at_rest: NDArray[np.bool_], angle_deg: Array) -> list[int]:
     return found
 
 
-def _steps(drive: Drive) -> Array:
+def _steps(drive: Drive) -> Floats:
     """Return how far every row (n,) has come from the one before, in steps of angle, temperatures or time."""
     active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
     angle_deg = _running_median(drive.angle_rad / DEG)
@@ -307,7 +304,7 @@ def _steps(drive: Drive) -> Array:
     return np.asarray(np.max(each, axis=0))
 
 
-def _tops(active: Array, angle_deg: Array, half: NDArray[np.int64], turns: NDArray[np.int64]) -> list[int]:
+def _tops(active: Floats, angle_deg: Floats, half: Ints, turns: Ints) -> list[int]:
     """Return the rows before each turn at which the driven temperature is highest, and at which the angle stops."""
     found = []
     for turn in turns.tolist():
@@ -319,7 +316,7 @@ def _tops(active: Array, angle_deg: Array, half: NDArray[np.int64], turns: NDArr
     return found
 
 
-def _running_median(values: Array) -> Array:
+def _running_median(values: Floats) -> Floats:
     """Return the median of five neighbours, gaps bridged by lines: what moves, without the reading noise."""
     good = np.isfinite(values)
     filled = np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
@@ -327,7 +324,7 @@ def _running_median(values: Array) -> Array:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
 
 
-def _symmetric_means(drive: Drive, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+def _symmetric_means(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:
     """Return mean angle and its sigma, degrees, over as many rows on either side as lie nearer to no other kept row."""
     angle, sigma = drive.angle_rad / DEG, drive.angle_sigma_rad / DEG
     gap = np.diff(rows)
@@ -350,12 +347,12 @@ def _clock_known(effect: Effect, sigma_s: float) -> Effect:
     return replace(effect, parameters=own)
 
 
-def _candidate(effect: Effect, angle_rad: Array) -> Candidate:
+def _candidate(effect: Effect, angle_rad: Floats) -> Candidate:
     own = effect.propose
     measured = () if effect.starts_from is None else effect.starts_from(angle_rad)
     starts = (*effect.starts, *measured)
 
-    def in_radians(time_s: Array, residual_deg: Array) -> tuple[Mapping[str, float], ...]:
+    def in_radians(time_s: Floats, residual_deg: Floats) -> tuple[Mapping[str, float], ...]:
         return own(time_s, residual_deg * DEG) if own is not None else ()
 
     propose = None if own is None else in_radians
@@ -368,7 +365,7 @@ def _candidate(effect: Effect, angle_rad: Array) -> Candidate:
     )
 
 
-def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
     """Return where the angle stands still for at least eight seconds.
 
     A sample rests where the angle, averaged over the half window before it and after it, moves by less than 0.02 °/s
@@ -390,7 +387,7 @@ def rest_mask(time_s: Array, observed: Array, valid: NDArray[np.bool_]) -> NDArr
     return _long_runs(still, least=2 * half)
 
 
-def _long_runs(flag: NDArray[np.bool_], *, least: int) -> NDArray[np.bool_]:
+def _long_runs(flag: Flags, *, least: int) -> Flags:
     kept = np.zeros(len(flag), bool)
     for start, stop in runs(flag):
         kept[start:stop] = stop - start >= least

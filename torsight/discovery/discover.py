@@ -8,7 +8,6 @@ from math import hypot
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.doubt import Alternative, Doubt, principal_axes
 from torsight.actuator.effects import Effect, load_effects
@@ -21,7 +20,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import share_explained
 from torsight.core.threads import one_thread
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import unexplained
 from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.law_tables import measured_laws
@@ -37,8 +36,6 @@ from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.find import find_missing
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
-
-Array = NDArray[np.float64]
 
 CONTRADICTED_SIGMAS: Final = 4.0
 """A characterised value that the record moves by more than this is named."""
@@ -181,7 +178,7 @@ def model_of(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
 
 
 def doubt_of(
-    parameters: Sequence[Parameter], spread: Array, left_deg: tuple[float, float], rivals: Sequence[FittedModel]
+    parameters: Sequence[Parameter], spread: Floats, left_deg: tuple[float, float], rivals: Sequence[FittedModel]
 ) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
 
@@ -278,7 +275,7 @@ def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: Held
     return Errors(train, float(np.sqrt(np.mean(error**2))), share_explained(observed[good], predicted[good]), each)
 
 
-def _by_half_cycle(error: Array, half: NDArray[np.int64], labels: Sequence[int]) -> tuple[float, ...]:
+def _by_half_cycle(error: Floats, half: Ints, labels: Sequence[int]) -> tuple[float, ...]:
     """Return the root mean square of the errors in each half-cycle."""
     found = [error[half == label] for label in labels]
     return tuple(float(np.sqrt(np.mean(each**2))) if len(each) else float("nan") for each in found)
@@ -337,14 +334,14 @@ def own_parameters(
     return own
 
 
-def _drawn(mean: Array, spread: Array, rng: np.random.Generator) -> Array:
+def _drawn(mean: Floats, spread: Floats, rng: np.random.Generator) -> Floats:
     """Return draws (k, m) of a normal distribution."""
     size, share, directions = principal_axes(spread)
     unit = rng.standard_normal((_DRAWS, len(mean)))
     return np.asarray(mean + (unit * np.sqrt(np.maximum(share, 0.0))) @ directions.T * size)
 
 
-def _derived(value: float, drawn: Array, unit: str, period: float | None) -> Estimate:
+def _derived(value: float, drawn: Floats, unit: str, period: float | None) -> Estimate:
     off = drawn - value
     if period is not None:
         off = (off + 0.5 * period) % period - 0.5 * period

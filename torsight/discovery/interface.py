@@ -19,13 +19,12 @@ from functools import cached_property
 from typing import Final, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.units import Flags, Floats, Ints
 
-Array = NDArray[np.float64]
-Propose = Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Mapping[str, float], ...]]
+Propose = Callable[[Floats, Floats], tuple[Mapping[str, float], ...]]
 
 OVER_GIVEN: Final = 3.0
 """Times a noise that was given from which a residual that no law explains means that something is missing: three
@@ -71,7 +70,7 @@ class Candidate:
     any_form: bool = False
 
     def starting_points(
-        self, time_s: NDArray[np.float64] | None = None, residual: NDArray[np.float64] | None = None
+        self, time_s: Floats | None = None, residual: Floats | None = None
     ) -> tuple[dict[str, float], ...]:
         """Return the points from which the fit starts, each complete; those made for a residual where it is given."""
         own = {parameter.name: parameter.value for parameter in self.parameters}
@@ -101,26 +100,26 @@ class NeededMembers(Protocol):
         """Effects that the model may lack."""
 
     @property
-    def time_s(self) -> Array:
+    def time_s(self) -> Floats:
         """Time of the samples (n,), or another coordinate along which neighbours are correlated."""
 
     @property
-    def observed(self) -> Array:
+    def observed(self) -> Floats:
         """Measured values (n,)."""
 
     @property
-    def sigma(self) -> Array:
+    def sigma(self) -> Floats:
         """Standard deviation of the reading noise (n,); zeros where it is to be measured from the residual."""
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Flags:
         """Samples that count (n,)."""
 
     @property
-    def block(self) -> NDArray[np.int64]:
+    def block(self) -> Ints:
         """Which block a sample belongs to (n,), from 0."""
 
-    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the model's values (n,) with the effects named switched on.
 
         ``values`` holds every base parameter and every parameter of these effects. Must depend on its arguments alone.
@@ -177,12 +176,12 @@ class OptionalMembers(Protocol):
         return OVER_GIVEN if self.sigma_known else OVER_ESTIMATED
 
     @cached_property
-    def rest(self: NeededMembers) -> NDArray[np.bool_]:
+    def rest(self: NeededMembers) -> Flags:
         """Where what is measured stands still (n,): such a stretch carries one piece of information."""
         return np.zeros(len(self.observed), bool)
 
     @cached_property
-    def share(self: NeededMembers) -> Array:
+    def share(self: NeededMembers) -> Floats:
         """How much of a sample every sample in motion counts as (n,).
 
         Less than one where samples lie closer than usual along what their residual is correlated over.
@@ -190,7 +189,7 @@ class OptionalMembers(Protocol):
         return np.ones(len(self.observed))
 
     @cached_property
-    def drivers(self) -> Mapping[str, Array]:
+    def drivers(self) -> Mapping[str, Floats]:
         """Variables (n,) that an effect without a name may depend on."""
         return {}
 
@@ -200,16 +199,18 @@ class OptionalMembers(Protocol):
             raise NotImplementedError(f"{type(self).__name__} has laws, but no with_laws")
         return self
 
-    def predict_many(self: NeededMembers, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Array]:
+    def predict_many(
+        self: NeededMembers, values: Sequence[Mapping[str, float]], effects: Sequence[str]
+    ) -> list[Floats]:
         """Return ``predict`` at several points; for models that can be called in parallel."""
         return [self.predict(one, effects) for one in values]
 
-    def input_noise(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def input_noise(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the standard deviation (n,) of the prediction that noise on the model's inputs causes."""
         del values, effects
         return np.zeros(len(self.observed))
 
-    def shared_errors(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def shared_errors(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what one standard deviation of every independent error of the inputs does to the prediction (n, k).
 
         For errors that many samples share; ``input_noise`` is what the others do.

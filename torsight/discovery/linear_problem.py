@@ -8,14 +8,12 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, LawForm, slope, smooth_kernels
 from torsight.core.parameter import Parameter
+from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.interface import Candidate, OptionalMembers
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,16 +28,16 @@ class LinearProblem(OptionalMembers):
         As in the protocol.
     """
 
-    columns: Mapping[str, Array]
+    columns: Mapping[str, Floats]
     parameters: tuple[Parameter, ...]
     candidates: tuple[Candidate, ...]
-    time_s: Array
-    observed: Array
-    sigma: Array
-    valid: NDArray[np.bool_]
-    block: NDArray[np.int64]
-    rest: NDArray[np.bool_]
-    drivers: Mapping[str, Array] = field(default_factory=dict)
+    time_s: Floats
+    observed: Floats
+    sigma: Floats
+    valid: Flags
+    block: Ints
+    rest: Flags
+    drivers: Mapping[str, Floats] = field(default_factory=dict)
     resolution: float = 0.0
     forms: tuple[LawForm, ...] = ()
 
@@ -61,7 +59,7 @@ class LinearProblem(OptionalMembers):
         laws = tuple(Candidate(form.id, "law", form.parameters) for form in forms)
         return replace(self, columns=columns, candidates=(*own, *laws), forms=tuple(forms))
 
-    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return Σ value · column over the base and the named effects."""
         names = [p.name for p in self.parameters]
         names += [p.name for c in self.candidates if c.id in effects for p in c.parameters]
@@ -78,7 +76,7 @@ _SCALE: Final = 0.03
 _TIME_LIKE: Final = ("time_s", "cycle")
 
 
-def law_over(name: str, driver: Array, size: float) -> Law | None:
+def law_over(name: str, driver: Floats, size: float) -> Law | None:
     """Return the law over a driver that is added to an output of this size; None where the driver does not change."""
     places = np.unique(driver)
     if len(places) < 2:
@@ -91,13 +89,13 @@ def law_over(name: str, driver: Array, size: float) -> Law | None:
 
 
 def linear_problem(
-    observed: Array,
-    base: Mapping[str, Array],
-    candidates: Mapping[str, Mapping[str, Array]],
+    observed: Floats,
+    base: Mapping[str, Floats],
+    candidates: Mapping[str, Mapping[str, Floats]],
     *,
-    time_s: Array,
-    block: NDArray[np.int64],
-    drivers: Mapping[str, Array],
+    time_s: Floats,
+    block: Ints,
+    drivers: Mapping[str, Floats],
     sigma: float,
     resolution: float = 0.0,
 ) -> LinearProblem:
@@ -129,7 +127,7 @@ def linear_problem(
     measured = observed[np.isfinite(observed)]
     size = float(np.std(measured)) if len(measured) else 1.0
 
-    def parameter(name: str, column: Array, *, null: float | None) -> Parameter:
+    def parameter(name: str, column: Floats, *, null: float | None) -> Parameter:
         typical = float(np.sqrt(np.mean(column**2)))
         scale = 0.1 * size / typical if typical > 0.0 else 1.0
         return Parameter(name, scale if null is not None else 0.0, "", null=null)

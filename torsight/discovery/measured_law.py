@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.storage import read_table
+from torsight.core.units import Flags, Floats
 
 _KEYS: Final = ("effect", "port", "driver", "spring", "unit", "share", "file")
 
@@ -54,10 +55,10 @@ class MeasuredLaw:
     spring: str
     unit: str
     share: float
-    driver_values: NDArray[np.float64]
-    value: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    covered: NDArray[np.bool_]
+    driver_values: Floats
+    value: Floats
+    sigma: Floats
+    covered: Flags
     sentence: str
     number: int = 1
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
@@ -15,12 +14,10 @@ from torsight.actuator.predicted import Prediction
 from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import span
 from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
 from torsight.discovery.actuator_problem import rest_mask
-
-Array = NDArray[np.float64]
 
 _DRAWS: Final = 8
 """Draws of the temperatures' noise."""
@@ -38,7 +35,7 @@ class PredictedAngle(Prediction):
         Standard deviation of the angle; NaN where the model does not say how far it may be wrong.
     """
 
-    sigma_rad: Array
+    sigma_rad: Floats
 
     def facts(self) -> dict[str, str]:
         """Return rows, time, angle and its standard deviation."""
@@ -55,7 +52,7 @@ class PredictedAngle(Prediction):
         super()._draw(axes)
 
 
-def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> Array:
+def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: float) -> Floats:
     """Return the angle (n,) in radians at the instants of a later temperature log, as a camera would read it."""
     return model.predict(log, start_angle_rad=start_angle_rad).angle_rad
 

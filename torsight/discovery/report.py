@@ -13,12 +13,11 @@ from torsight.actuator.fitted import FittedModel
 from torsight.actuator.quantities import effect_values
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
+from torsight.core.units import Floats
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import effect_name, number, verdict_sentence
 from torsight.discovery.design.next_experiment import NextExperiment
 from torsight.discovery.measured_law import MeasuredLaw
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +153,7 @@ class DiscoveryReport(Frozen, Shown):
     evidence: Mapping[str, Any]
     curves: Mapping[str, NDArray[np.generic]]
     model: FittedModel
-    covariance: Array
+    covariance: Floats
     laws: tuple[MeasuredLaw, ...] = ()
 
     def facts(self) -> dict[str, str]:
@@ -204,7 +203,7 @@ def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     return {name: value.to_json() for name, value in estimates.items()}
 
 
-def estimates_of(parameters: Sequence[Parameter], values: Array, sigmas: Array) -> dict[str, Estimate]:
+def estimates_of(parameters: Sequence[Parameter], values: Floats, sigmas: Floats) -> dict[str, Estimate]:
     """Return estimates with 95 % intervals within the bounds."""
     return {
         p.name: Estimate.normal(float(value), float(sigma), p.unit, lower=p.lower, upper=p.upper)

@@ -18,7 +18,7 @@ from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.threads import one_thread
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -38,8 +38,6 @@ from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.validate import HeldOut, held_out_by_refit
 from torsight.discovery.own.find import find_missing
 from torsight.discovery.report import DiscoveryReport, Errors
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -283,7 +281,7 @@ def _unseen(problem: SeveralRecords, view: Explanation, record: int, folds: Mapp
     return float(np.sqrt(np.mean(((part.drive.angle_rad - predicted)[good] / DEG) ** 2)))
 
 
-def _rows(problem: SeveralRecords) -> Array:
+def _rows(problem: SeveralRecords) -> Floats:
     """Return how many measured rows each record has."""
     return np.array([float(np.sum(np.isfinite(p.drive.angle_rad) & p.drive.known)) for p in problem.parts])
 

@@ -12,19 +12,17 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
 from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.series import runs
 from torsight.core.tracks import MarkerTracks
+from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
 from tracker.follow.innovation import SIGMAS
 from tracker.follow.judgement import SHAKE_PX
-
-Floats = NDArray[np.float64]
 
 _MOVED: Final = 1.5
 """Motion (rms over the film) over the noise of one frame from which it is taken out."""
@@ -172,7 +170,7 @@ def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tupl
     return np.asarray((position - pivot) @ back + pivot), variance
 
 
-def _seen(points: Floats) -> NDArray[np.bool_]:
+def _seen(points: Floats) -> Flags:
     """Return where both coordinates of points (..., 2) are known."""
     return np.asarray(np.isfinite(points).all(axis=-1), dtype=np.bool_)
 

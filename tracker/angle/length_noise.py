@@ -15,9 +15,9 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
+from torsight.core.units import Flags, Floats
 
 LEAST_FRAMES: Final = 30
 """Frames of a kind that tell how large its errors are: to an eighth."""
@@ -42,13 +42,13 @@ class LengthWitness:
     """
 
     length: float
-    residual: NDArray[np.float64]
+    residual: Floats
     scale: float
     still: float
-    outlier: NDArray[np.bool_]
+    outlier: Flags
 
 
-def in_motion(position_px: NDArray[np.float64]) -> NDArray[np.bool_]:
+def in_motion(position_px: Floats) -> Flags:
     """Return the frames (n,) in which a stick moves in the picture, from its markers (n, 2, 2), NaN where not seen."""
     n = len(position_px)
     side = min(_STILL_FRAMES, n)
@@ -68,12 +68,7 @@ def in_motion(position_px: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def witness(
-    inner: NDArray[np.float64],
-    outer: NDArray[np.float64],
-    covariance_inner: NDArray[np.float64],
-    covariance_outer: NDArray[np.float64],
-    *,
-    moves: NDArray[np.bool_],
+    inner: Floats, outer: Floats, covariance_inner: Floats, covariance_outer: Floats, *, moves: Flags
 ) -> LengthWitness:
     """Compare a stick's length over the film with what its markers' covariances (n, 2, 2) predict.
 
@@ -109,7 +104,7 @@ def witness(
     return LengthWitness(float(np.mean(length[known][use])), residual, scale, still, outlier)
 
 
-def _weights(moves: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _weights(moves: Flags) -> Floats:
     """Return the frames' weights in the curve of the length: rest is the same frozen error many times over."""
     moving, resting = int(moves.sum()), int((~moves).sum())
     if moving < LEAST_FRAMES:
@@ -117,12 +112,10 @@ def _weights(moves: NDArray[np.bool_]) -> NDArray[np.float64]:
     return np.where(moves, 1.0, min(1.0, _REST_SHARE * moving / max(resting, 1)))
 
 
-def _scales(
-    square: NDArray[np.float64], variance: NDArray[np.float64], use: NDArray[np.bool_], moves: NDArray[np.bool_]
-) -> tuple[float, float]:
+def _scales(square: Floats, variance: Floats, use: Flags, moves: Flags) -> tuple[float, float]:
     """Return the errors' scale in motion and at rest, from squares of what is left of the length and their variance."""
 
-    def over(part: NDArray[np.bool_]) -> float:
+    def over(part: Flags) -> float:
         return float(np.sqrt(np.mean(square[part]) / np.mean(variance[part])))
 
     motion, rest = use & moves, use & ~moves
@@ -136,9 +129,7 @@ def _scales(
     return scale, max(over(rest), min(1.0, scale))
 
 
-def _smooth(
-    angle: NDArray[np.float64], length: NDArray[np.float64], weight: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _smooth(angle: Floats, length: Floats, weight: Floats) -> Floats:
     """Return the part of the length that follows the direction: tilt and lens change it once and twice per turn."""
     basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
     weighted = weight[:, None] * basis

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
@@ -14,6 +13,7 @@ from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.optics.geometry import on_plane, rotation_matrix
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
+from torsight.core.units import Flags, Floats
 from tracker.angle.camera_motion import Unmoved, flattened, unmoved
 from tracker.angle.length_noise import in_motion
 from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of, variance_by
@@ -77,10 +77,10 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     return found.with_report(tilt=tilt, rolling_shutter=rolling.report)
 
 
-def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> NDArray[np.float64]:
+def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> Floats:
     """Return the variance of the angle by what is not known of the axis."""
 
-    def angle(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angle(direction: Floats) -> Floats:
         turned = replace(axis, direction=direction / np.linalg.norm(direction))
         plane, _ = in_planes(tracks, intrinsics, pose_from_axis(turned))
         return _against_still([points for points, _ in plane])
@@ -88,7 +88,7 @@ def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> 
     return _bridged(variance_by(angle, axis.direction, axis.direction_covariance))
 
 
-def _against_still(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _against_still(points: list[Floats]) -> Floats:
     """Return the moving stick's direction against the base's usual one."""
     base, moving = points[1] - points[0], points[3] - points[2]
     still = np.arctan2(np.nanmedian(base[:, 1]), np.nanmedian(base[:, 0])) if np.isfinite(base).any() else np.nan
@@ -118,9 +118,7 @@ def _without_camera(
     return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
 
 
-def _from_above(
-    flat: list[Points], values: NDArray[np.float64], readout: Readout, along: int
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+def _from_above(flat: list[Points], values: Floats, readout: Readout, along: int) -> tuple[list[Floats], list[Floats]]:
     """Return the markers as seen from straight above, at the stamps of their frames; and the derivatives of the map."""
     places, slopes = zip(*(rectify(points, values) for points, _ in flat), strict=True)
     return [*places[:2], *readout.at_stamps(places[2:], float(values[5]), along)], list(slopes)
@@ -130,11 +128,11 @@ def _from_above(
 class Rolling:
     """Variance (n,) of the angle by what is not known of the read-out, and what ``track.json`` says of it."""
 
-    variance: NDArray[np.float64]
+    variance: Floats
     report: dict[str, Any]
 
 
-def read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_]) -> tuple[list[Points], Rolling]:
+def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[list[Points], Rolling]:
     """Return positions in a known plane without the delay of the rows, as far as the paths show one."""
     px = usual_of(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
     usual = usual_of(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
@@ -150,7 +148,7 @@ def read_at_once(plane: list[Points], readout: Readout, moves: NDArray[np.bool_]
     return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
 
 
-def _length(offset: NDArray[np.float64], size: tuple[float, float] = (1.0, 1.0)) -> NDArray[np.float64]:
+def _length(offset: Floats, size: tuple[float, float] = (1.0, 1.0)) -> Floats:
     return np.asarray(np.hypot(offset[:, 0] * size[0], offset[:, 1] * size[1]))
 
 
@@ -172,22 +170,22 @@ def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intri
     return [(places[:, marker], covariance[:, marker]) for marker in range(4)]
 
 
-def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> NDArray[np.float64]:
+def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> Floats:
     """Return the variance of the angle by what is not known of tilt and read-out."""
 
-    def angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angle(values: Floats) -> Floats:
         return _against_still(_from_above(flat, values, readout, tilt.along)[0])
 
     return _bridged(variance_by(angle, tilt.values, tilt.covariance))
 
 
-def _bridged(variance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bridged(variance: Floats) -> Floats:
     """Return a variance that follows the stick's direction, also of frames in which one marker alone is seen."""
     known = np.flatnonzero(np.isfinite(variance))
     return np.interp(np.arange(len(variance)), known, variance[known]) if len(known) else variance
 
 
-def _carried(covariance_px2: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _carried(covariance_px2: Floats, slopes: Floats) -> Floats:
     """Return covariances as a map with these derivatives carries them along."""
     return np.asarray(slopes @ covariance_px2 @ np.swapaxes(slopes, -1, -2), dtype=np.float64)
 
@@ -212,8 +210,8 @@ def _tilt_deg(pose: Pose) -> float:
 
 
 def in_planes(
-    tracks: MarkerTracks, intrinsics: Intrinsics, pose: Pose, *, height_mm: NDArray[np.float64] | None = None
-) -> tuple[list[Points], NDArray[np.float64]]:
+    tracks: MarkerTracks, intrinsics: Intrinsics, pose: Pose, *, height_mm: Floats | None = None
+) -> tuple[list[Points], Floats]:
     """Return where the lines of sight to the markers meet their planes across the axis, the z axis of ``pose``.
 
     As points in each marker's plane, and with their heights (n, 4, 3). Planes are those of the sticks in ``pose``

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.series import runs
+from torsight.core.units import Flags, Ints
 from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.follow.judgement import BEYOND, to_strip
 from tracker.rows import CODE
@@ -27,8 +28,6 @@ _BESIDE_RADII: Final = 4.0
 """How near the moving stick's line has to come to a dot that it covers."""
 _RAYLEIGH: Final = math.sqrt(2.0 * math.log(2.0))
 """Median of a distance in the plane over its standard deviation along one axis (Rayleigh's distribution)."""
-
-Flags = NDArray[np.bool_]
 
 
 def cover_base(rows: NDArray[np.void], *, radius_px: float) -> None:
@@ -69,7 +68,7 @@ def half_covered(rows: NDArray[np.void], *, radius_px: float) -> Flags:
     return covered
 
 
-def _looks_covered(rows: NDArray[np.void], run: NDArray[np.int64], usual: Flags, marker: int, radius_px: float) -> bool:
+def _looks_covered(rows: NDArray[np.void], run: Ints, usual: Flags, marker: int, radius_px: float) -> bool:
     """Return whether a dot fits worse than it usually does and the moving stick is beside it."""
     share = rows["residual"][:, marker] / np.maximum(np.abs(rows["step"][:, marker]), 1.0)
     if np.median(share[run]) < _WORSE * np.median(share[usual]):

@@ -7,18 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.frozen import Frozen
 from torsight.core.tracks import MarkerTracks, StickAngles
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.shown import Shown
 from tracker.angle.length_noise import LengthWitness, in_motion, witness
 from tracker.angle.reference_direction import steady_direction
 from tracker.angle.single_marker import single_marker_direction
 from tracker.angle.unwrap import unwrap
 
-Points = tuple[NDArray[np.float64], NDArray[np.float64]]
+Points = tuple[Floats, Floats]
 """Positions (n, 2) in a plane seen from the camera, y up, and covariances (n, 2, 2)."""
 
 FLOOR_PX: Final = 0.003
@@ -48,10 +47,10 @@ class Orientation(Frozen, Shown):
     """
 
     angles: StickAngles
-    position_mm: NDArray[np.float64] | None
-    error_scale: NDArray[np.float64]
+    position_mm: Floats | None
+    error_scale: Floats
     report: Mapping[str, Any] = field(default_factory=dict)
-    systematic_rad2: NDArray[np.float64] | None = None
+    systematic_rad2: Floats | None = None
 
     def with_report(self, **entries: Any) -> Orientation:
         """Return the orientation with further entries for ``track.json``."""
@@ -77,9 +76,9 @@ def from_plane(
     tracks: MarkerTracks,
     plane: list[Points],
     *,
-    position_mm: NDArray[np.float64] | None,
+    position_mm: Floats | None,
     method: str,
-    systematic_rad2: NDArray[np.float64] | None = None,
+    systematic_rad2: Floats | None = None,
 ) -> Orientation:
     """Return the angle from the markers' positions in planes across the axis.
 
@@ -113,7 +112,7 @@ class StickErrors:
 
     base: LengthWitness
     moving: LengthWitness
-    scale: NDArray[np.float64]
+    scale: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,9 +122,9 @@ class Moving:
     ``alone`` (n,) is where a single position tells it; ``bound_rad2`` the usual variance by the pictures' noise alone.
     """
 
-    angle_rad: NDArray[np.float64]
-    variance_rad2: NDArray[np.float64]
-    alone: NDArray[np.bool_]
+    angle_rad: Floats
+    variance_rad2: Floats
+    alone: Flags
     bound_rad2: float
 
 
@@ -139,9 +138,7 @@ def stick_errors(tracks: MarkerTracks, plane: list[Points]) -> StickErrors:
     return StickErrors(base, moving, np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1))
 
 
-def moving_direction(
-    plane: list[Points], scale: NDArray[np.float64], *, outlier: NDArray[np.bool_] | None = None
-) -> Moving:
+def moving_direction(plane: list[Points], scale: Floats, *, outlier: Flags | None = None) -> Moving:
     """Return the moving stick's direction from positions in planes across the axis, with errors scaled (n,)."""
     moving_rad, bound = stick_direction(plane[2], plane[3])
     if outlier is not None:
@@ -163,7 +160,7 @@ def against_base(
     *,
     errors: StickErrors,
     floor_rad2: float,
-    position_mm: NDArray[np.float64] | None,
+    position_mm: Floats | None,
     method: str,
 ) -> Orientation:
     """Return the actuator angle: the moving stick's direction against the base's, which is held and averaged.
@@ -193,11 +190,7 @@ def against_base(
     return Orientation(angles, position_mm, errors.scale, report)
 
 
-def variance_by(
-    angle: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    values: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def variance_by(angle: Callable[[Floats], Floats], values: Floats, covariance: Floats) -> Floats:
     """Return the variance (n,) of an angle (n,) by what is not known of the values (p,) that it is made with.
 
     To first order, by differences over a standard deviation of each value to both sides.
@@ -215,19 +208,19 @@ def variance_by(
     return np.asarray(np.einsum("ni,ij,nj->n", slopes, correlation, slopes))
 
 
-def usual_of(values: NDArray[np.float64]) -> float:
+def usual_of(values: Floats) -> float:
     """Return the median of what is known; NaN where nothing is."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else np.nan
 
 
-def stick_witness(stick: list[Points], moves: NDArray[np.bool_]) -> LengthWitness:
+def stick_witness(stick: list[Points], moves: Flags) -> LengthWitness:
     """Return what the length of a stick says, from its inner and outer marker."""
     inner, outer = stick
     return witness(inner[0], outer[0], inner[1], outer[1], moves=moves)
 
 
-def scaled(points: Points, scale: float | NDArray[np.float64]) -> Points:
+def scaled(points: Points, scale: float | Floats) -> Points:
     """Return positions with the errors that the stick's length shows, in every frame or in each (n,)."""
     return points[0], points[1] * np.reshape(scale, (-1, 1, 1)) ** 2
 
@@ -243,7 +236,7 @@ def floor_of(tracks: MarkerTracks) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def stick_direction(inner: Points, outer: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def stick_direction(inner: Points, outer: Points) -> tuple[Floats, Floats]:
     """Return a stick's direction and its variance."""
     offset = outer[0] - inner[0]
     square = np.sum(offset**2, axis=1)
@@ -252,7 +245,7 @@ def stick_direction(inner: Points, outer: Points) -> tuple[NDArray[np.float64], 
     return np.arctan2(offset[:, 1], offset[:, 0]), variance
 
 
-def _continuous(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+def _continuous(angle_rad: Floats) -> Floats:
     """Return a direction that hardly changes, free of jumps by whole turns."""
     known = np.isfinite(angle_rad)
     if not known.any():

@@ -6,9 +6,9 @@ import itertools
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
+from torsight.core.units import Floats
 
 SIDE: Final = 8
 """Frames before and after a step whose means are compared: shaking of 2 px then moves a mean by 0.7 px."""
@@ -18,9 +18,7 @@ _LONGEST: Final = 2 * _LAGS[-1]
 """Frames on each side that are averaged at most."""
 
 
-def steady_direction(
-    angle_rad: NDArray[np.float64], variance_rad2: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, Floats]:
     """Return the base's direction (n,) in every frame and its variance (n,).
 
     Where the direction, continuous and NaN where not seen, scatters no more than its own noise ``variance_rad2`` (n,),
@@ -49,7 +47,7 @@ def steady_direction(
     return smooth, np.minimum(variance, np.where(known, np.maximum(variance_rad2, 1e-18), np.inf))
 
 
-def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, int]]:
+def _segments(angle_rad: Floats, noise: float) -> list[tuple[int, int]]:
     """Return the stretches between bumps: where the direction jumps for good."""
     known = np.flatnonzero(np.isfinite(angle_rad))
     values = angle_rad[known]
@@ -80,14 +78,14 @@ def _segments(angle_rad: NDArray[np.float64], noise: float) -> list[tuple[int, i
     return parts
 
 
-def steps_of_mean(values: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+def steps_of_mean(values: Floats, side: int) -> Floats:
     """Return by how much the mean of the next ``side`` values differs from that of the last (n − 2 side + 1, …)."""
     total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
     mean = (total[side:] - total[:-side]) / side
     return np.asarray(mean[side:] - mean[:-side], dtype=np.float64)
 
 
-def _character(values: NDArray[np.float64], noise: float) -> tuple[int, float, float, float]:
+def _character(values: Floats, noise: float) -> tuple[int, float, float, float]:
     """Return averaging half-width, drift per frame, variance of true shaking, and variance of what scatters."""
     if len(values) < 4:
         return 0, 0.0, 0.0, noise
@@ -106,7 +104,7 @@ def _character(values: NDArray[np.float64], noise: float) -> tuple[int, float, f
     return int(np.clip(half, 1, _LONGEST)), drift, shaking, apparent
 
 
-def _running_mean(values: NDArray[np.float64], half: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _running_mean(values: Floats, half: int) -> tuple[Floats, Floats]:
     """Return the mean over ±half frames of what is known (the nearest known one where there is none), and the count."""
     known = np.isfinite(values)
     middle = float(np.nanmean(values)) if known.any() else 0.0

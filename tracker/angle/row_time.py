@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from torsight.core.parameter import REACH
 from torsight.core.tracks import MarkerTracks
+from torsight.core.units import Floats
 
-Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SHARE_PRIOR: Final = 1.0 / np.sqrt(3.0)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.optics.hanging import direction_bins, spread_rows
+from torsight.core.units import Floats
 from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.angle.row_time import Complex, circles
 
-Floats = NDArray[np.float64]
 Points = tuple[Floats, Floats]
 
 _CORRELATED: Final = 4.0

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.optics.axis import Axis, axis_from_pair
@@ -24,6 +23,7 @@ from torsight.core.optics.geometry import SpacePoints, project
 from torsight.core.optics.scale import check_scale
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
+from torsight.core.units import Floats
 from tracker.angle.length_noise import in_motion
 from tracker.angle.orient import Rolling, in_planes, read_at_once
 from tracker.angle.plane import (
@@ -42,8 +42,6 @@ from tracker.angle.reference_direction import steady_direction
 from tracker.angle.row_time import Readout
 from tracker.angle.stereo_films import MISREAD, Film, films_of, fused, same_points, triangulated
 from tracker.detect.sticks import PARALLEL
-
-Floats = NDArray[np.float64]
 
 _SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
 _BELIEF: Final = (0.8, 0.15, 0.05)

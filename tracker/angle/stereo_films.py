@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera, require_second, require_size
@@ -21,11 +20,10 @@ from torsight.core.optics.geometry import (
 from torsight.core.optics.sights import Sight
 from torsight.core.series import robust_sigma
 from torsight.core.tracks import MARKERS, MarkerTracks
+from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.length_noise import LEAST_FRAMES, in_motion
 from tracker.angle.plane import FLOOR_PX, Points, StickErrors, usual_of
-
-Floats = NDArray[np.float64]
 
 MISREAD: Final = 36.0
 """χ², in the usual one, above which a marker was misread or is not the same point: six standard deviations."""
@@ -78,7 +76,7 @@ class Film:
             shift=self.shift,
         )
 
-    def without(self, gone: NDArray[np.bool_]) -> Film:
+    def without(self, gone: Flags) -> Film:
         """Return the film without some positions (n, 4)."""
         tracks = replace(
             self.tracks,
@@ -127,7 +125,7 @@ def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Fi
     return [films[0], films[1].without(np.broadcast_to(~there[:, None], (len(left), 4)))]
 
 
-def _matching(left: MarkerTracks, right: MarkerTracks) -> NDArray[np.int64]:
+def _matching(left: MarkerTracks, right: MarkerTracks) -> Ints:
     """Return for each left frame the right frame of its time; −1 where there is none within half a frame."""
     nearest = np.clip(np.searchsorted(right.time_s, left.time_s), 1, max(1, len(right) - 1))
     nearest = np.minimum(nearest, len(right) - 1)
@@ -196,7 +194,7 @@ def _require_same_markers(films: list[Film]) -> None:
             )
 
 
-def _usual(chi_squared: Floats, moves: NDArray[np.bool_]) -> float:
+def _usual(chi_squared: Floats, moves: Flags) -> float:
     """Return the variance behind χ² (n, 4), that of motion where it is larger: at rest a codec freezes noise."""
     known = np.isfinite(chi_squared)
     if not known.any():

@@ -25,14 +25,13 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
+from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.row_time import SHARE_PRIOR, Readout, circles
 
-Floats = NDArray[np.float64]
 Points = tuple[Floats, Floats]
 
 _STRETCHES: Final = (0.0002, 0.003, 0.01, 0.03, 0.08)
@@ -150,9 +149,9 @@ class _Paths:
     covariance: Floats
     direction_rad: Floats
     lead_rad: Floats
-    alike: NDArray[np.int64]
+    alike: Ints
 
-    def rows(self, kept: NDArray[np.bool_]) -> _Paths:
+    def rows(self, kept: Flags) -> _Paths:
         """Return some of the frames."""
         return _Paths(*(getattr(self, item.name)[kept] for item in fields(self)))
 
@@ -162,7 +161,7 @@ class _Paths:
         return np.stack([np.bincount(group, column) for column in left.T], axis=1) / root
 
     @cached_property
-    def _groups(self) -> tuple[NDArray[np.int64], Floats]:
+    def _groups(self) -> tuple[Ints, Floats]:
         """Which group every frame is of (n,), and the roots of the groups' numbers of frames (m, 1)."""
         _, group, count = np.unique(self.alike, return_inverse=True, return_counts=True)
         return group, np.sqrt(count)[:, None]

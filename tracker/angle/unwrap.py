@@ -11,7 +11,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from torsight.core.units import Flags, Floats, Ints
 
 _SIDE: Final = 8
 """Frames on each side of a gap from which the speed is taken."""
@@ -24,9 +25,7 @@ _LEAST_RAD_S2: Final = math.radians(2.0)
 _SLACK_RAD: Final = 0.3
 
 
-def unwrap(
-    time_s: NDArray[np.float64], angle_rad: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
     """Return the unwrapped angle (NaN stays NaN) and where its whole turn is certain.
 
     The first known angle is taken within (−π, π]. Once a turn is uncertain, so are all later angles.
@@ -85,12 +84,7 @@ def _turns(
     return turns, miss <= spread < 2.0 * np.pi - miss
 
 
-def _acceleration(
-    time_s: NDArray[np.float64],
-    runs: list[NDArray[np.int64]],
-    angles: list[NDArray[np.float64]],
-    typical_s: float,
-) -> float:
+def _acceleration(time_s: Floats, runs: list[Ints], angles: list[Floats], typical_s: float) -> float:
     """Return the largest acceleration that the film shows, with a margin; infinite where it shows none."""
     found: list[float] = []
     for lag in {max(1, round(_BASE_S / typical_s)), max(1, round(2.0 * _BASE_S / typical_s))}:
@@ -104,7 +98,7 @@ def _acceleration(
     return max(_SAFETY * max(found), _LEAST_RAD_S2) if found else math.inf
 
 
-def _speed_behind(time_s: NDArray[np.float64], whole: NDArray[np.float64], last: int) -> float | None:
+def _speed_behind(time_s: Floats, whole: Floats, last: int) -> float | None:
     """Return the speed before a gap, from what is known up to frame ``last``."""
     first = max(0, last - 4 * _SIDE)
     index = first + np.flatnonzero(np.isfinite(whole[first : last + 1]))
@@ -112,9 +106,7 @@ def _speed_behind(time_s: NDArray[np.float64], whole: NDArray[np.float64], last:
     return _slope(time_s[index], whole[index])
 
 
-def _speed_ahead(
-    time_s: NDArray[np.float64], runs: list[NDArray[np.int64]], angles: list[NDArray[np.float64]], number: int
-) -> float | None:
+def _speed_ahead(time_s: Floats, runs: list[Ints], angles: list[Floats], number: int) -> float | None:
     """Return the speed after a gap; runs that follow each other closely count together."""
     times, values = list(time_s[runs[number]][:_SIDE]), list(angles[number][:_SIDE])
     step_s = float(np.median(np.diff(time_s)))
@@ -132,7 +124,7 @@ def _speed_ahead(
     return _slope(np.array(times)[near], np.array(values)[near])
 
 
-def _slope(time_s: NDArray[np.float64], angle_rad: NDArray[np.float64]) -> float | None:
+def _slope(time_s: Floats, angle_rad: Floats) -> float | None:
     if len(time_s) < 2:
         return None
     t = time_s - time_s.mean()

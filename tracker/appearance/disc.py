@@ -11,14 +11,12 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, lending
+from torsight.core.units import Floats, Ints
 
-Floats = NDArray[np.float64]
 Record = Any
 """A record of one of the structured types; numba knows its fields."""
-Pixels = NDArray[np.int64]
 
 SHAPE: Final = np.dtype(
     [
@@ -112,7 +110,7 @@ def smear_count(length: float, edge: float) -> int:
 
 
 @compiled
-def window_pixels(radius_px: float) -> Pixels:
+def window_pixels(radius_px: float) -> Ints:
     """Return the pixels in a disc around the middle of a square patch, row by row."""
     half = math.ceil(radius_px)
     pixels = np.empty((3, (2 * half + 1) ** 2), np.int64)
@@ -129,7 +127,7 @@ def window_pixels(radius_px: float) -> Pixels:
 
 @lending
 def fill_beside(
-    rows: Floats, used: int, pixels: Pixels, dx: float, dy: float, strip: float, path: tuple[float, float], ramp: float
+    rows: Floats, used: int, pixels: Ints, dx: float, dy: float, strip: float, path: tuple[float, float], ramp: float
 ) -> int:
     """Add columns for what lies beside the stick, left and right of it; return how many columns there are now.
 
@@ -152,9 +150,7 @@ def fill_beside(
 
 
 @lending
-def fill_columns(
-    out: Floats, pixels: Pixels, dx: float, dy: float, shape: Record, smear_x: float, smear_y: float
-) -> int:
+def fill_columns(out: Floats, pixels: Ints, dx: float, dy: float, shape: Record, smear_x: float, smear_y: float) -> int:
     """Fill the model's columns for a dot whose centre is (dx, dy) from the window's middle; return how many.
 
     To first order a change of radius or stretch moves the rim outwards by c · (u · grad): no further rendering.

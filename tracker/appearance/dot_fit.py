@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
-from tracker.appearance.disc import MOST_STRETCH, SHAPE, Floats, Record, disc_point
+from torsight.core.units import Floats
+from tracker.appearance.disc import MOST_STRETCH, SHAPE, Record, disc_point
 
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""

@@ -21,19 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, lending
-from tracker.appearance.disc import (
-    COLUMNS,
-    SECTORS,
-    Floats,
-    Pixels,
-    Record,
-    fill_columns,
-    window_pixels,
-)
+from torsight.core.units import Floats, Ints
+from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, window_pixels
 
 Luma = NDArray[np.uint8]
 Point = tuple[float, float]
-Look = tuple[Pixels, Floats, Floats]
+Look = tuple[Ints, Floats, Floats]
 
 READING: Final = np.dtype(
     [
@@ -151,7 +144,7 @@ def products(rows: Floats, count: int) -> Floats:
 
 
 @compiled
-def fill_model(model: Floats, extra: Floats, columns: int, pixels: Pixels, shape: Record) -> None:
+def fill_model(model: Floats, extra: Floats, columns: int, pixels: Ints, shape: Record) -> None:
     """Fill a model whose columns stand in rows ``columns`` to 2 ``columns`` already.
 
     Rows: inverse, columns, slopes of the light, how slopes are seen; ``extra`` see the head of the module.
@@ -185,7 +178,7 @@ def take_away(values: Floats, row: Floats, weight: float) -> None:
 
 
 @compiled
-def worst_sector(left: Floats, pixels: Pixels) -> float:
+def worst_sector(left: Floats, pixels: Ints) -> float:
     """Return the largest mean over a sector of a window."""
     sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
     for i in range(len(left)):
@@ -209,7 +202,7 @@ def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, fo
 
 @compiled
 def take_reading(
-    values: Floats, found: Floats, model: Floats, extra: Floats, pixels: Pixels, marker: Record, out: Record
+    values: Floats, found: Floats, model: Floats, extra: Floats, pixels: Ints, marker: Record, out: Record
 ) -> None:
     """Take all but the place from the coefficients of a window, and from what they leave of it."""
     columns = len(found)
@@ -231,7 +224,7 @@ def take_reading(
 
 
 @lending
-def take_values(luma: Luma, cx: int, cy: int, pixels: Pixels, half: int, values: Floats) -> bool:
+def take_values(luma: Luma, cx: int, cy: int, pixels: Ints, half: int, values: Floats) -> bool:
     """Take the pixels around (cx, cy); return whether the window lies inside the picture."""
     height, width = luma.shape
     if cx < half or cy < half or cx + half >= width or cy + half >= height:
@@ -242,7 +235,7 @@ def take_values(luma: Luma, cx: int, cy: int, pixels: Pixels, half: int, values:
 
 
 @compiled
-def model_at(pixels: Pixels, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
+def model_at(pixels: Ints, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
     """Return the slot of the model of a dot at rest whose centre is ``place`` from the window's middle; filled."""
     off_x, off_y = round(place[0] * PHASES), round(place[1] * PHASES)
     slot = (off_y % PHASES) * PHASES + off_x % PHASES

@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
-from tracker.appearance.disc import Floats, Record, fill_beside, smear_count, smeared_point, window_pixels
+from torsight.core.units import Floats
+from tracker.appearance.disc import Record, fill_beside, smear_count, smeared_point, window_pixels
 from tracker.appearance.lucas_kanade import (
     SHARP_PX,
     Luma,

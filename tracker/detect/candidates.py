@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import HUGE_PX, Refused, find_and_refuse, find_large_dots
@@ -42,7 +43,7 @@ class Sighting:
     """
 
     candidates: tuple[Candidate, ...]
-    sticks_px: NDArray[np.float64] | None
+    sticks_px: Floats | None
     reason: str
 
 

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
+from torsight.core.units import Flags, Floats
 from torsight.core.words.wording import listed
-
-Floats = NDArray[np.float64]
 
 _PREFIX: Final = "DICT_"
 USUAL: Final = (
@@ -59,7 +58,7 @@ def check_id(name: str, number: int, *, where: str) -> None:
         raise ConfigError("is no tag of this family", where=where, value=number, limit=f"0 to {count - 1} in {name}")
 
 
-def bits_of(name: str, number: int) -> NDArray[np.bool_]:
+def bits_of(name: str, number: int) -> Flags:
     """Return the modules of a tag, True for white, with its black border and no white one, (n, n)."""
     dictionary = family_of(name, where="tag")
     modules = int(dictionary.markerSize) + 2

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_text
@@ -16,6 +15,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 from torsight.core.tracks import MARKERS
+from torsight.core.units import Floats
 from tracker.detect.fiducials import check_id, family_of
 
 STICKS: Final = ("base", "moving")
@@ -46,7 +46,7 @@ class MarkerHints(Frozen):
         Numbers of the tags on the base and on the moving stick.
     """
 
-    position_px: NDArray[np.float64]
+    position_px: Floats
     kinds: tuple[str, str]
     where: str
     length_mm: Mapping[str, float] = field(default_factory=dict)

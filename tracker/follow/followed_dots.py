@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING
 from tracker.detect.sticks import crossing_point
 from tracker.follow.frame_step import DONE, START, advance
@@ -71,7 +72,7 @@ class DotState:
         if centre is not None:
             suppose_axis(scene.sticks[moving]["axis"], *centre)
 
-    def step(self, luma: NDArray[np.uint8], time_s: float, shift: NDArray[np.float64]) -> NDArray[np.void]:
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Follow the markers into the next frame and return their readings, which the next frame overwrites.
 
         The axis of one stick alone is taken as the picture shows it.

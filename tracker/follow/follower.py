@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import lending
+from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Luma
 from tracker.follow.followed_dots import DotState
 from tracker.follow.judgement import MOVED_RAD, base_shift
@@ -41,7 +42,7 @@ class Stick(Protocol):
     drawn: bool
     """Whether its template is drawn: what a smeared picture leaves of it is no noise then."""
 
-    def step(self, luma: NDArray[np.uint8], time_s: float, shift: NDArray[np.float64]) -> NDArray[np.void]:
+    def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return what is read of its markers in the next frame (n,), records of READING with their states.
 
         ``shift`` (2,) is that of the picture since the start, px, as the base told it last.

@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
-from tracker.appearance.disc import Floats, Record
+from torsight.core.units import Floats
+from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
 from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.motion_model import STALE, is_base

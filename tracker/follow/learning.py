@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
-from tracker.appearance.disc import MOST_STRETCH, Floats, Record
+from torsight.core.units import Floats
+from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
 from tracker.follow.judgement import SOON, at, circles_off, seen

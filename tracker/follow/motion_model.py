@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
-from tracker.appearance.disc import Floats, Record
+from torsight.core.units import Floats
+from tracker.appearance.disc import Record
 from tracker.follow.rotation_axis import direction_from, folded, on_circle
 from tracker.follow.state import Scene
 

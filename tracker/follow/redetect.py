@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_of
 from tracker.follow.frame_step import stick_at
@@ -75,7 +76,7 @@ class Prediction:
     ends: tuple[Point, Point]
     sigma_px: float
     own: Record
-    shift: NDArray[np.float64]
+    shift: Floats
 
     def innovation(self, ends: Sequence[Point], *, lost: int = 1) -> tuple[float, int]:
         """Return χ² of a pair of places against it, and its degrees of freedom; ``lost`` frames are of both markers."""

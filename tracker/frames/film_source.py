@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.units import Floats, Ints
 from tracker.frames.decoder import Decoder
 from tracker.frames.display import Display, display_of, luma_of, transfer_of
 from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes, pictures_of
@@ -35,13 +36,7 @@ class FilmSource:
     :class:`InputError`.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        fps: float | None = None,
-        times_s: NDArray[np.float64] | None = None,
-    ) -> None:
+    def __init__(self, path: Path, *, fps: float | None = None, times_s: Floats | None = None) -> None:
         self.path = path
         self.name = str(path)
         self.damage = Damage()
@@ -151,7 +146,7 @@ class FilmSource:
                 index += 1
         self._note_end(index, last_s, decoder)
 
-    def times_of(self, pts: NDArray[np.int64]) -> NDArray[np.float64]:
+    def times_of(self, pts: Ints) -> Floats:
         """Return the times (n,) of all frames from their stamps, s, or from the table or the rate that was given."""
         if self.given:
             return np.array([self.given.of(index) for index in range(len(pts))])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.units import Floats
 
 DEFAULT_FPS: Final = 30.0
 """Frame rate of pictures for which none is given."""
@@ -96,7 +97,7 @@ def pictures_of(frames: Iterable[Frame], indices: Iterable[int]) -> dict[int, ND
 class GivenTimes:
     """When frames are shown by what a person gives: a table ``times_s`` (n,), NaN without a row, or a rate ``fps``."""
 
-    def __init__(self, *, fps: float | None, times_s: NDArray[np.float64] | None, name: str) -> None:
+    def __init__(self, *, fps: float | None, times_s: Floats | None, name: str) -> None:
         self.fps = fps
         self.name = name
         self.times_s = times_s

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import PICTURE_SUFFIXES, require_content
+from torsight.core.units import Floats
 from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
@@ -38,7 +39,7 @@ class PictureSource:
         *,
         name: str,
         fps: float | None = None,
-        times_s: NDArray[np.float64] | None = None,
+        times_s: Floats | None = None,
         bits: int | None = None,
     ) -> None:
         self.name = name

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.progress import Progress, silent
+from torsight.core.units import Floats, Ints
 from tracker.frames.display import Closed, luma_of
 from tracker.frames.film_source import FilmSource
 from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of
@@ -33,8 +34,8 @@ class Stamps:
     container says that it shows; ``hidden``: how many of its frames are not shown.
     """
 
-    time_s: NDArray[np.float64]
-    pts: NDArray[np.int64] | None
+    time_s: Floats
+    pts: Ints | None
     decoded: bool
     hidden: int = 0
 

@@ -11,10 +11,10 @@ import glob
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, missing_file, require_content
+from torsight.core.units import Floats
 from tracker.frames.film_source import FilmSource
 from tracker.frames.image_sequence import PictureSource
 
@@ -63,7 +63,7 @@ def open_source(
     return FilmSource(path, fps=fps, times_s=times)
 
 
-def _read_times(path: Path) -> NDArray[np.float64]:
+def _read_times(path: Path) -> Floats:
     """Read ``frame, time_s``; index by frame number, NaN where the table has no row."""
     from torsight.core.files.storage import read_table
     from torsight.core.files.tables import frame_numbers, require_increasing

@@ -6,7 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from torsight.core.units import Floats
 
 _UNEVEN: Final = 0.2
 """Share of the usual step by which one that counts as irregular differs from it: a lost frame makes a step twice as
@@ -35,7 +36,7 @@ class Timing:
         return asdict(self)
 
 
-def timing(time_s: NDArray[np.float64], *, tick_s: float = 0.0) -> Timing:
+def timing(time_s: Floats, *, tick_s: float = 0.0) -> Timing:
     """Return what the increasing times (n,) of all frames say.
 
     They are rounded to a clock of steps ``tick_s``: a step between two frames may be off by one of it.

@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
+from torsight.core.units import Floats
 from tracker.patches.alignment import Part, Template, align_warp, largest_step, sample, step_warp
-from tracker.patches.warps import Floats, jacobian, project
+from tracker.patches.warps import jacobian, project
 
 Look = Callable[[Floats, Floats], Floats]
 """Brightness of a template at offsets x, y (n,) from its middle, y down."""

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
+from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import eliminate
-from tracker.patches.warps import Floats, project
+from tracker.patches.warps import project
 
 
 class Template(NamedTuple):

@@ -11,12 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import Point
 from tracker.follow.judgement import SOON
 from tracker.follow.learning import RATE
 from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch, cut_out
-from tracker.patches.warps import Floats, place, similarity, size_of, turn_of
+from tracker.patches.warps import place, similarity, size_of, turn_of
 from tracker.rows import SEEN
 
 _REACH_PX: Final = 32

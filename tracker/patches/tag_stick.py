@@ -8,13 +8,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.fiducials import find_tags
 from tracker.follow.follower import nothing
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import KEPT, PatchTrack, put
 from tracker.patches.tag_template import Tag
-from tracker.patches.warps import Floats, place, size_of
+from tracker.patches.warps import place, size_of
 from tracker.rows import CODE
 
 _ALIKE: Final = 0.85

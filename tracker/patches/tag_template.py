@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from tracker.detect.fiducials import FoundTag, bits_of
 from tracker.patches.align import Look, Patch
-from tracker.patches.warps import Floats
 
 _FINE: Final = 8
 """Steps per module of the drawing from which a tag's template is taken."""

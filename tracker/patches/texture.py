@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from tracker.follow.judgement import TURN_RAD
 from tracker.follow.redetect import Region
 from tracker.patches.align import Look, Patch
-from tracker.patches.warps import Floats, Point
+from tracker.patches.warps import Point
 
 _TURN_DOUBT: Final = 4.0
 """How much worse a patch may show its turn than its place. Texture has 1 to 2.6, dots on paper have 6 to 9."""

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import circle_misfit, rigid_misfit
@@ -20,7 +21,7 @@ from tracker.follow.state import STICK
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import AS_USUAL, KEPT, PatchTrack, put
 from tracker.patches.texture import TurnedSearch
-from tracker.patches.warps import Floats, flatness_of, jacobian, place, similarity, size_of, turn_of
+from tracker.patches.warps import flatness_of, jacobian, place, similarity, size_of, turn_of
 from tracker.rows import CODE
 
 _ALIKE: Final = 0.7

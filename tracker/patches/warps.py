@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
+from torsight.core.units import Floats
 
-Floats = NDArray[np.float64]
 Point = tuple[float, float]
 
 

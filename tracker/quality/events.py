@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.tracks import MARKERS, StickAngles
+from torsight.core.units import Flags, Ints
 from tracker.angle.camera_motion import bumps
 from tracker.rows import CODE
 
@@ -99,7 +100,7 @@ def _angle_events(angles: StickAngles) -> list[dict[str, Any]]:
     return events
 
 
-def event(angles: StickAngles, run: NDArray[np.int64], kind: str, text: str) -> dict[str, Any]:
+def event(angles: StickAngles, run: Ints, kind: str, text: str) -> dict[str, Any]:
     """Return what ``track.json`` says of one event, which lasts for a run of frames."""
     first, last = int(run[0]), int(run[-1])
     return {
@@ -112,5 +113,5 @@ def event(angles: StickAngles, run: NDArray[np.int64], kind: str, text: str) -> 
     }
 
 
-def _runs(flag: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+def _runs(flag: Flags) -> list[Ints]:
     return [np.arange(begin, end) for begin, end in runs(flag)]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats, Ints
 from tracker.detect.sticks import crossing_point
 from tracker.follow.redetect import JUMP_PX
 from tracker.quality.track_warnings import axis_px
@@ -79,9 +79,7 @@ class Seen:
         return "shutter" if self.smear_px > SMEARED * radius_px else "speed"
 
 
-def look_at_gaps(
-    unknown: NDArray[np.int64], tracks: MarkerTracks, angles: StickAngles, pictures: Pictures
-) -> list[Seen]:
+def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictures: Pictures) -> list[Seen]:
     """Return what some of the frames without an angle, of which nothing else tells why, show.
 
     ``pictures`` gives pictures of frames by their numbers.
@@ -158,7 +156,7 @@ class _Layout:
         laid = [cv2.remap(picture, x, y, cv2.INTER_LINEAR) for picture in pictures.values()]
         return cls(x, y, np.median(laid, axis=0).astype(np.float32), outer)
 
-    def profile(self, picture: Luma) -> NDArray[np.float64]:
+    def profile(self, picture: Luma) -> Floats:
         laid = cv2.remap(picture, self.x, self.y, cv2.INTER_LINEAR)
         return np.asarray(np.abs(laid - self.ground).mean(axis=0), dtype=np.float64)
 
@@ -178,7 +176,7 @@ class _Layout:
         return None if match[best] < _ALIKE else float((best + 180) % 360 - 180)
 
 
-def _centre(tracks: MarkerTracks) -> NDArray[np.float64] | None:
+def _centre(tracks: MarkerTracks) -> Floats | None:
     """Return the axis in the picture (2,), or the crossing of both sticks where the stick has turned too little."""
     axis = axis_px(tracks)
     if axis is not None:

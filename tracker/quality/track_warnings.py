@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks
+from torsight.core.units import Floats
 from torsight.core.words.wording import counted
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation, stick_direction
@@ -157,7 +157,7 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
     return [words]
 
 
-def axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
+def axis_px(tracks: MarkerTracks) -> Floats | None:
     """Return the common centre (2,) of both moving markers' circles; None where they turn too little."""
     turn, _ = _direction(tracks, 2)
     seen = np.isfinite(turn)
@@ -170,7 +170,7 @@ def axis_px(tracks: MarkerTracks) -> NDArray[np.float64] | None:
     return np.array([centre.real, centre.imag])
 
 
-def _direction(tracks: MarkerTracks, first: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _direction(tracks: MarkerTracks, first: int) -> tuple[Floats, Floats]:
     """Return a stick's direction in the picture (n,), y down, and its variance; NaN where a marker is not valid."""
     places = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
     inner, outer = ((places[:, marker], tracks.covariance_px2[:, marker]) for marker in (first, first + 1))

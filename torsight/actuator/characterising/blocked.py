@@ -5,12 +5,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.stepping.kernel_roots import tightened
 from torsight.core.compiled import compiled, inlined
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 
 @inlined
@@ -23,7 +21,7 @@ def _law_less(xi: float, above_c: float, width_c: float, e_a: float, e_m: float,
 
 
 @compiled
-def blocked_modulus(temp_c: Array, low_c: float, width_c: float, e_a: float, e_m: float, shift: float) -> Array:
+def blocked_modulus(temp_c: Floats, low_c: float, width_c: float, e_a: float, e_m: float, shift: float) -> Floats:
     """Return E(ξ) (1 − ξ) in GPa at the ξ whose stress it makes itself.
 
     From full martensite (13) and from full austenite (14) are one cosine over their windows. More martensite means less

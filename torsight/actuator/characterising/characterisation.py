@@ -16,7 +16,6 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.characterising.blocked import blocked_modulus
 from torsight.actuator.characterising.characterised import Characterisation, Step
@@ -30,10 +29,8 @@ from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.series import share_explained
 from torsight.core.threads import one_thread
-from torsight.core.units import MPA
+from torsight.core.units import MPA, Floats
 from torsight.core.words.plausible import HEATED_C
-
-Array = NDArray[np.float64]
 
 _STEP: Final = "spring tests"
 _K_RANGE: Final = (1.0 / KEYS["C_A_mpa_per_k"].upper, 1.0 / KEYS["C_A_mpa_per_k"].lower)
@@ -118,7 +115,7 @@ def free_recovery(tests: SpringTests, *, law: str) -> Step:
                 do="heat it through its transformation",
             )
 
-    def model(values: Mapping[str, float]) -> Array:
+    def model(values: Mapping[str, float]) -> Floats:
         return np.concatenate([
             item.pre_deformation_deg * (1.0 - SHARE_DONE[law]((temp - values["A_s_c"]) / values["width_c"]))
             for item, temp in zip(tests.recoveries, temps, strict=True)
@@ -144,7 +141,7 @@ def free_recovery(tests: SpringTests, *, law: str) -> Step:
     )
 
 
-def _crossing(tests: SpringTests, temps: list[Array]) -> tuple[float, float]:
+def _crossing(tests: SpringTests, temps: list[Floats]) -> tuple[float, float]:
     """Return the temperatures at which 90 % and 10 % of the first recovery are left, for a start."""
     item, temp = tests.recoveries[0], temps[0]
     width = max(3, len(temp) // 40)
@@ -152,7 +149,7 @@ def _crossing(tests: SpringTests, temps: list[Array]) -> tuple[float, float]:
     return _falls(angle / item.pre_deformation_deg, temp)
 
 
-def _falls(share: Array, temp: Array) -> tuple[float, float]:
+def _falls(share: Floats, temp: Floats) -> tuple[float, float]:
     """Return the temperatures at which a share falls below 90 % and below 10 %; the middle and the end if never."""
     start, finish = (
         temp[int(np.argmax(share < level))] if (share < level).any() else otherwise
@@ -161,7 +158,7 @@ def _falls(share: Array, temp: Array) -> tuple[float, float]:
     return float(start), float(finish)
 
 
-def _parts(logs: Iterable[Array]) -> list[slice]:
+def _parts(logs: Iterable[Floats]) -> list[slice]:
     """Return where each log lies when all are put one behind the other."""
     ends = np.cumsum([0, *(len(log) for log in logs)])
     return [slice(a, b) for a, b in pairwise(ends.tolist())]
@@ -188,7 +185,7 @@ def force_angle(tests: SpringTests) -> Step:
     large = np.concatenate([np.full(len(entry[0]), entry[2].large) for entry in picked])
     parts = _parts(entry[0] for entry in picked)
 
-    def model(values: Mapping[str, float]) -> Array:
+    def model(values: Mapping[str, float]) -> Floats:
         e_m, e_s, critical = values["E_M_gpa"], values["E_S_gpa"], values["theta_cr_deg"]
         return values["force_0_n"] + scale * np.where(large, e_m * critical + e_s * (angle - critical), e_m * angle)
 
@@ -249,7 +246,7 @@ def block_heating(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
         _carried(known, "A_s_c"), _carried(known, "A_f_c"), _carried(known, "E_M_gpa"),
     )  # fmt: skip
 
-    def model(values: Mapping[str, float]) -> Array:
+    def model(values: Mapping[str, float]) -> Floats:
         return stiffness * blocked_force(tests, values, temp, cooling=False)
 
     found = fit_curve(model, guess, force, what="block test, heating")
@@ -274,7 +271,7 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
         _carried(known, "E_M_gpa"),
     )
 
-    def model(values: Mapping[str, float]) -> Array:
+    def model(values: Mapping[str, float]) -> Floats:
         low = values["M_f_c"] if "M_f_c" in values else values["M_s_c"] - values["width_c"]
         window = {**values, "M_f_c": low, "M_s_c": low + values["width_c"]}
         return stiffness * blocked_force(tests, window, temp, cooling=True)
@@ -292,7 +289,7 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
     return Step(estimates, found.rmse, {"cooling": found.r2}, {"cooling": (temp, force, found.fitted)})
 
 
-def blocked_force(tests: SpringTests, values: Mapping[str, float], temp_c: Array, *, cooling: bool) -> Array:
+def blocked_force(tests: SpringTests, values: Mapping[str, float], temp_c: Floats, *, cooling: bool) -> Floats:
     """Return E(ξ) (1 − ξ) in GPa of the blocked spring, ξ by (13) or (14) at the stress that it makes itself."""
     low, high = ("M_f_c", "M_s_c") if cooling else ("A_s_c", "A_f_c")
     stress_per_gpa = tests.force_per_deg_gpa * tests.block.pre_deformation_deg * tests.stress_per_force
@@ -301,7 +298,7 @@ def blocked_force(tests: SpringTests, values: Mapping[str, float], temp_c: Array
     return blocked_modulus(temp_c, values[low], width_c, values["E_A_gpa"], values["E_M_gpa"], shift)
 
 
-def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Array, Array]:
+def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Floats, Floats]:
     temp = _smooth(tests.block.temp_c)
     top = int(np.argmax(temp))
     half = slice(top, None) if cooling else slice(None, top + 1)
@@ -335,7 +332,7 @@ def _carried(known: Mapping[str, Estimate], name: str) -> Parameter:
     return Parameter(name, item.value, item.unit, sigma=max(item.sigma, 1e-9))
 
 
-def _smooth(temp_c: Array) -> Array:
+def _smooth(temp_c: Floats) -> Floats:
     return condition(np.arange(len(temp_c), dtype=np.float64), temp_c).temp_c
 
 

@@ -6,16 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate
+from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import estimate as words
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,8 +24,8 @@ class Step(Frozen):
     estimates: Mapping[str, Estimate]
     rmse: float
     r2: Mapping[str, float]
-    curves: Mapping[str, tuple[Array, Array, Array]]
-    beyond: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    curves: Mapping[str, tuple[Floats, Floats, Floats]]
+    beyond: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return values and errors."""

@@ -13,15 +13,14 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import REACH, Estimate, Parameter
 from torsight.core.series import correlation_time, rms, share_explained
+from torsight.core.units import Floats
 
-Array = NDArray[np.float64]
-Model = Callable[[Mapping[str, float]], Array]
+Model = Callable[[Mapping[str, float]], Floats]
 
 _ROUNDS: Final = 4
 """Fits, each with the scatter and correlation that the one before left: on the paper's logs (``torsight paper``) values
@@ -53,9 +52,9 @@ class CurveFit(Frozen):
     values: Mapping[str, float]
     estimates: Mapping[str, Estimate]
     names: tuple[str, ...]
-    covariance: Array
-    fitted: Array
-    residual: Array
+    covariance: Floats
+    fitted: Floats
+    residual: Floats
     rmse: float
     r2: float
 
@@ -63,7 +62,7 @@ class CurveFit(Frozen):
 def fit_curve(
     model: Model,
     parameters: Sequence[Parameter],
-    measured: Array,
+    measured: Floats,
     *,
     parts: Sequence[slice] = (),
     profiled: Sequence[str] = (),
@@ -99,16 +98,16 @@ def fit_curve(
     lower, upper = (np.array([(p.lower, p.upper) for p in parameters]).T - begin) / scale
     prior = scale / np.array([math.inf if p.sigma is None else p.sigma for p in parameters])
 
-    def values_at(u: Array) -> dict[str, float]:
+    def values_at(u: Floats) -> dict[str, float]:
         return dict(zip(names, (begin + scale * u).tolist(), strict=True))
 
     u = np.zeros(len(names))
     spread = np.full(len(measured), float(np.std(measured)) or 1.0)
 
-    def curve(u: Array) -> Array:
+    def curve(u: Floats) -> Floats:
         return model(values_at(u))
 
-    def misfit(u: Array) -> Array:
+    def misfit(u: Floats) -> Floats:
         return np.concatenate([(curve(u) - measured) / spread, prior * u])
 
     status = 0
@@ -149,7 +148,7 @@ def fit_curve(
     )
 
 
-def _slopes(misfit: Callable[[Array], Array], u: Array) -> Array:
+def _slopes(misfit: Callable[[Floats], Floats], u: Floats) -> Floats:
     """Return by how much each misfit (n,) grows with each value (p,): central differences, (n, p).
 
     The step is one of the values' own scales, not of the values: these are near 0 here, and steps in proportion to them
@@ -160,7 +159,7 @@ def _slopes(misfit: Callable[[Array], Array], u: Array) -> Array:
 
 
 def _profile_end(
-    misfit: Callable[[Array], Array], best: Array, number: int, step: float, bounds: tuple[Array, Array]
+    misfit: Callable[[Floats], Floats], best: Floats, number: int, step: float, bounds: tuple[Floats, Floats]
 ) -> float:
     """Return where one parameter, all others at their best for it, costs 1.96² more than the best (or its bound)."""
     from scipy.optimize import brentq, least_squares
@@ -171,7 +170,7 @@ def _profile_end(
     found_at = [(float(best[number]), best[others])]
 
     def excess(place: float) -> float:
-        def part(free: Array) -> Array:
+        def part(free: Floats) -> Floats:
             whole = best.copy()
             whole[others], whole[number] = free, place
             return misfit(whole)

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.springs import Rig, strain_ratio, torsional_stiffness
 from torsight.core.files.figure_file import write_figure
-from torsight.core.units import DEG, MM, MNM
+from torsight.core.units import DEG, MM, MNM, Floats, Ints
 
 if TYPE_CHECKING:
     from torsight.actuator.characterising.characterised import Characterisation, Step
 
-Array = NDArray[np.float64]
 
 _SIZE_IN: Final = (6.4, 4.2)
 _COMPRESSIONS_MM: Final = (0.25, 0.5, 1.0, 2.0)
@@ -27,8 +25,8 @@ _COMPRESSIONS_MM: Final = (0.25, 0.5, 1.0, 2.0)
 class Line:
     """One curve of a figure; ``style`` is matplotlib's format."""
 
-    x: Array
-    y: Array
+    x: Floats
+    y: Floats
     label: str
     style: str = "-"
 
@@ -74,10 +72,10 @@ def draw_panels(
 class MotionCycle:
     """One cycle in θ^A: both torques (N·m), half-cycle of every row, friction, and the rows of the corners 1 to 4."""
 
-    theta_rad: Array
-    torque_a_nm: Array
-    torque_b_nm: Array
-    half: NDArray[np.int64]
+    theta_rad: Floats
+    torque_a_nm: Floats
+    torque_b_nm: Floats
+    half: Ints
     tau_c_nm: float
     corners: tuple[int, int, int, int]
 

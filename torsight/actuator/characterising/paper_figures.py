@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.characterising.characterisation import characterise
 from torsight.actuator.characterising.characterised import Characterisation
@@ -36,9 +35,7 @@ from torsight.core.minimise import least_squares
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms, share_explained
-from torsight.core.units import DEG, MNM, MPA
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, MNM, MPA, Floats
 
 CASE_B_TAU_C_MNM: Final = 2.6
 """A friction at which the reference rig is in case (b)."""
@@ -50,9 +47,9 @@ class FrictionTest:
     """A cycle of A with the friction torque fitted: measured and modelled angle (n,) over the temperature, °C."""
 
     tau_c_mnm: float
-    temp_c: Array
-    measured_deg: Array
-    modelled_deg: Array
+    temp_c: Floats
+    measured_deg: Floats
+    modelled_deg: Floats
 
     @property
     def rmse_deg(self) -> float:
@@ -60,7 +57,7 @@ class FrictionTest:
         return rms(self.off_deg)
 
     @property
-    def off_deg(self) -> Array:
+    def off_deg(self) -> Floats:
         """Measured less modelled angle."""
         return self.measured_deg - self.modelled_deg
 
@@ -139,7 +136,7 @@ def _friction_test(*, seed: int) -> FrictionTest:
     model = ActuatorModel(ActuatorSpec(REFERENCE_VALUES, {}, source="reference rig"))
     drive = model.prepare(table)
 
-    def played_with(free: Array) -> FrictionTest:
+    def played_with(free: Floats) -> FrictionTest:
         modelled = model.simulate(drive, {"tau_c_mnm": free[0], "zero_deg": free[1]}).angle_rad
         return FrictionTest(float(free[0]), drive.temp_a_c, drive.angle_rad / DEG, modelled / DEG)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.characterising.characterisation import blocked_force
 from torsight.actuator.characterising.spring_tests import LARGE_RANGE_DEG, Block, ForceAngle, Recovery, SpringTests
@@ -19,8 +18,6 @@ from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.records import TemperatureLog
 from torsight.core.units import MM
-
-Array = NDArray[np.float64]
 
 SCATTER: Final[Mapping[str, float]] = {
     "recovery_deg": 9.5752, "small_n": 0.0105, "large_n": 0.0113, "heating_n": 0.0227, "cooling_n": 0.0125,

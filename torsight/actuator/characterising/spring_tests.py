@@ -37,7 +37,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.spec import KEYS, keys_of
 from torsight.actuator.springs import strain_per_angle, stress_per_torque, wire_length_mm
@@ -47,9 +46,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_table, read_toml
 from torsight.core.frozen import Frozen
 from torsight.core.series import block_means
-from torsight.core.units import DEG, GPA, MM
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, GPA, MM, Flags, Floats
 
 LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: the beginning is martensite's own slope, the end may stiffen."""
@@ -69,8 +66,8 @@ _RANGES: Final = {
 class Recovery:
     """Free recovery: temperatures °C, sizes of the angle °, and of the pre-deformation °."""
 
-    temp_c: Array
-    angle_deg: Array
+    temp_c: Floats
+    angle_deg: Floats
     pre_deformation_deg: float
     source: str
 
@@ -79,15 +76,15 @@ class Recovery:
 class ForceAngle:
     """Force against the size of the angle at room temperature, over the part that counts."""
 
-    angle_deg: Array
-    force_n: Array
+    angle_deg: Floats
+    force_n: Floats
     large: bool
     low_deg: float
     high_deg: float
     source: str
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Flags:
         """The rows that count."""
         return (self.angle_deg >= self.low_deg) & (self.angle_deg <= self.high_deg)
 
@@ -96,8 +93,8 @@ class ForceAngle:
 class Block:
     """Block test: temperatures and forces, heating and cooling in one log."""
 
-    temp_c: Array
-    force_n: Array
+    temp_c: Floats
+    force_n: Floats
     pre_deformation_deg: float
     source: str
 
@@ -185,7 +182,7 @@ def _number(table: Mapping[str, Any], name: str, *, where: str) -> float:
     return get_number(table, name, where=where, lower=key.lower, upper=key.upper, hint=key.hint)
 
 
-def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, where: str) -> tuple[Array, Array, str]:
+def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, where: str) -> tuple[Floats, Floats, str]:
     """Return two columns of a log, thinned by means over neighbours, and its name."""
     name = folder / get_text(table, "file", where=where)
     frame = read_table(name, required=columns)

@@ -14,18 +14,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from torsight.actuator.ports import Ports
 from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 
 ActsOn = Literal["clock", "temperature", "phase", "torque", "friction", "reading"]
 Values = Mapping[str, float]
-Array = NDArray[np.float64]
 STAGES: Final = ("clock", "temperature", "phase", "torque", "friction", "reading")
 """Places at which effects and laws act, in the order in which they do."""
 
@@ -117,10 +114,10 @@ class Effect(Shown):
     parameters: tuple[Parameter, ...]
     apply: Callable[[Ports, Values], Ports]
     starts: tuple[Values, ...] = ()
-    starts_from: Callable[[Array], tuple[Values, ...]] | None = None
+    starts_from: Callable[[Floats], tuple[Values, ...]] | None = None
     derived: tuple[Derived, ...] = ()
-    propose: Callable[[Array, Array], tuple[Values, ...]] | None = None
-    seen: Callable[[Array, Array, Array, Values], float] | None = None
+    propose: Callable[[Floats, Floats], tuple[Values, ...]] | None = None
+    seen: Callable[[Floats, Floats, Floats, Values], float] | None = None
     is_clock: bool = False
     order: int = 0
     laws: tuple[str, ...] = ()

@@ -13,15 +13,15 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.compiled import compiled
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 
 
 @compiled
-def follow(angle_rad: Array, half_rad: float) -> Array:
+def follow(angle_rad: Floats, half_rad: float) -> Floats:
     """Return what follows an angle through a play of twice ``half_rad``; at the start it leans to the positive side."""
     out = np.empty_like(angle_rad)
     follower = angle_rad[0]

@@ -11,18 +11,13 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import PPM
-
-Array = NDArray[np.float64]
+from torsight.core.units import PPM, Floats
 
 
-def temperature_time(time_s: Array, *, offset_s: float, drift_ppm: float) -> Array:
+def temperature_time(time_s: Floats, *, offset_s: float, drift_ppm: float) -> Floats:
     """Return the temperature log's time at film times, s."""
     return time_s * (1.0 + drift_ppm * PPM) + offset_s
 

@@ -12,19 +12,16 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import REACH_RAD, Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG, MNM
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, MNM, Floats
 
 
 def rubbing_torque(
-    theta_a_rad: Array, *, theta_p_rad: float, slope_nm: float, onset_rad: float, exponent: float
-) -> Array:
+    theta_a_rad: Floats, *, theta_p_rad: float, slope_nm: float, onset_rad: float, exponent: float
+) -> Floats:
     """Return k R Σ ((θ − θ_on)₊ / R)^p of both springs, N·m."""
     past_a = np.maximum(0.0, theta_a_rad - onset_rad) / REACH_RAD
     past_b = np.maximum(0.0, theta_p_rad - theta_a_rad - onset_rad) / REACH_RAD

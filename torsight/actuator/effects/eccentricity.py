@@ -13,14 +13,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values, amplitude_and_phase
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 
-Array = NDArray[np.float64]
 _NAMES: Final = ("eccentric_sine_deg", "eccentric_cosine_deg", "tilt_sine_deg", "tilt_cosine_deg")
 _SYMBOLS: Final = (
     *(("e_s", "sine part of the error once per turn"), ("e_c", "cosine part of the error once per turn")),
@@ -28,7 +26,7 @@ _SYMBOLS: Final = (
 )
 
 
-def read_angle(phi_rad: Array, *, once: tuple[float, float], twice: tuple[float, float]) -> Array:
+def read_angle(phi_rad: Floats, *, once: tuple[float, float], twice: tuple[float, float]) -> Floats:
     """Return the angle that is read; ``once`` and ``twice`` are sine and cosine parts, rad."""
     error = once[0] * np.sin(phi_rad) + once[1] * np.cos(phi_rad)
     return phi_rad + error + twice[0] * np.sin(2.0 * phi_rad) + twice[1] * np.cos(2.0 * phi_rad)

@@ -13,17 +13,17 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 from torsight.core.series import extent
-from torsight.core.units import DEG, MNM
+from torsight.core.units import DEG, MNM, Floats
 
 _BEFORE_DEG: Final = 2.0
 """How far inside the ends of the motion a stop is looked for first: beyond them it would change nothing."""
 
 
-def stop_torque(phi_rad: Array, *, stop_rad: float, stiffness_nm: float) -> Array:
+def stop_torque(phi_rad: Floats, *, stop_rad: float, stiffness_nm: float) -> Floats:
     """Return the torque of a stop that stands at an angle and keeps what is nearer to zero free, N·m."""
     side = 1.0 if stop_rad >= 0.0 else -1.0
     return -stiffness_nm * side * np.maximum(0.0, side * (phi_rad - stop_rad))
@@ -34,7 +34,7 @@ def stiffness(name: str, title: str) -> Parameter:
     return Parameter(name, 3.0, "mN·m/rad", lower=0.0, upper=200.0, null=0.0, symbol="k", title=title)
 
 
-def ends_deg(angle_rad: Array) -> tuple[float, float]:
+def ends_deg(angle_rad: Floats) -> tuple[float, float]:
     """Return where stops may be: a little before the lowest and the highest angle that was measured."""
     low_deg, high_deg = extent(angle_rad / DEG)
     return low_deg + _BEFORE_DEG, high_deg - _BEFORE_DEG
@@ -46,7 +46,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_stray(stop_torque(ports.phi_grid_rad(), stop_rad=stop_rad, stiffness_nm=stiffness_nm))
 
 
-def starts_from(angle_rad: Array) -> tuple[Values, ...]:
+def starts_from(angle_rad: Floats) -> tuple[Values, ...]:
     """Return a stop at either end."""
     return tuple({"stop_deg": end_deg} for end_deg in ends_deg(angle_rad))
 

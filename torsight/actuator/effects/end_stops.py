@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.effects import Effect, Values
 from torsight.actuator.effects.end_stop import ends_deg, stiffness, stop_torque
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG, MNM
+from torsight.core.units import DEG, MNM, Floats
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -26,7 +26,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports
 
 
-def starts_from(angle_rad: Array) -> tuple[Values, ...]:
+def starts_from(angle_rad: Floats) -> tuple[Values, ...]:
     """Return stops at the ends."""
     low_deg, high_deg = ends_deg(angle_rad)
     return ({"stops_low_deg": low_deg, "stops_high_deg": high_deg},)

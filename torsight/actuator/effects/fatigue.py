@@ -15,17 +15,17 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats, Ints
 
 _WOUND: Final = 2.0 / 3.0
 """Share of θ_P to which a spring is wound in a complete cycle, about."""
 
 
-def recoverable_share(cycle: NDArray[np.int64], *, loss: float, persistence: float) -> NDArray[np.float64]:
+def recoverable_share(cycle: Ints, *, loss: float, persistence: float) -> Floats:
     """Return (1 − r)^(1 + q + … + q^(n−1))."""
     count = cycle.astype(np.float64)
     settled = count if persistence == 1.0 else (1.0 - persistence**count) / (1.0 - persistence)

@@ -15,16 +15,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 
-Array = NDArray[np.float64]
 
-
-def passive_temperature(own_c: Array, driven_c: Array, *, leak: float) -> Array:
+def passive_temperature(own_c: Floats, driven_c: Floats, *, leak: float) -> Floats:
     """Return T_p, °C."""
     return own_c + leak * (driven_c - own_c)
 

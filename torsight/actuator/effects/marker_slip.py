@@ -14,15 +14,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 from torsight.core.series import usual_step
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 
-Array = NDArray[np.float64]
 _LEAST_HALF_S: Final = 0.25
 """Half of the time over which a row is a mean at least."""
 _BESIDE: Final = 6
@@ -33,20 +31,20 @@ _LEAST_STEP_RAD: Final = 0.1 * DEG
 """A difference that nobody would miss: no step is known better."""
 
 
-def half_widths_s(time_s: Array) -> Array:
+def half_widths_s(time_s: Floats) -> Floats:
     """Return half of the time (n,) over which each row is a mean, s."""
     gap = np.diff(time_s)
     nearer = np.minimum(np.append(gap, np.inf), np.insert(gap, 0, np.inf))
     return np.maximum(_LEAST_HALF_S, 0.5 * np.where(np.isfinite(nearer), nearer, 0.0))
 
 
-def step(time_s: Array, *, at_s: float) -> Array:
+def step(time_s: Floats, *, at_s: float) -> Floats:
     """Return the share of a step at a time that each row (n,) has, 0 to 1."""
     half_s = half_widths_s(time_s)
     return np.clip((time_s - at_s) / (2.0 * half_s) + 0.5, 0.0, 1.0)
 
 
-def propose(time_s: Array, residual_rad: Array) -> tuple[Values, ...]:
+def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
     """Return the times and heights at which a step explains most of a residual (NaN: not measured)."""
     good = np.flatnonzero(np.isfinite(residual_rad))
     n = len(good)
@@ -71,7 +69,7 @@ def propose(time_s: Array, residual_rad: Array) -> tuple[Values, ...]:
     return tuple({"slip_time_s": time_of(i), "slip_deg": float((after[i] - before[i]) / DEG)} for i in found[:4])
 
 
-def seen(time_s: Array, angle_rad: Array, fitted_s: Array, values: Values) -> float:
+def seen(time_s: Floats, angle_rad: Floats, fitted_s: Floats, values: Values) -> float:
     r"""Return what the rows around a step say of it: the logarithm of a likelihood ratio, at most zero.
 
     A fit sees means over many rows. From one row to the next a step is seen, or not: beside a parabola through the rows
@@ -101,7 +99,7 @@ def seen(time_s: Array, angle_rad: Array, fitted_s: Array, values: Values) -> fl
     return most if np.isfinite(most) else 0.0
 
 
-def _step_beside(time_s: Array, angle_rad: Array) -> tuple[float, float]:
+def _step_beside(time_s: Floats, angle_rad: Floats) -> tuple[float, float]:
     """Return the step at time zero beside a parabola through a few rows, and its variance."""
     x = time_s / float(np.max(np.abs(time_s)))
     columns = np.column_stack([np.ones_like(x), x, x**2, x > 0.0])

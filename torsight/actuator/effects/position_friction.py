@@ -13,16 +13,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values, amplitude_and_phase
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 
-Array = NDArray[np.float64]
 
-
-def friction_factor(phi_rad: Array, *, sine: float, cosine: float, third_harmonic: float = 0.0) -> Array:
+def friction_factor(phi_rad: Floats, *, sine: float, cosine: float, third_harmonic: float = 0.0) -> Floats:
     """Return 1 + a (sin ψ + h sin 3ψ) with a sin ψ = a_s sin φ + a_c cos φ, never below zero."""
     wave = sine * np.sin(phi_rad) + cosine * np.cos(phi_rad)
     square = sine**2 + cosine**2

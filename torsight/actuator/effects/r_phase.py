@@ -13,13 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Array, Effect, Values
+from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 
 
-def step_done(temp_c: Array, *, start_c: float, width_c: float) -> Array:
+def step_done(temp_c: Floats, *, start_c: float, width_c: float) -> Floats:
     """Return how much of the step is done at wire temperatures, 0 to 1."""
     return 0.5 * (1.0 - np.cos(np.pi * np.clip((temp_c - start_c) / width_c, 0.0, 1.0)))
 

@@ -11,17 +11,13 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 
-Array = NDArray[np.float64]
 
-
-def wire_temperature(temp_c: Array, *, gain: float, room_c: float) -> Array:
+def wire_temperature(temp_c: Floats, *, gain: float, room_c: float) -> Floats:
     """Return T = T_room + (T_m − T_room) / g, °C."""
     return room_c + (temp_c - room_c) / gain
 

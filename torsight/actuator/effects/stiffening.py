@@ -14,19 +14,16 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import REACH_RAD, Ports, no_steeper
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG, MNM
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, MNM, Floats
 
 
 def extra_torque(
-    theta_rad: Array, *, cubic_nm: float, onset_rad: float, exponent: float, steepest_nm: float = np.inf
-) -> Array:
+    theta_rad: Floats, *, cubic_nm: float, onset_rad: float, exponent: float, steepest_nm: float = np.inf
+) -> Floats:
     """Return k_3 R³ ((θ − θ_on)₊ / R)^p at rising angles, N·m, nowhere steeper than ``steepest_nm`` (N·m/rad)."""
     law_nm = cubic_nm * REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / REACH_RAD) ** exponent
     return no_steeper(law_nm, theta_rad, steepest_nm)
@@ -37,7 +34,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     share, theta_rad = values["stiffening_loading_share"], ports.grid_rad()
     law = {"onset_rad": values["stiffening_onset_deg"] * DEG, "exponent": values["stiffening_exponent"]}
 
-    def part_nm(of_it: float, steepest_nm: float) -> Array:
+    def part_nm(of_it: float, steepest_nm: float) -> Floats:
         cubic_nm = of_it * values["stiffening_mnm_per_rad3"] * MNM
         return extra_torque(theta_rad, cubic_nm=cubic_nm, **law, steepest_nm=steepest_nm)
 

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.families import FAMILIES, Family
@@ -20,19 +19,18 @@ from torsight.actuator.ports import Ports
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_text
 from torsight.core.law import Law, LawForm, smooth_between
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 _WAVES: Final = ("angle_deg", "winding_deg")
 
 
-def apply_law(ports: Ports, form: LawForm, parameters: Array) -> Ports:
+def apply_law(ports: Ports, form: LawForm, parameters: Floats) -> Ports:
     """Return the ports with a law of the given parameters."""
     curve = between_nodes(form.id, form.nodes, form.values(parameters))
     return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, *curve))
 
 
-def between_nodes(law: str, nodes: Array, values: Array) -> tuple[Array, Array]:
+def between_nodes(law: str, nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Return places and values of a law with these values on its nodes (k,): between the places lines do.
 
     Over angles a law may have waves with few nodes a period, which lines would cut.

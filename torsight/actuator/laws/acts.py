@@ -7,15 +7,13 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, STEEPEST, Ports, no_steeper
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.springs import Rig
-from torsight.core.units import DEG, MNM
+from torsight.core.units import DEG, MNM, Floats
 
-Array = NDArray[np.float64]
-Curve = Callable[[Array], Array]
+Curve = Callable[[Floats], Floats]
 
 _VALUES: Final = ("a_start_c", "a_finish_c", "m_start_c", "m_finish_c")
 _SHARES: Final = ("k_austenite", "k_martensite", "k_stress_induced", "theta_cr_rad")
@@ -34,7 +32,7 @@ def friction_angle(ports: Ports, law: Curve) -> Ports:
     return ports.with_friction(factor, factor)
 
 
-def _scaled_friction(ports: Ports, share: Array) -> Ports:
+def _scaled_friction(ports: Ports, share: Floats) -> Ports:
     return ports.changed(friction_scale=ports.friction_scale * np.maximum(0.0, 1.0 + share))
 
 
@@ -91,7 +89,7 @@ def temperature_rate(spring: str) -> Callable[[Ports, Curve], Ports]:
     return _warmer(spring, lambda ports: (ports.rate_a_c_s, ports.rate_b_c_s))
 
 
-def _warmer(spring: str, drivers: Callable[[Ports], tuple[Array, Array]]) -> Callable[[Ports, Curve], Ports]:
+def _warmer(spring: str, drivers: Callable[[Ports], tuple[Floats, Floats]]) -> Callable[[Ports, Curve], Ports]:
     """Return what adds to the temperature of wire ``a``, ``b`` or ``both``, each over its own driver."""
 
     def apply(ports: Ports, law: Curve) -> Ports:
@@ -119,7 +117,7 @@ def clock(ports: Ports, law: Curve) -> Ports:
     return ports if ports.history.after_record else ports.at_log_times(ports.time_s + law(ports.time_s))
 
 
-def _over_winding(ports: Ports, law: Curve) -> Array:
+def _over_winding(ports: Ports, law: Curve) -> Floats:
     """Return the law over a spring's own angle on the grid, N·m; its driver is the winding beyond θ_P/2."""
     return law((ports.grid_rad() - 0.5 * ports.rig.theta_p_rad) / DEG) * MNM
 
@@ -138,7 +136,7 @@ def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Po
     return apply
 
 
-def _gentle(ports: Ports, torque_nm: Array) -> Array:
+def _gentle(ports: Ports, torque_nm: Floats) -> Floats:
     """Return a torque over the grid that makes the loading curve nowhere as steep as unwinding, nor falling."""
     least = -STEEPEST * ports.rig.k_stress_induced
     return no_steeper(torque_nm, ports.grid_rad(), ports.steepest_bend_nm, least)
@@ -154,7 +152,7 @@ def theta_l_cycle(ports: Ports, law: Curve) -> Ports:
     return _scaled_recoverable(ports, law(ports.cycle.astype(np.float64)))
 
 
-def _scaled_recoverable(ports: Ports, share: Array) -> Ports:
+def _scaled_recoverable(ports: Ports, share: Floats) -> Ports:
     return ports.changed(theta_l_scale=ports.theta_l_scale * np.maximum(0.0, 1.0 + share))
 
 

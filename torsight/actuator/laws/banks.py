@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernels
-from torsight.core.units import DEG
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, Floats
 
 _WANDERS = 0.1
 """What a clock wanders by as a share of what it may be off: computers that nobody put together differ by seconds and
@@ -16,7 +13,7 @@ drift by tenths of a second an hour (200 ppm), and a network's corrections move 
 (Mills, RFC 5905)."""
 
 
-def waves(nodes: Array) -> tuple[Kernel, ...]:
+def waves(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a constant, a slope, waves one to six times per turn, and smooth functions."""
     turn = nodes * DEG
     waves = tuple(
@@ -27,7 +24,7 @@ def waves(nodes: Array) -> tuple[Kernel, ...]:
     return (*forms, *waves, *smooth_kernels(nodes))
 
 
-def wound(nodes: Array) -> tuple[Kernel, ...]:
+def wound(nodes: Floats) -> tuple[Kernel, ...]:
     """Return slopes and cubics beyond an onset of either half, and smooth functions."""
     onsets = np.quantile(nodes, [0.5, 0.6, 0.7, 0.8])
     forms = [("slope", nodes - nodes[0])]
@@ -35,7 +32,7 @@ def wound(nodes: Array) -> tuple[Kernel, ...]:
     return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25, 0.12)))
 
 
-def plain(nodes: Array) -> tuple[Kernel, ...]:
+def plain(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a slope, a bow and smooth functions, all without a mean: that is another value of the model."""
     middle = nodes - 0.5 * (nodes[0] + nodes[-1])
     smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12), line=True)
@@ -45,13 +42,13 @@ def plain(nodes: Array) -> tuple[Kernel, ...]:
     )
 
 
-def _centred(matrix: Array) -> Array:
+def _centred(matrix: Floats) -> Floats:
     """Return the covariance of the same function less its mean over the nodes."""
     less_mean = np.eye(len(matrix)) - 1.0 / len(matrix)
     return np.asarray(less_mean @ matrix @ less_mean)
 
 
-def from_zero(nodes: Array) -> tuple[Kernel, ...]:
+def from_zero(nodes: Floats) -> tuple[Kernel, ...]:
     """Return functions that vanish at the first node: proportional, its root, and smooth ones."""
     off = nodes - nodes[0]
     smooth = smooth_kernels(off, shares=(0.7, 0.35, 0.2))
@@ -61,19 +58,19 @@ def from_zero(nodes: Array) -> tuple[Kernel, ...]:
     )
 
 
-def _pinned(matrix: Array) -> Array:
+def _pinned(matrix: Floats) -> Floats:
     """Return the covariance of the same function less its value at the first node."""
     first = matrix[0]
     return np.asarray(matrix - first[:, None] - first[None, :] + matrix[0, 0])
 
 
-def through_zero(nodes: Array) -> tuple[Kernel, ...]:
+def through_zero(nodes: Floats) -> tuple[Kernel, ...]:
     """Return functions of a signed variable: proportional, its sign's, and smooth ones."""
     forms = [("proportional", nodes), ("square", nodes * np.abs(nodes))]
     return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25)))
 
 
-def counted(nodes: Array) -> tuple[Kernel, ...]:
+def counted(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a slope, a decay towards a limit, and a slope with a smooth function; all vanish at the first node."""
     off = nodes - nodes[0]
     forms = [("slope", off)]
@@ -83,13 +80,13 @@ def counted(nodes: Array) -> tuple[Kernel, ...]:
     return (*usual_kernels(forms), *(Kernel(k.name, _pinned(k.matrix), smooth=True) for k in smooth), steps)
 
 
-def drifting(nodes: Array) -> tuple[Kernel, ...]:
+def drifting(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a slope, and smooth functions with a slope."""
     kernels = smooth_kernels(nodes, shares=(0.5, 0.2, 0.1), line=True)
     return (Kernel("slope", slope(nodes), smooth=False), *kernels)
 
 
-def wandering(nodes: Array) -> tuple[Kernel, ...]:
+def wandering(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a constant, a slope, and both with a small smooth function: how far one clock is ahead of another."""
     constant = np.ones_like(nodes)
     line = outer(constant) + slope(nodes)
@@ -102,7 +99,7 @@ def wandering(nodes: Array) -> tuple[Kernel, ...]:
     )
 
 
-def unlike(nodes: Array) -> tuple[Kernel, ...]:
+def unlike(nodes: Floats) -> tuple[Kernel, ...]:
     """Return what two springs of one kind may differ by: transformation temperatures together, moduli, and all.
 
     The values are those of :func:`differing`: four temperatures in °C, four shares in per cent.
@@ -120,6 +117,6 @@ def unlike(nodes: Array) -> tuple[Kernel, ...]:
     )
 
 
-def antisymmetric(nodes: Array) -> tuple[Kernel, ...]:
+def antisymmetric(nodes: Floats) -> tuple[Kernel, ...]:
     """Return the one function that differs between two directions."""
     return usual_kernels([("sign", nodes)])

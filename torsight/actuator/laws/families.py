@@ -8,10 +8,11 @@ from typing import Final
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws import acts, banks, nodes
-from torsight.actuator.laws.acts import Array, Curve
+from torsight.actuator.laws.acts import Curve
 from torsight.actuator.laws.nodes import Nodes
 from torsight.actuator.ports import Ports
 from torsight.core.law import Kernel
+from torsight.core.units import Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class Family:
     apply: Callable[[Ports, Curve], Ports]
     nodes: Callable[[Drive], Nodes | None]
     scale: float
-    kernels: Callable[[Array], tuple[Kernel, ...]]
+    kernels: Callable[[Floats], tuple[Kernel, ...]]
     spring: str = "both"
     time_like: bool = False
 

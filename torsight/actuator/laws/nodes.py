@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.acts import DIFFERING
 from torsight.actuator.record.segments import by_role
 from torsight.core.series import usual_step
-from torsight.core.units import DEG
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, Floats
 
 _ANGLE_NODES: Final = 37
 """A wave five times per turn over the paper's range of 466° needs five nodes a period."""
@@ -31,7 +28,7 @@ _AHEAD: Final = 2
 class Nodes(NamedTuple):
     """Rising values (k,) of a driver, and the range of it that the record covers."""
 
-    values: Array
+    values: Floats
     low: float
     high: float
 

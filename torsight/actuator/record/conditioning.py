@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.record.corners import Log, mend_corners
 from torsight.actuator.record.holds import level_holds
@@ -26,8 +25,7 @@ from torsight.actuator.record.local_fits import local_fits
 from torsight.actuator.record.log_noise import SHORTEST, measure_noise, resolution
 from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
 from torsight.core.series import usual_step
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
@@ -68,14 +66,14 @@ class Conditioned:
         Seconds between readings whose noise is independent.
     """
 
-    temp_c: Array
-    rate_c_s: Array
-    sigma_c: Array
+    temp_c: Floats
+    rate_c_s: Floats
+    sigma_c: Floats
     noise_c: float
     reading_s: float
 
 
-def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditioned:
+def condition(time_s: Floats, temp_c: Floats, *, lag_s: float = 0.0) -> Conditioned:
     """Remove the noise of a temperature log and keep its corners.
 
     Parameters
@@ -99,7 +97,7 @@ def condition(time_s: Array, temp_c: Array, *, lag_s: float = 0.0) -> Conditione
     return Conditioned(value, rate, sigma, noise, interval_s)
 
 
-def _apart(readings: Readings, wanted_s: Array, lines_c: Array) -> Conditioned:
+def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned:
     """Return readings that lie apart at other times: without noise from corner to corner, lines between them.
 
     A local fit over seconds would take a corner of the wire for a bend. ``lines_c`` are the lines between the readings.
@@ -139,8 +137,8 @@ class Readings:
         Over how many blocks their noise is correlated.
     """
 
-    time_s: Array
-    temp_c: Array
+    time_s: Floats
+    temp_c: Floats
     noise_c: float
     alike: float
     interval_s: float
@@ -148,7 +146,7 @@ class Readings:
     correlation: float
 
     @classmethod
-    def of(cls, time_s: Array, temp_c: Array, *, lagged: bool) -> Readings:
+    def of(cls, time_s: Floats, temp_c: Floats, *, lagged: bool) -> Readings:
         """Return the readings of a log (n,), in blocks for a sensor that is late or for one that is not."""
         interval_s = usual_step(time_s)
         if len(temp_c) < SHORTEST:
@@ -164,7 +162,7 @@ class Readings:
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
         return cls(times, means, noise, alike, alike * interval_s, sigma, correlation)
 
-    def smooth(self, wanted_s: Array, lag_s: float) -> tuple[Array, Array, Array]:
+    def smooth(self, wanted_s: Floats, lag_s: float) -> tuple[Floats, Floats, Floats]:
         """Return value, slope and sigma of the wire's temperature at the wanted times."""
         n = len(self.time_s)
         if n < SHORTEST:
@@ -187,13 +185,13 @@ class Readings:
         mend_corners(Log(self.time_s, self.temp_c, lag_s, self.sigma_c, smallest), sides, (value, rate, left_over))
         return self._at(wanted_s, value, rate, left_over)
 
-    def _at(self, wanted_s: Array, value: Array, rate: Array, sigma: Array) -> tuple[Array, Array, Array]:
+    def _at(self, wanted_s: Floats, value: Floats, rate: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what is known at the readings by lines at other times."""
         value, rate, sigma = (np.interp(wanted_s, self.time_s, each) for each in (value, rate, sigma))
         return value, rate, sigma
 
 
-def _blocks(time_s: Array, temp_c: Array, block_s: float) -> tuple[Array, Array]:
+def _blocks(time_s: Floats, temp_c: Floats, block_s: float) -> tuple[Floats, Floats]:
     """Return means over about so many seconds of a log that is faster than that."""
     every = int(block_s / usual_step(time_s))
     if every < 2:

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats, Ints
 
 SEEN: Final = 6.0
 """A change of slope is looked at when it exceeds this many of its sigmas.
@@ -38,9 +36,9 @@ _HALF_WINDOWS_S: Final = (40.0, 25.0, 15.0, 9.0, 5.5)
 class _Around:
     """The log around a place: times from it (s), temperatures above it (°C), rows."""
 
-    t: Array
-    y: Array
-    rows: NDArray[np.int64]
+    t: Floats
+    y: Floats
+    rows: Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,14 +57,14 @@ class Log:
         Length of the smallest window.
     """
 
-    time_s: Array
-    temp_c: Array
+    time_s: Floats
+    temp_c: Floats
     lag_s: float
     sigma_c: float
     smallest: int
 
 
-def mend_corners(log: Log, sides: Array, mended: tuple[Array, Array, Array]) -> None:
+def mend_corners(log: Log, sides: Floats, mended: tuple[Floats, Floats, Floats]) -> None:
     """Replace value, slope and sigma around every corner by a fit of both its sides, in place.
 
     Parameters
@@ -114,7 +112,7 @@ def _certain(log: Log, places: list[int]) -> list[_Found]:
             found[k] = _fitted(log, places, k)
 
 
-def _candidates(sides: Array, smallest: int) -> list[int]:
+def _candidates(sides: Floats, smallest: int) -> list[int]:
     """Return the samples at which the slopes before and after differ."""
     jump = np.abs(sides[1, 0] - sides[0, 0]) / np.sqrt(sides[0, 1] + sides[1, 1])
     reach = 3 * smallest
@@ -158,7 +156,7 @@ def _fitted(log: Log, places: list[int], k: int) -> _Found:
 
 
 @compiled
-def _functions(t: float, t_first: float, at: float, lag: float, f: Array) -> None:
+def _functions(t: float, t_first: float, at: float, lag: float, f: Floats) -> None:
     """Set the values (row 0) and slopes (row 1) of the functions of a bend at ``at``."""
     line = t - at
     u = max(line, 0.0)
@@ -177,7 +175,7 @@ def _functions(t: float, t_first: float, at: float, lag: float, f: Array) -> Non
 
 
 @compiled
-def _solve(t: Array, y: Array, at: float, lag: float) -> tuple[float, Array, Array]:
+def _solve(t: Floats, y: Floats, at: float, lag: float) -> tuple[float, Floats, Floats]:
     """Return sum of squares, coefficients and their covariance in units of the noise's variance."""
     count = 5 if lag == 0.0 else 6
     f = np.empty((2, 6))
@@ -212,7 +210,7 @@ def _solve(t: Array, y: Array, at: float, lag: float) -> tuple[float, Array, Arr
 
 
 @compiled
-def _bent(t: Array, y: Array, at: float, lag: float, coefficients: Array, least: int) -> float:
+def _bent(t: Floats, y: Floats, at: float, lag: float, coefficients: Floats, least: int) -> float:
     """Return by how many sigmas (for noise of one) what the fit leaves on a side is of third order, of both the larger.
 
     A side of fewer than ``least`` samples says nothing.
@@ -240,7 +238,7 @@ def _bent(t: Array, y: Array, at: float, lag: float, coefficients: Array, least:
 
 
 @compiled
-def _best_place(t: Array, y: Array, lag: float) -> tuple[float, float]:
+def _best_place(t: Floats, y: Floats, lag: float) -> tuple[float, float]:
     """Return the place of the corner that fits best, and its sum of squares: a rounded one lies before it shows."""
     interval = (t[-1] - t[0]) / (t.size - 1)
     step = max(0.5 * interval, 0.25 * lag)
@@ -264,7 +262,7 @@ def _best_place(t: Array, y: Array, lag: float) -> tuple[float, float]:
     return at, error
 
 
-def _write(found: _Found, log: Log, out: tuple[Array, Array, Array]) -> None:
+def _write(found: _Found, log: Log, out: tuple[Floats, Floats, Floats]) -> None:
     part, at, lag = found.part, found.at, log.lag_s
     if part is None:
         return

@@ -12,13 +12,11 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.record.segments import turn_of
 from torsight.actuator.record.turns import turning_points
 from torsight.core.series import usual_step
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 # How far from a top's end a level reaches, and how long it is at least. benchmarks/actuator/log_constants.py measures
 # what half and twice of these constants do: temperatures hardly change, tops err 1.5 times as much with twice the rows
@@ -34,7 +32,9 @@ _LEVEL: Final = 0.7
 _BELOW: Final = 2.5
 
 
-def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, rate: Array, left_over: Array) -> None:
+def level_holds(
+    time_s: Floats, temp_c: Floats, noise_c: float, *, value: Floats, rate: Floats, left_over: Floats
+) -> None:
     """Put the level of every held top in place of the local fits, in place.
 
     Parameters
@@ -64,7 +64,7 @@ def level_holds(time_s: Array, temp_c: Array, noise_c: float, *, value: Array, r
         value[low:high] = np.minimum(value[low:high], level.max())
 
 
-def _level(time_s: Array, temp_c: Array, noise_c: float) -> tuple[Array, Array, Array]:
+def _level(time_s: Floats, temp_c: Floats, noise_c: float) -> tuple[Floats, Floats, Floats]:
     """Return value, slope and sigma of a window that is nearly level: its mean, and what is sure of slope and bow.
 
     Slope and bow are each shrunk by what their doubt says (James and Stein): one of less than a sigma is none.
@@ -83,12 +83,12 @@ def _level(time_s: Array, temp_c: Array, noise_c: float) -> tuple[Array, Array, 
     return level, slope, np.sqrt(variance)
 
 
-def _shapes(u: Array) -> tuple[Array, Array]:
+def _shapes(u: Floats) -> tuple[Floats, Floats]:
     """Return slope and bow over −1 to 1: Legendre's polynomials of first and second order."""
     return u, 1.5 * u * u - 0.5
 
 
-def _longest_level(time_s: Array, temp_c: Array, noise_c: float, edge: int) -> tuple[int, int] | None:
+def _longest_level(time_s: Floats, temp_c: Floats, noise_c: float, edge: int) -> tuple[int, int] | None:
     """Return the longest window around or before a top's end in which the log is level; None where there is none."""
     interval_s = usual_step(time_s[max(0, edge - 200) : edge + 200])
     reach = int(_REACH_S / interval_s)
@@ -110,13 +110,13 @@ def _longest_level(time_s: Array, temp_c: Array, noise_c: float, edge: int) -> t
     return best
 
 
-def _unevenness(time_s: Array, temp_c: Array, noise_c: float) -> tuple[float, float]:
+def _unevenness(time_s: Floats, temp_c: Floats, noise_c: float) -> tuple[float, float]:
     """Return by how much the window slopes or bows, whichever is more certain, and one sigma of that, °C."""
     found = [(abs(size), doubt) for size, doubt in _sizes(time_s, temp_c, noise_c)]
     return max(found, key=lambda item: item[0] / item[1])
 
 
-def _sizes(time_s: Array, temp_c: Array, noise_c: float) -> list[tuple[float, float]]:
+def _sizes(time_s: Floats, temp_c: Floats, noise_c: float) -> list[tuple[float, float]]:
     """Return slope and bow of a window, °C at its end, each with one sigma."""
     u = 2.0 * (time_s - time_s[0]) / (time_s[-1] - time_s[0]) - 1.0
     found = []

@@ -18,11 +18,9 @@ import sys
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, inlined
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats, Ints
 
 _AS_WELL: Final = 1.0 - 1e-9
 """Windows of one length on either side know as much: sums in another order must not choose between them."""
@@ -35,7 +33,7 @@ _NEAR_ENOUGH: Final = _FARTHEST - _GONE
 
 
 @compiled
-def _add(m: Array, t: Array, y: Array, t_here: float, y_here: float) -> None:
+def _add(m: Floats, t: Floats, y: Floats, t_here: float, y_here: float) -> None:
     """Add samples to the normal equations of a parabola around one: (4, 4) of 1, t, t², and the side's column."""
     t1 = t2 = t3 = t4 = y0 = y1 = y2 = 0.0
     for i in range(t.size):
@@ -59,7 +57,7 @@ def _add(m: Array, t: Array, y: Array, t_here: float, y_here: float) -> None:
 
 
 @compiled
-def _add_rest(m: Array, t: Array, y: Array, decay: Array, t_here: float, y_here: float, scale: float) -> None:
+def _add_rest(m: Floats, t: Floats, y: Floats, decay: Floats, t_here: float, y_here: float, scale: float) -> None:
     """Add the same samples' products with the rest that decays, ``decay`` times ``scale``."""
     r0 = r1 = r2 = rr = ry = 0.0
     for i in range(t.size):
@@ -77,7 +75,7 @@ def _add_rest(m: Array, t: Array, y: Array, decay: Array, t_here: float, y_here:
 
 
 @compiled
-def _decays(decay: Array, time: Array, k: int, reach: int, lag: float) -> None:
+def _decays(decay: Floats, time: Floats, k: int, reach: int, lag: float) -> None:
     """Set what decays from 1 at sample k, for the samples up to ``reach`` before it and 2 ``reach`` after it.
 
     One exponential per sample serves the windows of ``reach`` samples: they need its ratios only.
@@ -87,7 +85,7 @@ def _decays(decay: Array, time: Array, k: int, reach: int, lag: float) -> None:
 
 
 @compiled
-def _renewed(decay: Array, time: Array, k: int, made_for: int, reach: int, lag: float) -> int:
+def _renewed(decay: Floats, time: Floats, k: int, made_for: int, reach: int, lag: float) -> int:
     """Make the decays anew where those at hand do not serve sample k; return the sample for which they were made."""
     if lag > 0.0 and (made_for < 0 or k - made_for >= reach or time[k] - time[made_for] > _NEAR_ENOUGH * lag):
         _decays(decay, time, k, reach, lag)
@@ -96,7 +94,7 @@ def _renewed(decay: Array, time: Array, k: int, made_for: int, reach: int, lag: 
 
 
 @inlined
-def _fit(m: Array, lag: float) -> tuple[float, float, float, float, float]:
+def _fit(m: Floats, lag: float) -> tuple[float, float, float, float, float]:
     """Return value, slope, half the curvature of the wire at the origin, and the first two's unit variances.
 
     The wire is the parabola c0 + c1 t + c2 t² with lag · (its slope) added: value c0 + lag c1, slope c1 + 2 lag c2.
@@ -139,7 +137,7 @@ def _fit(m: Array, lag: float) -> tuple[float, float, float, float, float]:
 
 
 @compiled
-def _grow(m: Array, time: Array, temp_c: Array, decay: Array, k: int, first: int, last: int, lag: float) -> None:
+def _grow(m: Floats, time: Floats, temp_c: Floats, decay: Floats, k: int, first: int, last: int, lag: float) -> None:
     """Add the samples ``first`` to ``last`` − 1 steps before (row 0) and after (row 1) sample k to the sums."""
     for row in range(2):
         low, high = (max(k - last + 1, 0), k - first + 1) if row == 0 else (k + first, min(k + last, time.size))
@@ -159,7 +157,7 @@ def _grow(m: Array, time: Array, temp_c: Array, decay: Array, k: int, first: int
 
 
 @compiled
-def _judge(state: Array, estimate: float, reach: float) -> bool:
+def _judge(state: Floats, estimate: float, reach: float) -> bool:
     """Keep an estimate while its interval still meets all of this window's smaller ones; tell whether it is kept.
 
     ``state`` holds alive, lower and upper end of what the intervals have in common.
@@ -172,8 +170,8 @@ def _judge(state: Array, estimate: float, reach: float) -> bool:
 
 @compiled
 def local_fits(
-    time: Array, temp_c: Array, sigma: float, sizes: NDArray[np.int64], lag: float, threshold: float
-) -> tuple[Array, Array, Array, Array]:
+    time: Floats, temp_c: Floats, sigma: float, sizes: Ints, lag: float, threshold: float
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Return value, slope and sigma of the best local fit at every sample, and both sides' slopes.
 
     The last array holds, for the window before and the one after each sample: slope, its variance, and its length.
@@ -218,8 +216,8 @@ def local_fits(
 
 @compiled
 def _together(
-    time: Array, value: Array, slope: Array, bend: Array, sigma: Array, window: NDArray[np.int64], reach: int
-) -> Array:
+    time: Floats, value: Floats, slope: Floats, bend: Floats, sigma: Floats, window: Ints, reach: int
+) -> Floats:
     """Return values as the mean of what the neighbours' parabolas say, each as far as its window goes.
 
     Windows change from one sample to the next; the mean of the parabolas does not jump where one does. The shortest

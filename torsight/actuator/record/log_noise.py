@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.series import scatter, usual_step
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 # Noise whose neighbours are alike for longer is told from the wire by its size only. A part of a log whose noise is
 # measured by itself holds so many of the longest strides; four times what one needs. Half and twice of either change
@@ -22,14 +20,14 @@ SHORTEST: Final = 16
 """Rows below which a log is taken as it is: four of the smallest window of a local fit (4 rows)."""
 
 
-def resolution(temp_c: Array) -> float:
+def resolution(temp_c: Floats) -> float:
     """Return the step to which the log's numbers are rounded, °C (the smallest change that is not zero)."""
     steps = np.abs(np.diff(temp_c))
     steps = steps[steps > 1e-9]
     return float(np.quantile(steps, 0.01)) if len(steps) else 0.0
 
 
-def measure_noise(time_s: Array, temp_c: Array) -> tuple[float, float]:
+def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     """Return the noise's standard deviation in °C and over how many samples it is correlated.
 
     Third differences do not see lines and parabolas; their median does not see corners. A stride of s samples sees

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.log.column_names import chosen_columns
 from sync.log.log_table import NEEDED_NAMES, read_log_table
@@ -16,6 +15,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import first_row, number_column
 from torsight.core.files.tables import require_increasing, switches_and_extra
 from torsight.core.records import TemperatureLog
+from torsight.core.units import Floats
 from torsight.core.words.plausible import require_units
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def read_log(
     )
 
 
-def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]) -> NDArray[np.float64]:
+def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]) -> Floats:
     values = series.to_numpy(np.float64)
     for row, place in first_row(np.abs(values + 25.0) > 250.0, where=path, column=str(series.name), lines=lines):
         raise InputError(

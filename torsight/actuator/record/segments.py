@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.series import extremes, runs
 from torsight.core.series.scatter import scatter
-from torsight.core.units import DEG
-
-Array = NDArray[np.float64]
+from torsight.core.units import DEG, Flags, Floats, Ints
 
 _TURN_C: Final = 1.0
 _RISE_C: Final = 4.0
@@ -54,7 +52,7 @@ class Heating:
     top_c: float
 
 
-def by_role(active: NDArray[np.int8], of_a: Array, of_b: Array) -> tuple[Array, Array]:
+def by_role(active: NDArray[np.int8], of_a: Floats, of_b: Floats) -> tuple[Floats, Floats]:
     """Return what belongs to the spring that is driven in each row, and what belongs to the other one."""
     is_a = active == 0
     return np.where(is_a, of_a, of_b), np.where(is_a, of_b, of_a)
@@ -77,11 +75,11 @@ class HalfCycles:
     """
 
     active: NDArray[np.int8]
-    half: NDArray[np.int64]
+    half: Ints
     springs: tuple[int, ...]
     switched: bool = False
 
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Ints:
         """Return, for each half-cycle, how often its spring had been heated before."""
         seen = [0, 0]
         out = []
@@ -92,11 +90,11 @@ class HalfCycles:
 
 
 def half_cycles(
-    temp_a_c: Array,
-    temp_b_c: Array,
+    temp_a_c: Floats,
+    temp_b_c: Floats,
     *,
-    heat_a: NDArray[np.bool_] | None = None,
-    heat_b: NDArray[np.bool_] | None = None,
+    heat_a: Flags | None = None,
+    heat_b: Flags | None = None,
     noise_c: float = 0.0,
     where: str = "record",
 ) -> HalfCycles:
@@ -123,7 +121,9 @@ def half_cycles(
     return _chain(chained, len(temp_a_c), switched=switched)
 
 
-def begun_with_a_jump(cycles: HalfCycles, time_s: Array, angle_rad: Array, temps_c: tuple[Array, Array]) -> HalfCycles:
+def begun_with_a_jump(
+    cycles: HalfCycles, time_s: Floats, angle_rad: Floats, temps_c: tuple[Floats, Floats]
+) -> HalfCycles:
     """Begin half-cycles where the angle jumps out of a rest shortly before the temperature shows that heat is on.
 
     A sensor shows heat some seconds after the switch. The plain rig stands still until the wire is hot; where torques
@@ -145,7 +145,7 @@ def begun_with_a_jump(cycles: HalfCycles, time_s: Array, angle_rad: Array, temps
     return replace(cycles, active=np.array(cycles.springs, np.int8)[half], half=half)
 
 
-def _jump(time_s: Array, angle_rad: Array) -> int | None:
+def _jump(time_s: Floats, angle_rad: Floats) -> int | None:
     """Return the row at which an angle jumps out of a rest; None where it does not."""
     if len(time_s) < 2 * _REST_ROWS:
         return None
@@ -162,7 +162,7 @@ def _jump(time_s: Array, angle_rad: Array) -> int | None:
     return len(rest) + int(np.argmax(np.abs(after - np.median(rest)) > 0.5 * least))
 
 
-def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError | NoResultError:
+def _unheated(temps: tuple[Floats, Floats], *, where: str) -> InputError | NoResultError:
     """Return what to say of a record in which no spring is driven on its own."""
     span = [float(np.max(t) - np.min(t)) for t in temps]
     value = f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)"
@@ -183,7 +183,7 @@ def _unheated(temps: tuple[Array, Array], *, where: str) -> InputError | NoResul
     )
 
 
-def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> list[Heating]:
+def _switched(temps: tuple[Floats, Floats], heat: tuple[Flags, Flags]) -> list[Heating]:
     """Return the stretches in which one switch is on."""
     found = []
     for spring in (0, 1):
@@ -193,7 +193,7 @@ def _switched(temps: tuple[Array, Array], heat: tuple[NDArray[np.bool_], NDArray
     return sorted(found, key=lambda item: item.start)
 
 
-def _driven(temps: tuple[Array, Array], *, rise_c: float, turn_c: float) -> list[Heating]:
+def _driven(temps: tuple[Floats, Floats], *, rise_c: float, turn_c: float) -> list[Heating]:
     """Return the rises of either spring that its own heating made."""
     found: list[Heating] = []
     for spring in (0, 1):
@@ -205,7 +205,7 @@ def _driven(temps: tuple[Array, Array], *, rise_c: float, turn_c: float) -> list
     return sorted(found, key=lambda item: item.top)
 
 
-def _merged(heatings: list[Heating], temps: tuple[Array, Array]) -> list[Heating]:
+def _merged(heatings: list[Heating], temps: tuple[Floats, Floats]) -> list[Heating]:
     """Join rises of one spring between which it has not cooled: holds, pauses, partial reheats."""
     kept: list[Heating] = []
     for item in heatings:
@@ -220,7 +220,7 @@ def _merged(heatings: list[Heating], temps: tuple[Array, Array]) -> list[Heating
     return kept
 
 
-def _placed(heatings: list[Heating], temps: tuple[Array, Array], *, margin_c: float) -> list[Heating]:
+def _placed(heatings: list[Heating], temps: tuple[Floats, Floats], *, margin_c: float) -> list[Heating]:
     """Move every start to where the temperature leaves its lowest for good, after the last half-cycle's top.
 
     Before that the spring rests (or is warmed by its neighbour), and the neighbour still cools.

@@ -12,13 +12,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.record.corners import SEEN
 from torsight.actuator.record.log_noise import SHORTEST
 from torsight.core.series import usual_step
-
-Array = NDArray[np.float64]
+from torsight.core.units import Flags, Floats
 
 _ROUNDED_C: Final = 2e-5
 """How far rows of one line may be off it: tables are written with five decimals."""
@@ -32,7 +30,7 @@ _SHARP: Final = 4.0
 """And changes the slope by so many times what the gaps beside it do: a wire that bends evenly, by twice that."""
 
 
-def own_readings(time_s: Array, temp_c: Array) -> tuple[Array, Array] | None:
+def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None:
     """Return times and temperatures of the readings between which rows (n,) were interpolated.
 
     None where readings are no further apart than the rows, or have no noise that would tell.
@@ -57,7 +55,7 @@ def own_readings(time_s: Array, temp_c: Array) -> tuple[Array, Array] | None:
     return wanted_s, np.interp(wanted_s, *ends)
 
 
-def corner_gaps(time_s: Array, temp_c: Array, noise_c: float) -> NDArray[np.bool_]:
+def corner_gaps(time_s: Floats, temp_c: Floats, noise_c: float) -> Flags:
     """Return in which gaps (n − 1) between readings (n,) of so much noise the wire has a corner.
 
     The slope changes there by more than noise does and than the wire bends beside it, and the lines beside the gap meet
@@ -71,7 +69,7 @@ def corner_gaps(time_s: Array, temp_c: Array, noise_c: float) -> NDArray[np.bool
     return np.asarray(seen & ((before - slope) * (after - slope) < 0.0))
 
 
-def between(time_s: Array, temp_c: Array, corners: NDArray[np.bool_], wanted_s: Array) -> Array:
+def between(time_s: Floats, temp_c: Floats, corners: Flags, wanted_s: Floats) -> Floats:
     """Return the temperatures (m,) between readings (n,): on lines, in a gap with a corner on those beside it."""
     slope = np.diff(temp_c) / np.diff(time_s)
     low = np.clip(np.searchsorted(time_s, wanted_s, side="right") - 1, 0, len(slope) - 1)
@@ -82,7 +80,7 @@ def between(time_s: Array, temp_c: Array, corners: NDArray[np.bool_], wanted_s: 
     return np.where(corners[low], meet, temp_c[low] + across * past_s)
 
 
-def _meetings(time_s: Array, temp_c: Array) -> tuple[Array, Array]:
+def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats]:
     """Return times and temperatures at which straight lines of rows meet: on a row, or between two rows."""
     slope = np.diff(temp_c) / np.diff(time_s)
     share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])

@@ -8,10 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.int8]
-Counts = NDArray[np.int64]
+from torsight.core.units import Floats, Ints
 
 REVERSAL_C: Final = 3.0
 """A temperature must go back by so much before the other transformation begins, °C.
@@ -22,7 +19,7 @@ back, and the heating goes on from there.
 
 
 @compiled
-def turning_points(temperature: Array, half: Counts, threshold: float) -> Flags:
+def turning_points(temperature: Floats, half: Ints, threshold: float) -> NDArray[np.int8]:
     """Return +1 where the active spring heats and −1 where it cools; a turn counts beyond ``threshold`` °C.
 
     The turn is placed where the temperature leaves its extremum for good, not where the threshold was crossed: a hold

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.series import scatter
-
-Array = NDArray[np.float64]
+from torsight.core.units import Flags, Floats
 
 _APART: Final = 8.0
 """Standard deviations from the median of seven neighbours. Measured on seven records of another rig, 163,000 rows: half
@@ -19,7 +17,7 @@ _LEAST_RAD: Final = 1e-5
 """Where an angle does not scatter at all: differences below this are rounding."""
 
 
-def wrong_frames(angle_rad: Array, sigma_rad: Array) -> NDArray[np.bool_]:
+def wrong_frames(angle_rad: Floats, sigma_rad: Floats) -> Flags:
     """Return the rows (n,) whose angle stands apart from its neighbours: a wrong frame, not a motion.
 
     Apart is what differs from the median of seven by eight times the largest of their median deviation, the row's own

@@ -96,16 +96,14 @@ from torsight.actuator.stepping.kernel_roots import (
     wire_fraction,
 )
 from torsight.core.compiled import compiled, inlined, lending
-
-Array = NDArray[np.float64]
-
+from torsight.core.units import Floats
 
 _LONG_S: Final = 1e6
 """Time at rest before a record: nobody knows how long it was, but long."""
 
 
 @lending
-def _wound_for(x: float, limit: float, p: Scalars, tables: Array) -> float:
+def _wound_for(x: float, limit: float, p: Scalars, tables: Floats) -> float:
     """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
     if loading_torque(x, p, tables) <= limit:
         return x
@@ -125,7 +123,7 @@ def _wound_for(x: float, limit: float, p: Scalars, tables: Array) -> float:
 
 @lending
 def _wind_home(
-    wound: Array, theta_start: float, first: int, scale: float, springs: NDArray[np.void], tables: Array
+    wound: Floats, theta_start: float, first: int, scale: float, springs: NDArray[np.void], tables: Floats
 ) -> None:
     """Set θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
 
@@ -148,7 +146,7 @@ def _wind_home(
 
 
 @inlined
-def _recoverable(wound: float, left: Array, p: Scalars, tables: Array) -> float:
+def _recoverable(wound: float, left: Floats, p: Scalars, tables: Floats) -> float:
     """Return what can be recovered after winding to an angle; ``left``: factor on it, and angle that is lost of it."""
     whole = p["fixed_theta_l"]
     if not whole > 0.0:
@@ -158,8 +156,8 @@ def _recoverable(wound: float, left: Array, p: Scalars, tables: Array) -> float:
 
 @lending
 def _start_half_cycle(
-    who: int, theta_a: float, scale: float, left: Array, own: float, state: State, springs: NDArray[np.void],
-    tables: Array,
+    who: int, theta_a: float, scale: float, left: Floats, own: float, state: State, springs: NDArray[np.void],
+    tables: Floats
 ) -> None:  # fmt: skip
     """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
 
@@ -200,7 +198,7 @@ def _copy(state: State) -> None:
 
 
 @lending
-def _turn(heating: bool, left: Array, own: float, state: State, p: Scalars, tables: Array) -> None:
+def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tables: Floats) -> None:
     """Take a new reference state when heating turns into cooling or back.
 
     A turn after which nothing changes until the next is no turn: the transformation before it goes on.
@@ -231,7 +229,7 @@ def _turn(heating: bool, left: Array, own: float, state: State, p: Scalars, tabl
 
 
 @lending
-def _settle(state: State, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
+def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
     First the way in which the transformation drives, then (after sticking) the other way.
@@ -277,7 +275,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Array, sections: Array
 
 
 @inlined
-def _nothing_to_do(c: Array, g: Array, w: Array, p: Scalars, sections: Array) -> bool:
+def _nothing_to_do(c: Floats, g: Floats, w: Floats, p: Scalars, sections: Floats) -> bool:
     """Return whether the angle stands and no section's transformation advances at the torque as it is.
 
     What depends on the speed or on the time at rest has to have come to rest before.
@@ -294,7 +292,7 @@ def _nothing_to_do(c: Array, g: Array, w: Array, p: Scalars, sections: Array) ->
 
 
 @inlined
-def _pass_over(per_s: float, c: Array, g: Array) -> None:
+def _pass_over(per_s: float, c: Floats, g: Floats) -> None:
     """Let a sample's time go by at rest."""
     c[X0], c[PER_S] = g[X_NOW], per_s
     if g[REST_S] > 0.0:
@@ -302,7 +300,7 @@ def _pass_over(per_s: float, c: Array, g: Array) -> None:
 
 
 @inlined
-def _keep_rates(per_s: float, starts: bool, turns: bool, c: Array, g: Array, w: Array) -> None:
+def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w: Floats) -> None:
     """Keep the mean rates of angle and phase over the sample before, and this sample's share of the time of both."""
     for j in range(w.shape[1]):
         w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * c[PER_S]
@@ -323,8 +321,8 @@ def _new_state(sections: int) -> State:
 
 @lending
 def step_through(
-    out: Array, state: State, samples: Samples, recoverable: Array, springs: NDArray[np.void], tables: Array,
-    sections: Array, theta_start: float,
+    out: Floats, state: State, samples: Samples, recoverable: Floats, springs: NDArray[np.void], tables: Floats,
+    sections: Floats, theta_start: float
 ) -> None:  # fmt: skip
     """Fill ``out`` as :func:`run` returns it; in the end ``state.wound`` holds by how much both are unwound."""
     per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
@@ -386,12 +384,12 @@ def step_through(
 @compiled
 def run(
     samples: Samples,
-    recoverable: Array,
+    recoverable: Floats,
     springs: NDArray[np.void],
-    tables: Array,
-    sections: Array,
+    tables: Floats,
+    sections: Floats,
     theta_start: float,
-) -> tuple[Array, Array]:
+) -> tuple[Floats, Floats]:
     """Step through all samples.
 
     Parameters

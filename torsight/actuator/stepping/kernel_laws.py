@@ -19,10 +19,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.stepping.phase import LN_100
 from torsight.core.compiled import inlined, lending
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.int8]
-Counts = NDArray[np.int64]
+from torsight.core.units import Floats, Ints
 
 Scalars = np.void
 """The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
@@ -68,13 +65,13 @@ class Samples(NamedTuple):
         column where nothing of it is.
     """
 
-    per_s: Array
-    temps: Array
-    active: Flags
-    half: Counts
+    per_s: Floats
+    temps: Floats
+    active: NDArray[np.int8]
+    half: Ints
     directions: NDArray[np.int8]
-    friction_scale: Array
-    load_change: Array
+    friction_scale: Floats
+    load_change: Floats
 
 
 class State(NamedTuple):
@@ -83,13 +80,13 @@ class State(NamedTuple):
     ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature.
     """
 
-    c: Array
-    q: Array
-    g: Array
-    w: Array
-    saved_q: Array
-    saved_w: Array
-    wound: Array
+    c: Floats
+    q: Floats
+    g: Floats
+    w: Floats
+    saved_q: Floats
+    saved_w: Floats
+    wound: Floats
 
 
 @inlined
@@ -155,7 +152,7 @@ def held_place(heating: bool, place: float, furthest: float, delay: float, p: Sc
 
 
 @inlined
-def _between(place: float, row: int, step: float, tables: Array) -> tuple[float, float]:
+def _between(place: float, row: int, step: float, tables: Floats) -> tuple[float, float]:
     """Return a table's value and slope at a place in steps from its start; level beyond its ends."""
     last = tables.shape[1] - 1
     if place <= 0.0:
@@ -168,19 +165,19 @@ def _between(place: float, row: int, step: float, tables: Array) -> tuple[float,
 
 
 @inlined
-def table_and_slope(x: float, row: int, p: Scalars, tables: Array) -> tuple[float, float]:
+def table_and_slope(x: float, row: int, p: Scalars, tables: Floats) -> tuple[float, float]:
     """Return :func:`from_table` with its derivative."""
     return _between((x - p["grid_start"]) / p["grid_step"], row, p["grid_step"], tables)
 
 
 @inlined
-def from_table(x: float, row: int, p: Scalars, tables: Array) -> float:
+def from_table(x: float, row: int, p: Scalars, tables: Floats) -> float:
     """Return a table's value at x, held beyond its ends."""
     return table_and_slope(x, row, p, tables)[0]
 
 
 @inlined
-def side_torque(x: float, p: Scalars, tables: Array) -> float:
+def side_torque(x: float, p: Scalars, tables: Floats) -> float:
     """Return what a spring makes beside its phase's torque, at its own angle."""
     if p["side_row"] > 0.0:
         return from_table(x, int(p["side_row"]), p, tables)
@@ -188,13 +185,13 @@ def side_torque(x: float, p: Scalars, tables: Array) -> float:
 
 
 @inlined
-def held_table(x: float, row: int, step: float, tables: Array) -> tuple[float, float]:
+def held_table(x: float, row: int, step: float, tables: Floats) -> tuple[float, float]:
     """Return value and slope of a table that begins at x = 0, held beyond its end."""
     return _between(x / step, row, step, tables)
 
 
 @inlined
-def loading_torque(theta: float, p: Scalars, tables: Array) -> float:
+def loading_torque(theta: float, p: Scalars, tables: Floats) -> float:
     """Return the martensite's loading curve: two slopes, and what it has beside them."""
     torque = p["k_m"] * theta
     if theta > p["theta_cr"]:
@@ -205,7 +202,7 @@ def loading_torque(theta: float, p: Scalars, tables: Array) -> float:
 
 
 @inlined
-def loading_slope(theta: float, p: Scalars, tables: Array) -> float:
+def loading_slope(theta: float, p: Scalars, tables: Floats) -> float:
     """Return the slope of the loading curve."""
     slope = p["k_m"] if theta <= p["theta_cr"] else p["k_s"]
     if p["loading_row"] > 0.0:
@@ -214,7 +211,7 @@ def loading_slope(theta: float, p: Scalars, tables: Array) -> float:
 
 
 @inlined
-def left_by_winding(theta_max: float, p: Scalars, tables: Array) -> float:
+def left_by_winding(theta_max: float, p: Scalars, tables: Floats) -> float:
     """Return the angle that is left of a winding once its torque is gone: what heating can recover.
 
     θ_max less its torque over K_M; what the loading curve has beside its two slopes counts as far as θ_L follows it.
@@ -228,7 +225,7 @@ def left_by_winding(theta_max: float, p: Scalars, tables: Array) -> float:
 
 
 @inlined
-def cold_torque(theta: float, theta_max: float, p: Scalars, tables: Array) -> float:
+def cold_torque(theta: float, theta_max: float, p: Scalars, tables: Floats) -> float:
     """Return the torque of cold martensite: on its loading curve, or unwound elastically from ``theta_max``."""
     if theta >= theta_max:
         return loading_torque(theta, p, tables)
@@ -236,7 +233,7 @@ def cold_torque(theta: float, theta_max: float, p: Scalars, tables: Array) -> fl
 
 
 @inlined
-def friction_torque(theta_a: float, up: bool, p: Scalars, tables: Array) -> float:
+def friction_torque(theta_a: float, up: bool, p: Scalars, tables: Floats) -> float:
     """Return the friction magnitude at θ^A = φ + θ_P/2 for a motion up (φ grows) or down."""
     if p["has_friction"] > 0.0:
         return max(0.0, from_table(theta_a, FRICTION_UP if up else FRICTION_DOWN, p, tables))

@@ -19,7 +19,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.stepping.kernel_laws import (
     FRICTION_DOWN,
@@ -44,8 +43,7 @@ from torsight.actuator.stepping.kernel_laws import (
     window_place,
 )
 from torsight.core.compiled import inlined, lending
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 # Places in c, q and g.
 TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
@@ -61,7 +59,7 @@ _NEWTON_STEPS: Final = 8
 
 
 @inlined
-def held_back(heating: bool, place: float, j: int, c: Array, w: Array, p: Scalars) -> tuple[float, float]:
+def held_back(heating: bool, place: float, j: int, c: Floats, w: Floats, p: Scalars) -> tuple[float, float]:
     """Return the place in the window that latent heat lets a section reach, and how far that follows the sensor's.
 
     s + ℓ ξ'/w = s_T: s_T the place by the sensor, ℓ what is held back per rate, w the window's width. ξ' at the
@@ -77,7 +75,7 @@ def held_back(heating: bool, place: float, j: int, c: Array, w: Array, p: Scalar
 
 
 @inlined
-def section_temp(j: int, c: Array, p: Scalars, sections: Array) -> float:
+def section_temp(j: int, c: Floats, p: Scalars, sections: Floats) -> float:
     """Return the temperature of a section of the active spring's wire."""
     return c[TEMP] - sections[1, j] - sections[2, j] * (c[TEMP] - p["room_c"])
 
@@ -89,7 +87,7 @@ def transformed(heating: bool, before: float, done: float) -> float:
 
 
 @inlined
-def section_at(torque: float, j: int, c: Array, p: Scalars, sections: Array, w: Array) -> tuple[float, float]:
+def section_at(torque: float, j: int, c: Floats, p: Scalars, sections: Floats, w: Floats) -> tuple[float, float]:
     """Return a section's ξ at a torque, advanced only, and how far in the window its transformation has come."""
     heating = c[HEATING] > 0.0
     place = window_place(heating, section_temp(j, c, p, sections), torque, p)
@@ -101,7 +99,7 @@ def section_at(torque: float, j: int, c: Array, p: Scalars, sections: Array, w: 
 
 
 @inlined
-def wire_fraction(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
+def wire_fraction(torque: float, c: Floats, p: Scalars, sections: Floats, w: Floats) -> float:
     """Return the wire's ξ at this torque: each section's law, advanced only."""
     total = 0.0
     for j in range(w.shape[1]):
@@ -110,7 +108,7 @@ def wire_fraction(torque: float, c: Array, p: Scalars, sections: Array, w: Array
 
 
 @lending
-def advance(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> float:
+def advance(torque: float, c: Floats, p: Scalars, sections: Floats, w: Floats) -> float:
     """Set every section to its ξ at this torque and return the wire's."""
     total = 0.0
     for j in range(w.shape[1]):
@@ -120,14 +118,14 @@ def advance(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> f
 
 
 @inlined
-def passive_torque(x: float, c: Array, o: Scalars, tables: Array) -> float:
+def passive_torque(x: float, c: Floats, o: Scalars, tables: Floats) -> float:
     """Return the passive spring's torque where the active one's angle is ``x``."""
     other = o["theta_p"] - x
     return cold_torque(other, c[WOUND], o, tables) * c[FACTOR] + c[OTHER] + c[CROSS] + side_torque(other, o, tables)
 
 
 @inlined
-def speed_friction(x: float, sense: float, c: Array, p: Scalars, tables: Array) -> float:
+def speed_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats) -> float:
     """Return the friction that depends on speed at a sample's end, from the mean speeds over it and the one before.
 
     The backward differentiation formula of second order for steps of any length: the mean speed of one sample is that
@@ -142,7 +140,7 @@ def speed_friction(x: float, sense: float, c: Array, p: Scalars, tables: Array) 
 
 
 @inlined
-def load_torque(x: float, sense: float, scale: float, c: Array, p: Scalars, o: Scalars, tables: Array) -> float:
+def load_torque(x: float, sense: float, scale: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> float:
     """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
 
     −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ; mirrored for B.
@@ -158,13 +156,13 @@ def load_torque(x: float, sense: float, scale: float, c: Array, p: Scalars, o: S
 
 
 @inlined
-def beside(x: float, c: Array, p: Scalars, tables: Array) -> float:
+def beside(x: float, c: Floats, p: Scalars, tables: Floats) -> float:
     """Return what the active spring makes beside its phase's torque: by the sample, and by its angle."""
     return c[OWN] + side_torque(x, p, tables)
 
 
 @inlined
-def made_torque(x: float, xi: float, c: Array, q: Array, p: Scalars, tables: Array) -> float:
+def made_torque(x: float, xi: float, c: Floats, q: Floats, p: Scalars, tables: Floats) -> float:
     """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
 
     That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
@@ -178,7 +176,7 @@ def made_torque(x: float, xi: float, c: Array, q: Array, p: Scalars, tables: Arr
 
 
 @inlined
-def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables: Array, sections: Array) -> float:
+def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
     """Return load less made torque at a trial angle, positive as long as it must slide on."""
     c, q, w = state.c, state.q, state.w
     load = load_torque(x, sense, c[SCALE], c, p, o, tables)
@@ -196,7 +194,7 @@ def tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) -> 
 
 @lending
 def slide(
-    sense: float, guess: float, first: float, state: State, p: Scalars, o: Scalars, tables: Array, sections: Array
+    sense: float, guess: float, first: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
 ) -> float:
     """Return the angle to which the active spring slides in this sample; ``first`` is the excess where it stands.
 
@@ -229,7 +227,7 @@ def slide(
 
 
 @inlined
-def _cold_and_slope(x: float, c: Array, o: Scalars, tables: Array) -> tuple[float, float]:
+def _cold_and_slope(x: float, c: Floats, o: Scalars, tables: Floats) -> tuple[float, float]:
     """Return the torque of the passive spring's cold martensite where the active one's angle is ``x``, and dτ/dx."""
     other = o["theta_p"] - x
     slope = -loading_slope(other, o, tables) if other >= c[WOUND] else -o["k_m"]
@@ -237,7 +235,7 @@ def _cold_and_slope(x: float, c: Array, o: Scalars, tables: Array) -> tuple[floa
 
 
 @inlined
-def _load_and_slope(x: float, sense: float, c: Array, p: Scalars, o: Scalars, tables: Array) -> tuple[float, float]:
+def _load_and_slope(x: float, sense: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> tuple[float, float]:
     """Return :func:`load_torque` with its derivative."""
     other = p["theta_p"] - x
     load, slope = _cold_and_slope(x, c, o, tables)
@@ -278,7 +276,7 @@ def _load_and_slope(x: float, sense: float, c: Array, p: Scalars, o: Scalars, ta
 
 
 @inlined
-def _fraction_and_slope(torque: float, c: Array, p: Scalars, sections: Array, w: Array) -> tuple[float, float, bool]:
+def _fraction_and_slope(torque: float, c: Floats, p: Scalars, sections: Floats, w: Floats) -> tuple[float, float, bool]:
     """Return :func:`wire_fraction` by Liang and Rogers, its derivative, and whether any section advances.
 
     Each section's ξ and place are kept as the trial's.
@@ -308,7 +306,7 @@ def _fraction_and_slope(torque: float, c: Array, p: Scalars, sections: Array, w:
 
 
 @lending
-def glide(c: Array, q: Array, g: Array, w: Array, p: Scalars, o: Scalars, tables: Array, sections: Array) -> bool:
+def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
 
     For Liang–Rogers. Monotone excess: where its root lies on the way that the spring slides, it slides there.
@@ -353,7 +351,9 @@ def glide(c: Array, q: Array, g: Array, w: Array, p: Scalars, o: Scalars, tables
 
 
 @lending
-def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tables: Array, sections: Array) -> float:
+def stick(
+    x: float, total: float, c: Floats, q: Floats, w: Floats, p: Scalars, tables: Floats, sections: Floats
+) -> float:
     """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
     a, fa, b, fb = total, 0.0, total, 0.0
     xi = total
@@ -377,7 +377,7 @@ def stick(x: float, total: float, c: Array, q: Array, w: Array, p: Scalars, tabl
 
 
 @lending
-def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, p: Scalars) -> float:
+def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Floats, p: Scalars) -> float:
     """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
     a, b = xi_from, xi_to
     slope = p["k_m"] - p["k_a"]
@@ -393,7 +393,7 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Array, 
 
 
 @inlined
-def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Array, g: Array, o: Scalars) -> float:
+def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Floats, g: Floats, o: Scalars) -> float:
     """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
     torque = base + (o["k_a"] + xi * (o["k_m"] - o["k_a"])) * angle * (1.0 - xi)
     done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o), o)
@@ -401,7 +401,7 @@ def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Arra
 
 
 @lending
-def crosstalk(theta: float, c: Array, g: Array, o: Scalars, tables: Array) -> float:
+def crosstalk(theta: float, c: Floats, g: Floats, o: Scalars, tables: Floats) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
     base = cold_torque(theta, c[WOUND], o, tables)
     angle = left_by_winding(c[WOUND], o, tables) * o["passive_share"]

@@ -14,20 +14,19 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 LN_100: Final = math.log(100.0)
 
 
-def _liang_rogers(place: Array) -> Array:
+def _liang_rogers(place: Floats) -> Floats:
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.clip(place, 0.0, 1.0)))
 
 
-def _tanaka(place: Array) -> Array:
+def _tanaka(place: Floats) -> Floats:
     return np.asarray(1.0 - np.exp(-LN_100 * np.maximum(0.0, place)))
 
 
-SHARE_DONE: Final[Mapping[str, Callable[[Array], Array]]] = {"liang_rogers": _liang_rogers, "tanaka": _tanaka}
+SHARE_DONE: Final[Mapping[str, Callable[[Floats], Floats]]] = {"liang_rogers": _liang_rogers, "tanaka": _tanaka}
 """The share that is done by each law; before the window none is."""

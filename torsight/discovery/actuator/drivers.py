@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
+from torsight.core.units import Flags, Floats, Ints
 
-Array = NDArray[np.float64]
 
-
-def actuator_drivers(
-    drive: Drive, rows: NDArray[np.int64], angle_deg: Array, rest: NDArray[np.bool_]
-) -> Mapping[str, Array]:
+def actuator_drivers(drive: Drive, rows: Ints, angle_deg: Floats, rest: Flags) -> Mapping[str, Floats]:
     """Return the drivers of the contract at the kept rows.
 
     ``angle_deg`` is the angle (measured or modelled) there, ``rest`` where it stands still. ``direction`` is +1, −1 or
@@ -41,7 +37,7 @@ def actuator_drivers(
     }
 
 
-def _rate(time_s: Array, angle: Array) -> Array:
+def _rate(time_s: Floats, angle: Floats) -> Floats:
     """Return the angle's slope over five seconds to either side, °/s."""
     low = np.searchsorted(time_s, time_s - 5.0)
     high = np.searchsorted(time_s, time_s + 5.0, side="right") - 1
@@ -49,11 +45,11 @@ def _rate(time_s: Array, angle: Array) -> Array:
     return np.where(span > 0.0, (angle[high] - angle[low]) / np.where(span > 0.0, span, 1.0), 0.0)
 
 
-def _since(time_s: Array, *, moving: NDArray[np.bool_]) -> Array:
+def _since(time_s: Floats, *, moving: Flags) -> Floats:
     last = np.maximum.accumulate(np.where(moving, time_s, -np.inf))
     return np.where(np.isfinite(last), time_s - last, time_s - time_s[0])
 
 
-def _last_sign(rate: Array) -> Array:
+def _last_sign(rate: Floats) -> Floats:
     index = np.where(np.abs(rate) > 0.02, np.arange(len(rate)), 0)
     return np.sign(rate[np.maximum.accumulate(index)])

@@ -7,15 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from torsight.actuator.effects import load_effects
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.laws import FAMILIES
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.files.storage import write_text
 from torsight.core.law import LawForm
+from torsight.core.units import Floats
 from torsight.discovery.measured_law import MeasuredLaw
 
 _ID: Final = re.compile(r"[a-z][a-z0-9_]*")
@@ -138,7 +136,7 @@ def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sent
     )
 
 
-def _rows(numbers: NDArray[np.float64]) -> str:
+def _rows(numbers: Floats) -> str:
     """Return numbers with six digits, six to a line."""
     words = [f"{value:.6g}" for value in numbers.tolist()]
     lines = (", ".join(words[i : i + 6]) for i in range(0, len(words), 6))

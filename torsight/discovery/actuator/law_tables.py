@@ -7,17 +7,15 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.laws import between_nodes
 from torsight.core.law import Law
+from torsight.core.units import Floats
 from torsight.core.words.wording import number, variable_name
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import Explanation, joint_covariance
 from torsight.discovery.inference.measure import Measured
 from torsight.discovery.measured_law import MeasuredLaw, numbered
-
-Array = NDArray[np.float64]
 
 _POINTS: Final = 121
 _TEMPERATURES: Final = 4
@@ -30,7 +28,7 @@ class _Scales:
 
     factor: float
     unit: str
-    driver: Callable[[Array], Array]
+    driver: Callable[[Floats], Floats]
 
 
 def measured_laws(
@@ -61,7 +59,7 @@ def _law(
     problem: ActuatorProblem,
     chosen: Explanation,
     item: Measured,
-    spread: Array,
+    spread: Floats,
     shares: Mapping[str, float],
     names: Mapping[str, str],
 ) -> MeasuredLaw:
@@ -101,7 +99,7 @@ def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:
     values = chosen.fit.values
     ahead_deg = 360.0 * problem.drive.turns
     zero_deg = values.get("zero_deg", problem.spec.values.get("zero_deg", 0.0))
-    drivers: dict[str, Callable[[Array], Array]] = {
+    drivers: dict[str, Callable[[Floats], Floats]] = {
         "angle_deg": lambda x: x + ahead_deg + (0.0 if port == "reading" else zero_deg),
         "winding_deg": lambda x: x + 0.5 * problem.spec.values["theta_p_deg"],
         "dwell_s": lambda x: 10.0**x - 1.0,

@@ -17,7 +17,6 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from torsight.actuator.drive import Drive
@@ -26,10 +25,9 @@ from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.interface import Candidate, OptionalMembers, Propose
-
-Array = NDArray[np.float64]
 
 ZERO: Final = "zero_deg"
 _APART_S: Final = 3600.0
@@ -135,7 +133,7 @@ class SeveralRecords(OptionalMembers):
         inner, rows = candidate.propose, self.rows_of(k)
         own_time_s = self.parts[k].time_s
 
-        def propose(_time_s: Array, residual: Array) -> tuple[Mapping[str, float], ...]:
+        def propose(_time_s: Floats, residual: Floats) -> tuple[Mapping[str, float], ...]:
             points = () if inner is None else inner(own_time_s, residual[rows])
             return tuple({own_name(name, k): value for name, value in point.items()} for point in points)
 
@@ -178,28 +176,28 @@ class SeveralRecords(OptionalMembers):
         return (*(place for places in each for place in places), *together)
 
     @cached_property
-    def time_s(self) -> Array:
+    def time_s(self) -> Floats:
         """Film times, later records moved so that they rise."""
         starts = _starts_s([part.drive for part in self.parts])
         return np.concatenate([part.time_s + start for part, start in zip(self.parts, starts, strict=True)])
 
     @cached_property
-    def observed(self) -> Array:
+    def observed(self) -> Floats:
         """Measured angles in degrees."""
         return np.concatenate([part.observed for part in self.parts])
 
     @cached_property
-    def sigma(self) -> Array:
+    def sigma(self) -> Floats:
         """Standard deviations of the measured angles in degrees."""
         return np.concatenate([part.sigma for part in self.parts])
 
     @cached_property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Flags:
         """Where angle and temperatures are known."""
         return np.concatenate([part.valid for part in self.parts])
 
     @cached_property
-    def block(self) -> NDArray[np.int64]:
+    def block(self) -> Ints:
         """Half-cycle of each row, counted through all records."""
         firsts = self.first_halves
         return np.concatenate([part.block + first for part, first in zip(self.parts, firsts, strict=True)])
@@ -211,7 +209,7 @@ class SeveralRecords(OptionalMembers):
         return tuple(int(first) for first in np.cumsum([0, *counts[:-1]]))
 
     @cached_property
-    def record(self) -> NDArray[np.int64]:
+    def record(self) -> Ints:
         """Record of each row, from 0."""
         return np.repeat(np.arange(len(self.parts)), [len(part.time_s) for part in self.parts])
 
@@ -221,17 +219,17 @@ class SeveralRecords(OptionalMembers):
         return slice(int(ends[record]), int(ends[record + 1]))
 
     @cached_property
-    def share(self) -> Array:
+    def share(self) -> Floats:
         """Share of a step that every row stands for."""
         return np.concatenate([part.share for part in self.parts])
 
     @cached_property
-    def rest(self) -> NDArray[np.bool_]:
+    def rest(self) -> Flags:
         """Where the measured angle stands still."""
         return np.concatenate([part.rest for part in self.parts])
 
     @cached_property
-    def drivers(self) -> Mapping[str, Array]:
+    def drivers(self) -> Mapping[str, Floats]:
         """Variables that an effect without a name may depend on."""
         each = [part.drivers for part in self.parts]
         return {name: np.concatenate([drivers[name] for drivers in each]) for name in each[0]}
@@ -264,15 +262,15 @@ class SeveralRecords(OptionalMembers):
         """Return how a parameter of a record's own model is called among those of all."""
         return own_name(name, record) if name in self.own else name
 
-    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the angles in degrees as the cameras would read them."""
         return np.concatenate([part.predict(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
 
-    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what noise left in the temperatures does to the angles, tops of half-cycles apart."""
         return np.concatenate([part.input_noise(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
 
-    def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what one standard deviation of each error that many samples share does to the angles (n, k)."""
         each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
         return np.asarray(block_diag(*each))
@@ -330,7 +328,7 @@ def _joined(drives: Sequence[Drive]) -> Drive:
         springs=tuple(spring for drive in drives for spring in drive.cycles.springs),
     )
 
-    def all_of(of: Callable[[Drive], Array]) -> Array:
+    def all_of(of: Callable[[Drive], Floats]) -> Floats:
         return np.concatenate([of(drive) for drive in drives])
 
     return replace(

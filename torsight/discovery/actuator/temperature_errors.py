@@ -14,14 +14,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.conditioning import NEGLIGIBLE_C
 from torsight.core.series import usual_step
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 _ALIKE_S: Final = 3.0
 _TOP_KNOWN_S: Final = 2.0
@@ -46,8 +44,8 @@ class TemperatureErrors:
         The same and an error of every half-cycle's top.
     """
 
-    smooth_c: tuple[Array, Array]
-    with_tops_c: tuple[Array, Array]
+    smooth_c: tuple[Floats, Floats]
+    with_tops_c: tuple[Floats, Floats]
 
 
 def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureErrors]:
@@ -70,7 +68,7 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     return TemperatureErrors((smooth[0], smooth[1]), (with_tops[0], with_tops[1]))
 
 
-def top_errors(drive: Drive) -> list[tuple[Array, Array]]:
+def top_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
     """Return one standard deviation of every error of a top, for both springs (n,) each; none where negligible."""
     if drive.noise_c <= NEGLIGIBLE_C:
         return []
@@ -78,7 +76,7 @@ def top_errors(drive: Drive) -> list[tuple[Array, Array]]:
     return [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
 
 
-def _tops(drive: Drive) -> Iterator[tuple[int, Array]]:
+def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
     """Give the driven spring of every half-cycle, and one standard deviation of its top's level and of its last rise.
 
     Each is an error (n,) in °C of that spring's temperature.
@@ -97,7 +95,7 @@ def _tops(drive: Drive) -> Iterator[tuple[int, Array]]:
         yield spring, rise
 
 
-def with_errors(drive: Drive, added_c: tuple[Array, Array]) -> Drive:
+def with_errors(drive: Drive, added_c: tuple[Floats, Floats]) -> Drive:
     """Return the drive with errors on its temperatures and on their slopes."""
     slopes = [np.gradient(error, drive.time_s) for error in added_c]
     return replace(

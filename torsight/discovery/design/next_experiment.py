@@ -21,7 +21,7 @@ from torsight.actuator.drive import Drive
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.core.words.wording import effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.programme import Heat, Played, Programme
@@ -32,8 +32,6 @@ from torsight.discovery.inference.fitting import in_parallel
 from torsight.discovery.inference.noise import Scales, Stretches, information
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
-
-Array = NDArray[np.float64]
 
 _ENOUGH: Final = 25.0
 """A programme this many times over the gain at which rivals cease to be rivals is surely enough ..."""
@@ -120,7 +118,7 @@ def next_experiment(
 class _Weighed:
     programme: Programme
     duration_s: float
-    gains: Array
+    gains: Floats
 
     def worth(self, enough: float) -> float:
         """Return what is maximised: the least gain as far as it is needed, a little for more and for being short."""
@@ -179,12 +177,12 @@ class _Planner:
         found = (self._weighed_under(programme, self._drive(programme), refitted=True) for programme in programmes)
         return max(found, key=lambda item: item.worth(self._enough))
 
-    def weigh(self, drive: Drive, *, refitted: bool) -> Array:
+    def weigh(self, drive: Drive, *, refitted: bool) -> Floats:
         """Return the gains (k, k) that a record under these temperatures would give."""
         planned, weight = self._planned(drive)
         gains = refitted_gains if refitted else linear_gains
 
-        def predict(values: Mapping[str, float], rival: Rival) -> Array:
+        def predict(values: Mapping[str, float], rival: Rival) -> Floats:
             return planned.with_laws(rival.forms).predict(values, rival.effects)
 
         return gains(predict, self._rivals, weight)
@@ -248,7 +246,7 @@ class _Planner:
         each = information(Stretches.of(planned), wider, floor)
         return planned, replace(each, shared=known.shared_errors(values, first.effects))
 
-    def _pairs(self, gains: Array) -> list[dict[str, Any]]:
+    def _pairs(self, gains: Floats) -> list[dict[str, Any]]:
         found = []
         for j, second in enumerate(self._rivals):
             for i, first in enumerate(self._rivals[:j]):

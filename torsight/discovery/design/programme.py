@@ -18,8 +18,7 @@ from scipy.signal import lfilter
 
 from torsight.actuator.drive import Drive, Pair, Sensors
 from torsight.actuator.record.segments import HalfCycles, by_role
-
-Array = NDArray[np.float64]
+from torsight.core.units import Floats, Ints
 
 STEP_S: Final = 0.5
 """Rows of a planned log: twice the rate at which a record's corners are still seen (once a second)."""
@@ -164,11 +163,11 @@ class Played:
         Temperature of the room.
     """
 
-    time_s: Array
-    temp_a_c: Array
-    temp_b_c: Array
+    time_s: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
     driven: NDArray[np.int8]
-    half: NDArray[np.int64]
+    half: Ints
     segments: tuple[Mapping[str, Any], ...]
     room_c: float
 
@@ -251,7 +250,7 @@ class _Player:
     def played(self) -> Played:
         """Return what was played, with corners as the sensors turn them."""
         keep = math.exp(-STEP_S / self._heat.rounding_s)
-        temps: list[Array] = [_followed(np.array(one), keep) for one in self._temps]
+        temps: list[Floats] = [_followed(np.array(one), keep) for one in self._temps]
         driven = np.array(self._driven, np.int8)
         half = np.array(self._half, np.int64)
         time_s = STEP_S * np.arange(len(driven), dtype=np.float64)
@@ -283,7 +282,7 @@ class _Player:
         )
 
 
-def _followed(values: Array, keep: float) -> Array:
+def _followed(values: Floats, keep: float) -> Floats:
     """Return what a first-order sensor reads that started in equilibrium."""
     read, _ = lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
     return read.astype(np.float64)  # type: ignore[no-any-return]

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
+from torsight.core.units import Floats
 from torsight.discovery.design.programme import HalfCyclePlan, Heat, Leg, Programme
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +35,7 @@ class Habits:
     middle_c: float
 
     @classmethod
-    def of(cls, drive: Drive, fractions: tuple[Array, Array]) -> Habits:
+    def of(cls, drive: Drive, fractions: tuple[Floats, Floats]) -> Habits:
         """Read them from a record and its model's martensite fractions of A and B."""
         rates: list[float] = []
         tops: list[float] = []

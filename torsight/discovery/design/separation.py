@@ -19,8 +19,9 @@ import numpy as np
 
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import EffectSet, space_of
-from torsight.discovery.inference.solver import Array, jacobian, solve
+from torsight.discovery.inference.solver import jacobian, solve
 from torsight.discovery.inference.weight import Weight
 
 
@@ -45,10 +46,10 @@ class Rival:
     name: EffectSet
     effects: EffectSet
     parameters: tuple[Parameter, ...]
-    x: Array
+    x: Floats
     forms: tuple[LawForm, ...] = ()
 
-    def model(self, predict: Predict) -> Callable[[Array], Array]:
+    def model(self, predict: Predict) -> Callable[[Floats], Floats]:
         """Return the planned record's values as a function of the parameters."""
         names = [p.name for p in self.parameters]
         return lambda x: predict(dict(zip(names, x.tolist(), strict=True)), self)
@@ -59,11 +60,11 @@ class Rival:
         return float(np.sum(space_of(self.parameters).prior_residual(self.x) ** 2))
 
 
-Predict = Callable[[Mapping[str, float], Rival], Array]
+Predict = Callable[[Mapping[str, float], Rival], Floats]
 """From parameter values of a rival to a planned record's values (n,)."""
 
 
-def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight) -> Array:
+def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight) -> Floats:
     """Return by how much each explanation (column) costs more than each that is taken as true (row), (k, k).
 
     NaN on the diagonal, and where the other explanation holds the true one: it would fit as well, and what tells them
@@ -94,7 +95,7 @@ def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight
 
 def refitted_gains(
     predict: Predict, explanations: Sequence[Rival], weight: Weight, *, max_iterations: int = 8
-) -> Array:
+) -> Floats:
     """Return the same as :func:`linear_gains` with every other explanation really refitted."""
     models = [one.model(predict) for one in explanations]
     gains = np.full((len(explanations), len(explanations)), np.nan)
@@ -114,7 +115,7 @@ def refitted_gains(
     return gains
 
 
-def least_gain(gains: Array) -> float:
+def least_gain(gains: Floats) -> float:
     """Return the worst case of all pairs, not below zero; 0 where there is no pair to tell apart."""
     known = gains[np.isfinite(gains)]
     return max(0.0, float(known.min())) if len(known) else 0.0

@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 
 from torsight.core.progress import Progress, silent
+from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.measure import Measured
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.priors import prior_cost
-from torsight.discovery.inference.solver import Array
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
@@ -84,7 +84,7 @@ class Explanation:
         return self.fit.solution.cost
 
     @property
-    def residual(self) -> Array:
+    def residual(self) -> Floats:
         """Measured less model (n,), zero where a sample does not count."""
         return np.nan_to_num(self.fitter.residual(self.fit))
 
@@ -133,7 +133,7 @@ def places_of(problem: Problem, members: Iterable[str]) -> Places:
     return frozenset(place(name) for name in members)
 
 
-def covariance(explanation: Explanation) -> Array:
+def covariance(explanation: Explanation) -> Floats:
     """Return the parameters' covariance (m, m) with every value's own variance over the blocks added to it."""
     found = curvature_spread(explanation)
     plain = np.diag(found)
@@ -141,7 +141,7 @@ def covariance(explanation: Explanation) -> Array:
     return np.asarray(found * np.outer(widened, widened))
 
 
-def predictive_covariance(explanation: Explanation) -> Array:
+def predictive_covariance(explanation: Explanation) -> Floats:
     """Return the parameters' covariance (m, m) as predictions need it.
 
     That of :func:`joint_covariance`, at the discrepancy that the record shows and not the least that a verdict assumes.
@@ -150,7 +150,7 @@ def predictive_covariance(explanation: Explanation) -> Array:
     return _joint(explanation, shown.weight(explanation.residual))
 
 
-def joint_covariance(explanation: Explanation) -> Array:
+def joint_covariance(explanation: Explanation) -> Floats:
     """Return the parameters' covariance (m, m) as curves of several values need it.
 
     By the posterior's curvature; or, along directions in which blocks that are left out move the values further than
@@ -160,7 +160,7 @@ def joint_covariance(explanation: Explanation) -> Array:
     return _joint(explanation, explanation.fitter.weight)
 
 
-def _joint(explanation: Explanation, weight: Weight) -> Array:
+def _joint(explanation: Explanation, weight: Weight) -> Floats:
     """Return the covariance (m, m) of :func:`joint_covariance` at given weights."""
     information = _information(explanation, weight)
     # In coordinates in which the curvature's covariance is one, the larger of one and the blocks' along every axis.
@@ -171,12 +171,12 @@ def _joint(explanation: Explanation, weight: Weight) -> Array:
     return np.asarray(reach @ reach.T)
 
 
-def curvature_spread(explanation: Explanation) -> Array:
+def curvature_spread(explanation: Explanation) -> Floats:
     """Return the covariance (m, m) by the posterior's curvature alone."""
     return np.asarray(np.linalg.inv(_information(explanation, explanation.fitter.weight)))
 
 
-def _information(explanation: Explanation, weight: Weight) -> Array:
+def _information(explanation: Explanation, weight: Weight) -> Floats:
     """Return the posterior's information about the parameters (m, m)."""
     fit, space = explanation.fit, space_of(explanation.fit.parameters)
     derivative = fit.solution.jacobian
@@ -185,7 +185,7 @@ def _information(explanation: Explanation, weight: Weight) -> Array:
     return np.asarray(information)
 
 
-def _between_blocks(explanation: Explanation) -> Array:
+def _between_blocks(explanation: Explanation) -> Floats:
     """Return the jackknife's covariance (m, m) of the values over the blocks; zeros where there is one block only."""
     names = [p.name for p in explanation.fit.parameters]
     if len(block_labels(explanation.fitter.problem)) < 2:

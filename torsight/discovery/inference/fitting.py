@@ -16,7 +16,8 @@ import numpy as np
 
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
-from torsight.discovery.inference.solver import Array, Solution, Space, costs, jacobian, solve
+from torsight.core.units import Floats
+from torsight.discovery.inference.solver import Solution, Space, costs, jacobian, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate, Problem
 
@@ -24,7 +25,7 @@ EffectSet = tuple[str, ...]
 """Ids of the effects that are switched on, in the order of the problem's candidates."""
 
 WORKERS: Final = 2
-_Model = Callable[[Array], Array]
+_Model = Callable[[Floats], Floats]
 _SCOUT_ITERATIONS: Final = 2
 _WORTH: Final = 1.0
 """Decrease of the objective, one unit of information, below which an effect beside a fitted set is not followed."""
@@ -122,7 +123,7 @@ class Fitter:
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         used = self.weight if weight is None else weight
 
-        def run(start: Array | Solution, iterations: int, guess: Array | None = None) -> Solution:
+        def run(start: Floats | Solution, iterations: int, guess: Floats | None = None) -> Solution:
             return solve(
                 model,
                 start,
@@ -142,7 +143,7 @@ class Fitter:
         solutions = [run(scout, max_iterations) if scout.cost - scout.promised < below else scout for scout in kept]
         return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
 
-    def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Array | None:
+    def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Floats | None:
         """Return derivatives at a start from the smaller fit whose parameters it shares."""
         for fit in (near, self.nominal):
             if fit is not None and all(start[name] == value for name, value in fit.values.items()):
@@ -161,7 +162,7 @@ class Fitter:
         at_x = model(x)
         return self.known(effects, x, at_x, jacobian(model, x, at_x=at_x, space=space))
 
-    def known(self, effects: EffectSet, x: Array, prediction: Array, derivative: Array) -> Fit:
+    def known(self, effects: EffectSet, x: Floats, prediction: Floats, derivative: Floats) -> Fit:
         """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""
         observed = np.where(self.weight.each > 0.0, self.problem.observed, 0.0)
         cost, data_cost = costs(observed - prediction, x, weight=self.weight, space=self.space(effects))
@@ -172,7 +173,7 @@ class Fitter:
         """Fit the base model alone, from the priors' means."""
         return self.fit((), [{p.name: p.value for p in self.problem.parameters}])
 
-    def residual(self, fit: Fit) -> Array:
+    def residual(self, fit: Fit) -> Floats:
         """Return measured less model (n,), NaN where a sample does not count."""
         return np.where(self.problem.valid, self.problem.observed - fit.solution.prediction, np.nan)
 
@@ -268,19 +269,19 @@ class AtPoint:
         self._names = names
         self._effects = effects
 
-    def _values(self, x: Array) -> dict[str, float]:
+    def _values(self, x: Floats) -> dict[str, float]:
         return dict(zip(self._names, x.tolist(), strict=True))
 
-    def __call__(self, x: Array) -> Array:
+    def __call__(self, x: Floats) -> Floats:
         """Return the prediction at a point."""
         return self._problem.predict(self._values(x), self._effects)
 
-    def many(self, points: Sequence[Array]) -> list[Array]:
+    def many(self, points: Sequence[Floats]) -> list[Floats]:
         """Return the predictions at several points, at once where the problem can do that."""
         return self._problem.predict_many([self._values(x) for x in points], self._effects)
 
 
-def _columns(fit: Fit, parameters: Sequence[Parameter]) -> Array:
+def _columns(fit: Fit, parameters: Sequence[Parameter]) -> Floats:
     """Return a fit's derivatives for these parameters, NaN for those that it does not have."""
     place = {p.name: j for j, p in enumerate(fit.parameters)}
     derivative = fit.solution.jacobian

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, inlined
+from torsight.core.units import Floats
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.weight import Weight
 
-Array = NDArray[np.float64]
 MOTION: Final = 0
 REST: Final = 1
 OPENING: Final = 2
@@ -58,22 +58,22 @@ class Likelihood:
         What one standard deviation of every error does that many samples share.
     """
 
-    count: Array
-    floor: Array
+    count: Floats
+    floor: Floats
     kind: NDArray[np.int8]
     correlation_samples: float
     least: float
-    shared: Array
+    shared: Floats
 
     @classmethod
     def of(
         cls,
         stretches: Stretches,
-        floor: Array,
+        floor: Floats,
         correlation_samples: float,
         *,
         least: float = 0.0,
-        shared: Array | None = None,
+        shared: Floats | None = None,
     ) -> Likelihood:
         """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion."""
         kind = np.full(len(floor), MOTION, np.int8)
@@ -95,26 +95,26 @@ class Likelihood:
         return Likelihood(self.count[rows], self.floor[rows], self.kind[rows], *whole, self.shared[rows])
 
     @property
-    def noise(self) -> Array:
+    def noise(self) -> Floats:
         """Standard deviation (n,) that the inputs account for, shared errors and others."""
         return np.asarray(np.sqrt(self.floor**2 + np.sum(self.shared**2, axis=1)))
 
-    def variance(self, residual: Array) -> Array:
+    def variance(self, residual: Floats) -> Floats:
         """Return the variance (n,) of every sample, shared errors and the discrepancy's most probable size in it."""
         return np.asarray(self._variance(self.left(residual)) + np.sum(self.shared**2, axis=1))
 
-    def left(self, residual: Array) -> Array:
+    def left(self, residual: Floats) -> Floats:
         """Return a residual less what its most probable shared errors do (n,)."""
         return np.asarray(residual - self.shared @ self.weight(residual).errors(residual))
 
-    def discrepancy(self, residual: Array) -> Array:
+    def discrepancy(self, residual: Floats) -> Floats:
         """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
         return self._discrepancy(self.left(residual))
 
-    def _variance(self, left: Array) -> Array:
+    def _variance(self, left: Floats) -> Floats:
         return np.asarray(self.floor**2 + 1e-30 + self._discrepancy(left)[self.kind] ** 2)
 
-    def _discrepancy(self, left: Array) -> Array:
+    def _discrepancy(self, left: Floats) -> Floats:
         """Return the sizes for what shared errors leave."""
         sizes = np.zeros(3)
         for kind in (MOTION, REST, OPENING):
@@ -124,17 +124,17 @@ class Likelihood:
                 sizes[kind] = discrepancy(left[rows] ** 2, square, self.count[rows], self.least**2)
         return np.sqrt(np.maximum(sizes, self.least**2))
 
-    def log(self, residual: Array) -> float:
+    def log(self, residual: Floats) -> float:
         """Return the logarithm of the likelihood, up to a constant."""
         return self.log_at(self.weight(residual), residual)
 
-    def log_at(self, weight: Weight, residual: Array) -> float:
+    def log_at(self, weight: Weight, residual: Floats) -> float:
         """Return the same where the residual's own weight is known."""
         rows = self.count > 0.0
         spread = float(self.count[rows] @ np.log(self.count[rows] / weight.each[rows]))
         return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
 
-    def promise(self, residual: Array) -> float:
+    def promise(self, residual: Floats) -> float:
         """Return by how much the logarithm would grow if nothing but what the inputs account for were left.
 
         In motion, at rest, in opening blocks, and of the shared errors, each by itself: what one has to spare, another
@@ -152,7 +152,7 @@ class Likelihood:
             gain += float(count @ np.log(count / each / least))
         return 0.5 * gain
 
-    def weight(self, residual: Array) -> Weight:
+    def weight(self, residual: Floats) -> Weight:
         """Return the information in a residual, with discrepancy and shared errors at their most probable values."""
         errors = np.zeros(self.shared.shape[1])
         for _ in range(_ROUNDS):
@@ -165,7 +165,7 @@ class Likelihood:
 
 
 @inlined
-def _scored(size: float, square: Array, floor: Array, count: Array) -> float:
+def _scored(size: float, square: Floats, floor: Floats, count: Floats) -> float:
     """Return the next size s² of Fisher's scoring; it is larger than this one where the likelihood rises."""
     above = whole = 0.0
     for i in range(square.size):
@@ -176,7 +176,7 @@ def _scored(size: float, square: Array, floor: Array, count: Array) -> float:
 
 
 @compiled
-def discrepancy(square: Array, floor: Array, count: Array, least: float) -> float:
+def discrepancy(square: Floats, floor: Floats, count: Floats, least: float) -> float:
     """Return the discrepancy s² at the maximum of the likelihood, or the least where that is less.
 
     ``square`` (n,) are the residuals' squares, ``floor`` the variances that the inputs account for, ``count`` how much

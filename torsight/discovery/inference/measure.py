@@ -15,19 +15,17 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
 from torsight.core.law import Law, LawForm
+from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.priors import outlier_precision, prior_cost_of
 from torsight.discovery.inference.solver import TRUSTED, Slopes, Space
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
-
-Array = NDArray[np.float64]
 
 SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """Sizes that are tried, in scales of the law: three decades in steps of a half."""
@@ -72,8 +70,8 @@ class Measured:
     form: LawForm
     kernel: str
     values: Mapping[str, float]
-    prediction: Array
-    derivative: Array
+    prediction: Floats
+    derivative: Floats
     log_evidence: float
     size: float
     bank: float
@@ -88,7 +86,7 @@ class _Bank:
 
     law: Law
     units: tuple[LawForm, ...]
-    log_prior: Array
+    log_prior: Floats
 
     @classmethod
     def of(cls, law: Law) -> _Bank:
@@ -110,7 +108,7 @@ def measure_law(
     effects: EffectSet = (),
     likelihood: Likelihood,
     iterations: int = ITERATIONS,
-    known: Mapping[str, Array] | None = None,
+    known: Mapping[str, Floats] | None = None,
 ) -> Measured:
     """Measure a law beside the base model and a set of effects.
 
@@ -158,16 +156,16 @@ class _Measurement:
         self._bank = _Bank.of(law)
         self._observed = np.where(likelihood.count > 0.0, problem.observed, 0.0)
 
-    def _residual(self, at_u: Array) -> Array:
+    def _residual(self, at_u: Floats) -> Floats:
         return np.where(self._likelihood.count > 0.0, self._observed - at_u, 0.0)
 
-    def _prior(self, u: Array, precision: Array) -> float:
+    def _prior(self, u: Floats, precision: Floats) -> float:
         """Return the priors' logarithm at a point: the parameters', and the law's under one member."""
         m = len(self._names)
         f = u[m:]
         return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
 
-    def run(self, start: Mapping[str, float], iterations: int, known: Mapping[str, Array]) -> Measured:
+    def run(self, start: Mapping[str, float], iterations: int, known: Mapping[str, Floats]) -> Measured:
         """Step from a start until nothing is gained."""
         m, k = len(self._names), len(self._law.nodes)
         u = np.zeros(m + k)
@@ -188,7 +186,7 @@ class _Measurement:
             slopes.move(u, at_u, trusted=gained > TRUSTED * promised)
         return self._measured(slopes)
 
-    def _guess(self, known: Mapping[str, Array]) -> Array | None:
+    def _guess(self, known: Mapping[str, Floats]) -> Floats | None:
         """Return the derivatives that are known as columns, NaN for the others; None where none is."""
         if not known:
             return None
@@ -196,11 +194,11 @@ class _Measurement:
         columns = [known.get(name, missing) for name in self._names]
         return np.column_stack([*columns, *(missing for _ in self._law.nodes)])
 
-    def _value(self, at_u: Array, u: Array, precision: Array) -> float:
+    def _value(self, at_u: Floats, u: Floats, precision: Floats) -> float:
         """Return the posterior density's logarithm at a point under one member."""
         return self._likelihood.log(self._residual(at_u)) + self._prior(u, precision)
 
-    def _towards(self, u: Array, target: Array, now: float, precision: Array) -> tuple[float, Array, Array] | None:
+    def _towards(self, u: Floats, target: Floats, now: float, precision: Floats) -> tuple[float, Floats, Floats] | None:
         step = 1.0
         for _ in range(_HALVINGS):
             trial = u + step * (target - u)
@@ -211,7 +209,7 @@ class _Measurement:
             step *= 0.4
         return None
 
-    def _picture(self, slopes: Slopes, at_u: Array | None = None, u: Array | None = None) -> _Picture:
+    def _picture(self, slopes: Slopes, at_u: Floats | None = None, u: Floats | None = None) -> _Picture:
         """Return the linear model at the slopes' point, or at one so near that its derivatives are the same."""
         u = slopes.x if u is None else u
         residual = self._residual(slopes.at_x if at_u is None else at_u)
@@ -246,22 +244,22 @@ class _Picture:
     mean of the parameters and of the law's values under it.
     """
 
-    evidence: Array
-    occam: Array
+    evidence: Floats
+    occam: Floats
     place: tuple[int, int]
     form: LawForm
-    mean: Array
+    mean: Floats
 
     @classmethod
     def of(
         cls,
-        derivative: Array,
-        residual: Array,
+        derivative: Floats,
+        residual: Floats,
         weight: Weight,
         *,
-        u: Array,
+        u: Floats,
         space: Space,
-        information: Array,
+        information: Floats,
         bank: _Bank,
     ) -> _Picture:
         r"""Work out evidence and posterior mean of every member.
@@ -329,7 +327,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     return total
 
 
-def prior_information(space: Space, x: Array, base: int) -> Array:
+def prior_information(space: Space, x: Floats, base: int) -> Floats:
     """Return one over the variances (m,) of the priors at a point.
 
     A base value without a prior is free; an effect's is known to its order of magnitude (:func:`log_evidence`).
@@ -341,13 +339,13 @@ def prior_information(space: Space, x: Array, base: int) -> Array:
     return information
 
 
-def _precision(basis: Array) -> Array:
+def _precision(basis: Floats) -> Floats:
     """Return the inverse (k, k) of a basis's covariance, on its span."""
     inverse = np.linalg.pinv(basis)
     return np.asarray(inverse.T @ inverse)
 
 
-def _projected(u: Array, names: int, form: LawForm) -> Array:
+def _projected(u: Floats, names: int, form: LawForm) -> Floats:
     """Return a point whose law is the nearest that a form can make."""
     out = u.copy()
     out[names:] = form.basis @ np.linalg.lstsq(form.basis, u[names:])[0]

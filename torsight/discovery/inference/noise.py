@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.series import correlation_time, scatter
+from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
-
-Array = NDArray[np.float64]
 
 _LEAST_PIECE: Final = 16
 """Samples of a piece from which its noise is measured: the median of 13 third differences knows it to a third, one over
@@ -43,11 +41,11 @@ class Stretches:
         How much of a sample every sample counts as in motion; less than one where they lie closer than usual.
     """
 
-    start: NDArray[np.int64]
-    stop: NDArray[np.int64]
-    rest: NDArray[np.bool_]
-    opening: NDArray[np.bool_]
-    share: Array
+    start: Ints
+    stop: Ints
+    rest: Flags
+    opening: Flags
+    share: Floats
 
     @classmethod
     def of(cls, problem: Problem) -> Stretches:
@@ -63,7 +61,7 @@ class Stretches:
         share = np.asarray(problem.share, np.float64)
         return cls(start[keep], stop[keep], rest[start[keep]], opening, share)
 
-    def counts(self, correlation_samples: float) -> Array:
+    def counts(self, correlation_samples: float) -> Floats:
         """Return the pieces of information (n,) that samples count as; one in all in a rest, or at least in motion."""
         found = np.zeros(len(self.share))
         for a, b, rest in zip(self.start, self.stop, self.rest, strict=True):
@@ -98,14 +96,14 @@ class Scales:
     correlation_samples: float
 
 
-def _whole_samples(residual: Array, share: Array) -> Array:
+def _whole_samples(residual: Floats, share: Floats) -> Floats:
     """Return means over as many neighbours as make up one whole sample."""
     starts = np.flatnonzero(np.diff(np.floor(np.cumsum(share) - 0.5 * share), prepend=-1.0))
-    weighed: Array = np.add.reduceat(residual * share, starts) / np.add.reduceat(share, starts)
+    weighed: Floats = np.add.reduceat(residual * share, starts) / np.add.reduceat(share, starts)
     return weighed
 
 
-def correlation_samples(residual: Array, stretches: Stretches) -> float:
+def correlation_samples(residual: Floats, stretches: Stretches) -> float:
     """Return the integrated correlation time of a residual in motion, in whole samples (at least 1)."""
     return correlation_time(
         [
@@ -116,7 +114,7 @@ def correlation_samples(residual: Array, stretches: Stretches) -> float:
     )
 
 
-def residual_scales(residual: Array, stretches: Stretches, floor: Array) -> Scales:
+def residual_scales(residual: Floats, stretches: Stretches, floor: Floats) -> Scales:
     """Return what has to be added to the floor to account for a residual, in motion and at rest.
 
     Each is the standard deviation s for which the mean of r² / (floor² + s²) is one.
@@ -132,7 +130,7 @@ def residual_scales(residual: Array, stretches: Stretches, floor: Array) -> Scal
     )
 
 
-def _excess(residual: Array, floor: Array) -> float:
+def _excess(residual: Floats, floor: Floats) -> float:
     """Return s with mean(r² / (floor² + s²)) = 1, or 0 where the floor already accounts for the residual."""
     if not len(residual):
         return 0.0
@@ -149,7 +147,7 @@ def _excess(residual: Array, floor: Array) -> float:
     return float(np.sqrt(high))
 
 
-def information(stretches: Stretches, scales: Scales, floor: Array) -> Weight:
+def information(stretches: Stretches, scales: Scales, floor: Floats) -> Weight:
     """Return 1 / (σ² τ) per sample with σ² = floor² + scale², zero where it does not count; no error is shared."""
     size = np.full(len(floor), scales.motion)
     for a, b in stretches.split()[0]:
@@ -164,7 +162,7 @@ def first_scales(problem: Problem, stretches: Stretches) -> Scales:
     return Scales(motion=size, rest=size, correlation_samples=max(1.0, float(lengths.mean() * _FIRST_TIME_SHARE)))
 
 
-def reading_noise(problem: Problem, stretches: Stretches, residual: Array) -> float:
+def reading_noise(problem: Problem, stretches: Stretches, residual: Floats) -> float:
     """Return the standard deviation of the reading noise, measured from the record.
 
     At rests from the measured values, which do not move there; where the record never rests from a fit's residual,

@@ -17,15 +17,15 @@ from typing import Final
 
 import numpy as np
 
+from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import Fit, space_of
-from torsight.discovery.inference.solver import Array
 from torsight.discovery.interface import Problem
 
 _WRONG_SHARE: Final = 0.02
 _WRONG_SIGMAS: Final = 10.0
 
 
-def outlier_cost(sigmas: Array) -> Array:
+def outlier_cost(sigmas: Floats) -> Floats:
     """Return minus twice the logarithm of the density at a distance, relative to that at the mean."""
     square = np.asarray(sigmas, np.float64) ** 2
     narrow = np.log1p(-_WRONG_SHARE) - 0.5 * square
@@ -34,7 +34,7 @@ def outlier_cost(sigmas: Array) -> Array:
     return np.asarray(2.0 * (at_mean - np.logaddexp(narrow, wide)))
 
 
-def outlier_precision(sigmas: Array) -> Array:
+def outlier_precision(sigmas: Floats) -> Floats:
     """Return the precision of the normal distribution that stands for the mixture at a distance, mean kept.
 
     Half the slope of :func:`outlier_cost` over the distance, as iteratively reweighted least squares takes it.
@@ -51,6 +51,6 @@ def prior_cost(problem: Problem, fit: Fit) -> float:
     return prior_cost_of(space_of(fit.parameters).prior_residual(fit.solution.x), len(problem.parameters))
 
 
-def prior_cost_of(sigmas: Array, base: int) -> float:
+def prior_cost_of(sigmas: Floats, base: int) -> float:
     """Return the cost of distances in standard deviations, of which the first ``base`` are base values."""
     return float(np.sum(outlier_cost(sigmas[:base])) + np.sum(sigmas[base:] ** 2))

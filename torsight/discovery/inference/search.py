@@ -16,6 +16,7 @@ import numpy as np
 
 from torsight.core.law import Law
 from torsight.core.progress import Progress
+from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation, Field, Places, places_of
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.inference.likelihood import Likelihood
@@ -29,7 +30,6 @@ from torsight.discovery.inference.noise import (
     residual_scales,
 )
 from torsight.discovery.inference.priors import prior_cost
-from torsight.discovery.inference.solver import Array
 from torsight.discovery.interface import Problem
 from torsight.discovery.settings import Settings
 
@@ -151,7 +151,7 @@ class Search:
         """Return the posterior density's logarithm at an explanation's optimum."""
         return _value(explanation.likelihood, explanation.fitter.problem, explanation.fit)
 
-    def _reading_noise(self, problem: Problem, fit: Fit) -> Array:
+    def _reading_noise(self, problem: Problem, fit: Fit) -> Floats:
         """Return the reading noise (n,), from what a fit leaves where the problem does not know it."""
         if problem.sigma[problem.valid].any():
             return problem.sigma
@@ -377,7 +377,7 @@ def _with(members: EffectSet, name: str) -> EffectSet:
     return tuple(sorted((*members, name)))
 
 
-def _weighted(likelihood: Likelihood, problem: Problem, prediction: Array) -> Fitter:
+def _weighted(likelihood: Likelihood, problem: Problem, prediction: Floats) -> Fitter:
     """Return a fitter with the weights that what a prediction leaves has under a likelihood."""
     return Fitter(problem, likelihood.weight(_left(problem, prediction)))
 
@@ -392,6 +392,6 @@ def _value(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
     return likelihood.log(_left(problem, fit.solution.prediction)) - 0.5 * prior_cost(problem, fit)
 
 
-def _left(problem: Problem, prediction: Array) -> Array:
+def _left(problem: Problem, prediction: Floats) -> Floats:
     """Return measured less predicted (n,), zero where a sample does not count."""
     return np.where(problem.valid, problem.observed - prediction, 0.0)

@@ -14,13 +14,10 @@ from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.weight import Weight
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 STEP_SHARE: Final = 0.02
 """Difference step as a share of a parameter's scale."""
@@ -43,22 +40,22 @@ _FAR: Final = 2.0
 class Space:
     """The parameters of a fit as arrays, all (m,): bounds, scale and prior (infinite deviation: none)."""
 
-    lower: Array
-    upper: Array
-    scale: Array
-    prior_mean: Array
-    prior_sigma: Array
+    lower: Floats
+    upper: Floats
+    scale: Floats
+    prior_mean: Floats
+    prior_sigma: Floats
 
-    def clip(self, x: Array) -> Array:
+    def clip(self, x: Floats) -> Floats:
         """Return the nearest point within the bounds."""
         return np.clip(x, self.lower, self.upper)
 
-    def prior_residual(self, x: Array) -> Array:
+    def prior_residual(self, x: Floats) -> Floats:
         """Return the distance from the priors in standard deviations."""
         return (x - self.prior_mean) / self.prior_sigma
 
     @property
-    def prior_information(self) -> Array:
+    def prior_information(self) -> Floats:
         """One over the priors' variances."""
         return 1.0 / self.prior_sigma**2
 
@@ -85,9 +82,9 @@ class Solution:
         Decrease of the objective that a further step promises.
     """
 
-    x: Array
-    prediction: Array
-    jacobian: Array
+    x: Floats
+    prediction: Floats
+    jacobian: Floats
     cost: float
     data_cost: float
     converged: bool
@@ -99,13 +96,13 @@ class Solution:
 class AtOnce(Protocol):
     """A function that can be worked out at several points at once."""
 
-    def many(self, points: Sequence[Array]) -> list[Array]:
+    def many(self, points: Sequence[Floats]) -> list[Floats]:
         """Return its values (n,) at points (m,)."""
 
 
 def jacobian(
-    function: Callable[[Array], Array], x: Array, *, at_x: Array, space: Space, guess: Array | None = None
-) -> Array:
+    function: Callable[[Floats], Floats], x: Floats, *, at_x: Floats, space: Space, guess: Floats | None = None
+) -> Floats:
     """Return one-sided difference derivatives (n, m); ``at_x`` is ``function(x)``; columns of a guess are kept."""
     columns = np.full((len(at_x), len(x)), np.nan) if guess is None else guess.copy()
     steps: dict[int, float] = {}
@@ -122,26 +119,26 @@ def jacobian(
     return columns
 
 
-def at_all(function: Callable[[Array], Array], points: Sequence[Array]) -> list[Array]:
+def at_all(function: Callable[[Floats], Floats], points: Sequence[Floats]) -> list[Floats]:
     """Return the function at several points."""
     return function.many(points) if isinstance(function, AtOnce) else [function(point) for point in points]
 
 
-def costs(residual: Array, x: Array, *, weight: Weight, space: Space) -> tuple[float, float]:
+def costs(residual: Floats, x: Floats, *, weight: Weight, space: Space) -> tuple[float, float]:
     """Return the objective and its data part."""
     data = weight.square(residual)
     return data + float(np.sum(space.prior_residual(x) ** 2)), data
 
 
 def solve(
-    function: Callable[[Array], Array],
-    start: Array | Solution,
+    function: Callable[[Floats], Floats],
+    start: Floats | Solution,
     *,
-    observed: Array,
+    observed: Floats,
     weight: Weight,
     space: Space,
     max_iterations: int = 12,
-    guess: Array | None = None,
+    guess: Floats | None = None,
     rough: bool = False,
 ) -> Solution:
     """Find the optimum next to ``start``.
@@ -172,8 +169,8 @@ def solve(
     damping, converged = 1e-3, False
     held = np.zeros(len(slopes.x), bool)
 
-    def holds_another(curvature: Array) -> bool:
-        def cost_at(x: Array) -> float:
+    def holds_another(curvature: Floats) -> bool:
+        def cost_at(x: Floats) -> float:
             return costs(y - function(x), x, weight=weight, space=space)[0]
 
         kinked = _kinks(cost_at, slopes.x, cost=cost, curvature=curvature, space=space) & ~held
@@ -213,7 +210,7 @@ def solve(
     return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved, promised)
 
 
-def _promised(slopes: Slopes, y: Array, *, weight: Weight, space: Space) -> float:
+def _promised(slopes: Slopes, y: Floats, *, weight: Weight, space: Space) -> float:
     """Return the decrease of the objective that an undamped step promises."""
     normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
     return _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
@@ -224,11 +221,11 @@ class Slopes:
 
     def __init__(
         self,
-        function: Callable[[Array], Array],
+        function: Callable[[Floats], Floats],
         space: Space,
-        start: Array | Solution,
+        start: Floats | Solution,
         *,
-        guess: Array | None = None,
+        guess: Floats | None = None,
     ) -> None:
         self._function = function
         self._space = space
@@ -242,7 +239,7 @@ class Slopes:
             # Derivatives of a smaller model are taken anew as soon as they fail.
             self.moved = 0.0 if guess is None else _NEAR
 
-    def move(self, x: Array, at_x: Array, *, trusted: bool) -> None:
+    def move(self, x: Floats, at_x: Floats, *, trusted: bool) -> None:
         """Go to another point; Broyden's update where the derivatives have proven right, differences elsewhere."""
         step = (x - self.x) / self._space.scale
         moved = float(np.max(np.abs(step)))
@@ -263,7 +260,7 @@ class Slopes:
         return True
 
 
-def linear_change(columns: Array, residual: Array, *, weight: Weight, information: Array, centre: Array) -> Array:
+def linear_change(columns: Floats, residual: Floats, *, weight: Weight, information: Floats, centre: Floats) -> Floats:
     """Return the coefficients (k,) of columns (n, k) that explain a residual best.
 
     ``information`` (k,) is one over the variance of each coefficient's prior, ``centre`` (k,) its mean.
@@ -273,14 +270,14 @@ def linear_change(columns: Array, residual: Array, *, weight: Weight, informatio
     return np.asarray(np.linalg.solve(weighted.T @ columns + np.diag(information), side))
 
 
-def _normal(derivative: Array, residual: Array, x: Array, *, weight: Weight, space: Space) -> tuple[Array, Array]:
+def _normal(derivative: Floats, residual: Floats, x: Floats, *, weight: Weight, space: Space) -> tuple[Floats, Floats]:
     weighted = weight.times(derivative)
     normal = derivative.T @ weighted
     normal[np.diag_indices_from(normal)] += space.prior_information
     return normal, weighted.T @ residual - space.prior_information * (x - space.prior_mean)
 
 
-def _kinks(cost_at: Callable[[Array], float], x: Array, *, cost: float, curvature: Array, space: Space) -> Flags:
+def _kinks(cost_at: Callable[[Floats], float], x: Floats, *, cost: float, curvature: Floats, space: Space) -> Flags:
     """Return the parameters (m,) from which the objective rises on both sides by more than its curvature."""
     found = np.zeros(len(x), bool)
     for j, step in enumerate(STEP_SHARE * space.scale):
@@ -293,19 +290,19 @@ def _kinks(cost_at: Callable[[Array], float], x: Array, *, cost: float, curvatur
     return found
 
 
-def _hold(normal: Array, gradient: Array, held: Flags, *, space: Space) -> None:
+def _hold(normal: Floats, gradient: Floats, held: Flags, *, space: Space) -> None:
     """Change normal equations so that some parameters stay where they are."""
     normal[held, :] = normal[:, held] = 0.0
     normal[held, held] = 1.0 / space.scale[held] ** 2
     gradient[held] = 0.0
 
 
-def _step(normal: Array, gradient: Array, x: Array, *, damping: float, space: Space) -> tuple[Array, float]:
+def _step(normal: Floats, gradient: Floats, x: Floats, *, damping: float, space: Space) -> tuple[Floats, float]:
     """Return the damped step that stays within the bounds, and the decrease that it promises."""
     # 1/scale² keeps a direction that the record says nothing about from running away.
     ridge = damping * (np.diag(normal) + 1e-6 / space.scale**2) + 1e-9 / space.scale**2
     matrix = normal + np.diag(ridge)
-    step: Array = np.asarray(np.linalg.solve(matrix, gradient), np.float64)
+    step: Floats = np.asarray(np.linalg.solve(matrix, gradient), np.float64)
     if np.any(x + step < space.lower) or np.any(x + step > space.upper):
         # The quadratic within a box, in units of the scales, as a bounded linear least-squares problem.
         root = np.linalg.cholesky(matrix * np.outer(space.scale, space.scale))

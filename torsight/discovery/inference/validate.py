@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from torsight.core.progress import Progress, silent
+from torsight.core.units import Floats, Ints
 from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.measure import prior_information
-from torsight.discovery.inference.solver import Array
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
@@ -44,20 +43,18 @@ class HeldOut:
         What one standard deviation of the values does to the block that they were fitted without, one column each.
     """
 
-    residual: Array
+    residual: Floats
     rms: float
     folds: tuple[tuple[int, dict[str, float]], ...]
-    unsure: Array
+    unsure: Floats
 
 
-def block_labels(problem: Problem) -> NDArray[np.int64]:
+def block_labels(problem: Problem) -> Ints:
     """Return the labels of the blocks that hold valid samples."""
     return np.unique(problem.block[problem.valid])
 
 
-def held_out_by_refit(
-    fitter: Fitter, fit: Fit, *, block: NDArray[np.int64] | None = None, progress: Progress = silent
-) -> HeldOut:
+def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, progress: Progress = silent) -> HeldOut:
     """Predict every block from the others, with a full refit per block; ``progress`` is told after each.
 
     ``block`` (n,) takes the place of the problem's own blocks, for larger ones such as whole records.
@@ -66,13 +63,13 @@ def held_out_by_refit(
     block = problem.block if block is None else block
     labels = np.unique(block[problem.valid])
 
-    def without(label: int) -> tuple[Fit, Array]:
+    def without(label: int) -> tuple[Fit, Floats]:
         weight = fitter.weight.only(block != label)
         kept = _unforetold(fitter, fit, weight)
         spread = _spread(fit, weight, kept, base=len(problem.parameters))
         return fitter.refit(fit, weight=weight, kept=kept, rough=True), spread
 
-    fits: list[tuple[Fit, Array]] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
+    fits: list[tuple[Fit, Floats]] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
     left, unsure = np.zeros(len(problem.observed)), []
     for label, (fold, spread) in zip(labels, fits, strict=True):
         rows = (block == label) & problem.valid
@@ -83,7 +80,7 @@ def held_out_by_refit(
     return HeldOut(np.where(problem.valid, left, np.nan), rms, folds, np.hstack(unsure))
 
 
-def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Array:
+def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
     """Return what one standard deviation of the values does (n, m), as the samples that count tell them.
 
     The first ``base`` of the values are the base model's.

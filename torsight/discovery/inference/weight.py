@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-Array = NDArray[np.float64]
+from torsight.core.units import Flags, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,21 +34,21 @@ class Weight:
         What one standard deviation of every shared error does to the samples.
     """
 
-    each: Array
-    shared: Array
+    each: Floats
+    shared: Floats
 
     @classmethod
-    def of(cls, each: Array) -> Weight:
+    def of(cls, each: Floats) -> Weight:
         """Return the weight of samples that share no error."""
         return cls(each, np.zeros((len(each), 0)))
 
     @cached_property
-    def _weighted(self) -> Array:
+    def _weighted(self) -> Floats:
         return self.shared * self.each[:, None]
 
     @cached_property
-    def _factor(self) -> tuple[Array, bool]:
-        factor: tuple[Array, bool] = cho_factor(np.eye(self.shared.shape[1]) + self.shared.T @ self._weighted)
+    def _factor(self) -> tuple[Floats, bool]:
+        factor: tuple[Floats, bool] = cho_factor(np.eye(self.shared.shape[1]) + self.shared.T @ self._weighted)
         return factor
 
     @property
@@ -62,23 +61,23 @@ class Weight:
         """Logarithm of the determinant of 1 + Jᵀ w J: what the shared errors may take up costs as much."""
         return 0.0 if self.alone else 2.0 * float(np.sum(np.log(np.diag(self._factor[0]))))
 
-    def errors(self, residual: Array) -> Array:
+    def errors(self, residual: Floats) -> Floats:
         """Return the most probable shared errors (k,) behind a residual, in their standard deviations."""
         return np.zeros(0) if self.alone else np.asarray(cho_solve(self._factor, self._weighted.T @ residual))
 
-    def square(self, residual: Array) -> float:
+    def square(self, residual: Floats) -> float:
         """Return the objective of a residual."""
         plain = float(self.each @ residual**2)
         return plain if self.alone else plain - float((self._weighted.T @ residual) @ self.errors(residual))
 
-    def times(self, columns: Array) -> Array:
+    def times(self, columns: Floats) -> Floats:
         """Return W times columns (n, m)."""
         plain = columns * self.each[:, None]
         if self.alone:
             return plain
         return np.asarray(plain - self._weighted @ cho_solve(self._factor, self._weighted.T @ columns))
 
-    def only(self, rows: NDArray[np.bool_]) -> Weight:
+    def only(self, rows: Flags) -> Weight:
         """Return the weight with nothing but these rows (n,) counted."""
         return Weight(np.where(rows, self.each, 0.0), self.shared)
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.series import scatter
+from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import AtPoint, Fit, Fitter
 from torsight.discovery.inference.solver import STEP_SHARE, Solution, Space, solve
 from torsight.discovery.inference.weight import Weight
@@ -27,8 +27,6 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Values
 from torsight.discovery.own.own_records import Record
-
-Array = NDArray[np.float64]
 
 _STRETCHES: Final = 64
 """Stretches of a record over which differential equations are fitted first ..."""
@@ -80,7 +78,7 @@ def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
     times, space, found = problem.times(), fitter.space(()), stretched.solution
     since = problem.layout.spread([one - one[0] for one in times])
 
-    def left_open(at: Solution, weight: Weight) -> Array:
+    def left_open(at: Solution, weight: Weight) -> Floats:
         known = at.jacobian.T @ weight.times(at.jacobian) + np.diag(space.scale**-2.0)
         return np.sqrt(np.diag(np.linalg.inv(known)))
 
@@ -125,7 +123,7 @@ def begun_anew(problem: ModelProblem, stretched: Stretched, length_s: float) -> 
 
 
 def _of_an_error(
-    problem: ModelProblem, ode: Ode, values: dict[str, float], *, noise: Array, length_s: float
+    problem: ModelProblem, ode: Ode, values: dict[str, float], *, noise: Floats, length_s: float
 ) -> tuple[float, float]:
     """Return what an error of the noise's size in every reading does to stretches that begin with it, in that size.
 
@@ -167,6 +165,6 @@ def shortest_s(problem: ModelProblem) -> float:
     return max(_span_s(problem) / _STRETCHES, _LEAST_ROWS * row)
 
 
-def _solved(over: ModelProblem, x: Array, weight: Weight, within: Space) -> Solution:
+def _solved(over: ModelProblem, x: Floats, weight: Weight, within: Space) -> Solution:
     at = AtPoint(over, [p.name for p in over.parameters], ())
     return solve(at, x, observed=over.observed, weight=weight, space=within, max_iterations=20)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table
+from torsight.core.units import Floats
 from torsight.discovery.own.model.values import ByName
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 else:
     Table = Any
 
-Array = NDArray[np.float64]
 
 _TIMES: Final = ("time_s", "time", "t_s", "t")
 """Names under which a column is taken for the time where none is named, the first one first; capitals and what stands
@@ -31,7 +31,7 @@ LEAST_ROWS: Final = 8
 """Rows below which neither noise nor correlation of a residual can be measured."""
 
 
-class Record(ByName[Array]):
+class Record(ByName[Floats]):
     """One record: its columns by name (``record["force_n"]`` or ``record.force_n``), each (n,) float64, read-only.
 
     Parameters
@@ -44,12 +44,12 @@ class Record(ByName[Array]):
 
     UNCHANGED = "a record cannot be changed; make a new array in place of '{}'"
 
-    columns_: dict[str, Array]
+    columns_: dict[str, Floats]
     """Columns by name."""
     label_: str
     """By what the record is called."""
 
-    def __init__(self, columns: Mapping[str, Array], label: str) -> None:
+    def __init__(self, columns: Mapping[str, Floats], label: str) -> None:
         made = {name: np.array(values, np.float64) for name, values in columns.items()}
         for values in made.values():
             values.setflags(write=False)
@@ -149,7 +149,7 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
     return Record({name: np.asarray(values, np.float64) for name, values in numbers.items()}, label)
 
 
-def time_of(record: Record, name: str | None) -> Array:
+def time_of(record: Record, name: str | None) -> Floats:
     """Return a record's time: the column named, one of a usual name, or the number of the row.
 
     Raises
@@ -182,7 +182,7 @@ def time_column(names: Iterable[str]) -> str | None:
     return next((plain[one] for one in _TIMES if one in plain), None)
 
 
-def column_of(record: Record, name: str) -> Array:
+def column_of(record: Record, name: str) -> Floats:
     """Return a column, or say which there are."""
     if name not in record:
         do = "give its name as in the table; columns that hold words and no numbers are left out"

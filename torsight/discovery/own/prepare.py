@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 from torsight.core.words.wording import number
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
@@ -28,8 +28,6 @@ from torsight.discovery.own.answer.laws import usual_forms, with_nodes
 from torsight.discovery.own.follow import Stretched, begun_anew, follows, kept_s, led_on, over_stretches
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import without_readings
-
-Array = NDArray[np.float64]
 
 _POINTS: Final = 12
 """Points over the bounds at which the base model is looked at, and over a candidate's bounds ..."""
@@ -94,7 +92,7 @@ def prepare(problem: ModelProblem) -> Prepared:
     return Prepared(problem, (*warnings, *told))
 
 
-def _floor(problem: ModelProblem) -> Array:
+def _floor(problem: ModelProblem) -> Floats:
     """Return a noise for the first fits: what was given, else the resolution stands for it."""
     return problem.sigma if problem.sigma[problem.valid].any() else np.full(len(problem.observed), problem.resolution)
 
@@ -147,14 +145,14 @@ def _along(
     around: Mapping[str, float],
     points: list[dict[str, float]],
     effects: EffectSet,
-) -> tuple[list[dict[str, float]], list[Array]]:
+) -> tuple[list[dict[str, float]], list[Floats]]:
     """Return points along one parameter, with predictions, and further ones half-way between them.
 
     Where from one to the next more than half of the prediction's course becomes another one, its size and the base
     parameters apart, a valley may lie between them: of a delay, every rise and fall of the input makes one.
     """
     ((name, _),) = points[0].items()
-    found: list[Array] = []
+    found: list[Floats] = []
     while True:
         found = [*found, *problem.predict_many([{**around, **one} for one in points[len(found) :]], effects)]
         order = np.argsort([point[name] for point in points], kind="stable").tolist()
@@ -169,7 +167,7 @@ def _along(
         points = [*points, *({name: 0.5 * (points[i][name] + points[k][name])} for _, i, k in widest)]
 
 
-def _left(fitter: Fitter, at: Array) -> Array:
+def _left(fitter: Fitter, at: Floats) -> Floats:
     return np.where(fitter.weight.each > 0.0, fitter.problem.observed - at, 0.0)
 
 
@@ -321,7 +319,7 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
     return replace(one, starts=(*starts, *one.starts), scales={**one.scales, **scales})
 
 
-def _relaxed_cost(fitter: Fitter, base: Fit, left: Array, further: Array | None = None) -> float:
+def _relaxed_cost(fitter: Fitter, base: Fit, left: Floats, further: Floats | None = None) -> float:
     """Return the cost of what a prediction leaves, the base parameters having given way linearly.
 
     ``further`` (n, k) are columns of values beside them of which nothing is known.

@@ -14,19 +14,18 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.optimize import minimize_scalar
 
 from torsight.core.series import correlation_time
+from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.own.model.evaluate import call
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.own_records import Record
 
-Array = NDArray[np.float64]
-Pieces = Sequence[Array]
+Pieces = Sequence[Floats]
 
 _PARTS: Final = 8
 """Pieces of third order of which a function of the output is made: a law's free forms bend less often."""
@@ -60,14 +59,14 @@ class _Smoothing:
         """Rows at a record's ends at which it depends on what lies outside."""
         return math.ceil(self.width if self.kind == "mean" else _REACH * self.width)
 
-    def __call__(self, values: Array) -> Array:
+    def __call__(self, values: Floats) -> Floats:
         if not self.width:
             return values
         if self.kind == "mean":
             return np.asarray(uniform_filter1d(values, 2 * round(self.width) + 1, mode="nearest"))
         return np.asarray(gaussian_filter1d(values, self.width, mode="nearest", truncate=_REACH))
 
-    def inner(self, rows: int) -> NDArray[np.bool_]:
+    def inner(self, rows: int) -> Flags:
         """Return the rows (rows,) that are made of the record alone."""
         own = np.arange(rows)
         return (own >= self.reach) & (own < rows - self.reach)
@@ -200,11 +199,11 @@ def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column:
 class _Functions:
     """Smooth functions of one signal: their values (n, k), over the rows (n,) that count."""
 
-    columns: Array
-    rows: NDArray[np.bool_]
+    columns: Floats
+    rows: Flags
 
     @staticmethod
-    def of(values: Array, rows: NDArray[np.bool_]) -> _Functions:
+    def of(values: Floats, rows: Flags) -> _Functions:
         """Return splines of third order with as many rows in each piece."""
         inner = np.unique(np.quantile(values[rows], np.linspace(0.0, 1.0, _PARTS + 1))) if rows.any() else np.zeros(1)
         if len(inner) < 2:
@@ -217,7 +216,7 @@ class _Functions:
         """Return the sums of functions of other signals, over the same rows."""
         return _Functions(np.hstack([one.columns for one in others]), self.rows)
 
-    def left(self, values: Array) -> tuple[float, Array]:
+    def left(self, values: Floats) -> tuple[float, Floats]:
         """Return the mean square that the nearest function leaves, what it leaves (n,; NaN elsewhere)."""
         if not self.rows.any():
             return math.inf, np.full(len(values), np.nan)

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.quantities import plain_symbol
 from torsight.core.files.results import column
+from torsight.core.units import Floats
 from torsight.core.words.wording import effect_name, number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_floor
@@ -19,7 +19,6 @@ from torsight.report.sections.prior_pulls import Prior, common_reach
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 _NARROW: Final = 0.62
 """Height of a bar, as a share of the distance between two."""
@@ -43,7 +42,7 @@ def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
     return Figure("before_after", "Before and after", "", (motion, left), title, CURVES)
 
 
-def errors(left: Panel, time_s: Array, before: Array, after: Array, *, alike: bool) -> None:
+def errors(left: Panel, time_s: Floats, before: Floats, after: Floats, *, alike: bool) -> None:
     """Draw what either model leaves over time; once, where both are alike."""
     left.rule(0.0, "zero", upright=False)
     left.line(time_s, before, "before", label="error" if alike else "error before")

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.files.results import column
 from torsight.core.series import runs
+from torsight.core.units import Flags, Floats
 from torsight.report.plots.panels import Axis, Panel, Style, style_of
 
 if TYPE_CHECKING:
@@ -103,15 +103,7 @@ def angle_over_time(curves: pd.DataFrame, *, source: str = CURVES) -> Figure:
     )
 
 
-def models(
-    plot: Panel,
-    x: NDArray[np.float64],
-    angle: NDArray[np.float64],
-    plain: NDArray[np.float64],
-    extended: NDArray[np.float64],
-    *,
-    ordered: bool,
-) -> None:
+def models(plot: Panel, x: Floats, angle: Floats, plain: Floats, extended: Floats, *, ordered: bool) -> None:
     """Draw the measured curve and the models that there are."""
     alone = not np.isfinite(plain).any()
     plot.line(x, angle, "ink" if alone else "measured", label="measured", ordered=ordered)
@@ -121,7 +113,7 @@ def models(
         plot.line(x, extended, "after", label="extended model", ordered=ordered)
 
 
-def is_driven(curves: pd.DataFrame, spring: str) -> NDArray[np.bool_]:
+def is_driven(curves: pd.DataFrame, spring: str) -> Flags:
     """Return in which rows a spring is driven: as the table says, else while it is the warmer one."""
     if "active" in curves.columns:
         return np.asarray((curves["active"].astype(str).str.lower() == spring).to_numpy())

@@ -7,8 +7,8 @@ import re
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from torsight.core.units import Floats
 from torsight.discovery.measured_law import MeasuredLaw
 from torsight.report.figures.evidence import candidates, errors
 from torsight.report.figures.law_plots import law_panel
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
     from torsight.discovery.own.answer.laws import MeasuredCurve
     from torsight.discovery.own.answer.pictures import Series
-
-Array = NDArray[np.float64]
 
 
 def is_ours(name: str) -> bool:
@@ -100,7 +98,7 @@ def law_drawn(law: MeasuredCurve) -> Figure:
     )
 
 
-def residual_over(found: Findings, output: int, name: str, values: Array) -> Figure | None:
+def residual_over(found: Findings, output: int, name: str, values: Floats) -> Figure | None:
     """Draw what both models leave of an output over one variable on which an effect may depend."""
     from torsight.discovery.own.answer.pictures import left_of
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sync.signals.even_signal import WINDOW_S
 from torsight.core.files.results import column
 from torsight.core.series import rms
+from torsight.core.units import Flags, Floats
 from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, is_driven, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
@@ -55,7 +55,7 @@ LABELS: Final = {
 """Drivers that the residual is drawn against, with their labels."""
 
 
-def driver_columns(curves: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
+def driver_columns(curves: pd.DataFrame) -> dict[str, Floats]:
     """Return the variables that a missing effect may depend on, as curves over the record.
 
     Rates are slopes over two seconds of the model's angle and of the temperature as driven: those of the measured
@@ -78,13 +78,7 @@ def driver_columns(curves: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
     }
 
 
-def slope(
-    time_s: NDArray[np.float64],
-    values: NDArray[np.float64],
-    *,
-    window_s: float,
-    apart: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float64]:
+def slope(time_s: Floats, values: Floats, *, window_s: float, apart: Flags | None = None) -> Floats:
     """Return the slope of ``values`` across a window centred on each sample; NaN across a mark of ``apart``."""
     n = len(time_s)
     first = np.searchsorted(time_s, time_s - window_s / 2.0)
@@ -101,7 +95,7 @@ def slope(
     return np.asarray(result)
 
 
-def residual_against(curves: pd.DataFrame, variable: str, values: NDArray[np.float64]) -> Figure | None:
+def residual_against(curves: pd.DataFrame, variable: str, values: Floats) -> Figure | None:
     """Residual of both models against one variable, with the mean of every branch in twenty-five bins."""
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     made = over_variable(values, before, after, branches(curves), label=LABELS[variable], residual=RESIDUAL)
@@ -116,13 +110,7 @@ def residual_against(curves: pd.DataFrame, variable: str, values: NDArray[np.flo
 
 
 def over_variable(
-    values: NDArray[np.float64],
-    before: NDArray[np.float64],
-    after: NDArray[np.float64],
-    parts: Mapping[str, NDArray[np.bool_]],
-    *,
-    label: str,
-    residual: str,
+    values: Floats, before: Floats, after: Floats, parts: Mapping[str, Flags], *, label: str, residual: str
 ) -> tuple[Panel, dict[str, list[Any]]] | None:
     """Return both residuals over a variable (n,) with the mean of every branch, and these means; None where it stays.
 
@@ -158,7 +146,7 @@ def over_variable(
     return plot, data
 
 
-def branches(curves: pd.DataFrame) -> dict[str, NDArray[np.bool_]]:
+def branches(curves: pd.DataFrame) -> dict[str, Flags]:
     """Return the samples of each branch of the motion, by its name: one spring, heating or cooling.
 
     The two springs' branches mirror each other, and heating and cooling often differ in sign: a mean over all of
@@ -171,7 +159,7 @@ def branches(curves: pd.DataFrame) -> dict[str, NDArray[np.bool_]]:
     moving = np.ones(len(curves), dtype=bool)
     if "direction" in curves.columns:
         moving = (curves["direction"].astype(str) != "rest").to_numpy()
-    found: dict[str, NDArray[np.bool_]] = {}
+    found: dict[str, Flags] = {}
     for one in range(int(number_of.max(initial=-1)) + 1):
         rows = number_of == one
         name = " ".join(str(part) for part in curves[keys].iloc[int(np.argmax(rows))])
@@ -179,9 +167,7 @@ def branches(curves: pd.DataFrame) -> dict[str, NDArray[np.bool_]]:
     return {name: branch for name, branch in found.items() if branch.any()}
 
 
-def bin_means(
-    x: NDArray[np.float64], y: NDArray[np.float64], *, bins: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bin_means(x: Floats, y: Floats, *, bins: int) -> tuple[Floats, Floats]:
     """Return centre and mean of evenly spaced bins; NaN where a bin holds too little of the samples to mean much."""
     count, edges = np.histogram(x, bins)
     total, _ = np.histogram(x, bins, weights=y)
@@ -250,6 +236,6 @@ def pairs_of_bars(
     return plot
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def _rms(values: Floats) -> float:
     values = values[np.isfinite(values)]
     return rms(values) if len(values) else float("nan")

@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from torsight.core.units import Floats
 from torsight.core.words.colours import LIGHT
-
-Array = NDArray[np.float64]
 
 COLOURS: Final = {
     "base": "spring-b",
@@ -91,7 +90,7 @@ class Axis:
     clock: str = ""
 
     @staticmethod
-    def along(label: str, values: Array, *, clock: str = "film") -> Axis:
+    def along(label: str, values: Floats, *, clock: str = "film") -> Axis:
         """Return an axis of time from the first to the last finite value."""
         known = values[np.isfinite(values)]
         if not len(known):
@@ -113,13 +112,13 @@ class Axis:
 class Line:
     """A curve; ``ordered`` says that x increases, so that every peak is kept when it is thinned."""
 
-    x: Array
-    y: Array
+    x: Floats
+    y: Floats
     kind: str
     label: str = ""
     ordered: bool = True
 
-    def thinned(self, panel: Panel, bins: int) -> tuple[Array, Array]:
+    def thinned(self, panel: Panel, bins: int) -> tuple[Floats, Floats]:
         """Return what is drawn where the panel is ``bins`` pixels wide."""
         if self.ordered:
             return thin_series(self.x, self.y, bins=bins)
@@ -132,8 +131,8 @@ class Line:
 class Points:
     """Points, small where there are many and large where each one is named (``radius`` in pixels)."""
 
-    x: Array
-    y: Array
+    x: Floats
+    y: Floats
     kind: str
     label: str = ""
     radius: float = 1.2
@@ -143,9 +142,9 @@ class Points:
 class Ribbon:
     """What lies between two curves."""
 
-    x: Array
-    low: Array
-    high: Array
+    x: Floats
+    low: Floats
+    high: Floats
     kind: str
     label: str = ""
 
@@ -265,11 +264,11 @@ class Panel:
         return [(mark, label) for label, mark in found.items()]
 
 
-def _array(values: ArrayLike) -> Array:
+def _array(values: ArrayLike) -> Floats:
     return np.atleast_1d(np.asarray(values, dtype=np.float64))
 
 
-def thin_series(x: Array, y: Array, *, bins: int) -> tuple[Array, Array]:
+def thin_series(x: Floats, y: Floats, *, bins: int) -> tuple[Floats, Floats]:
     """Keep the lowest and the highest point of every bin of consecutive samples, and one gap where there is any."""
     n = len(x)
     if n <= 4 * bins:
@@ -284,7 +283,7 @@ def thin_series(x: Array, y: Array, *, bins: int) -> tuple[Array, Array]:
     return x[index], y[index]
 
 
-def thin_path(x: Array, y: Array, *, least: tuple[float, float]) -> tuple[Array, Array]:
+def thin_path(x: Floats, y: Floats, *, least: tuple[float, float]) -> tuple[Floats, Floats]:
     """Drop the points of a path that lie within ``least`` (of x, of y) of the last one that was kept."""
     keep: list[int] = []
     last_x = last_y = math.nan
@@ -298,7 +297,7 @@ def thin_path(x: Array, y: Array, *, least: tuple[float, float]) -> tuple[Array,
     return x[keep], y[keep]
 
 
-def thin_points(x: Array, y: Array, *, spot: tuple[float, float], most: int) -> tuple[Array, Array]:
+def thin_points(x: Floats, y: Floats, *, spot: tuple[float, float], most: int) -> tuple[Floats, Floats]:
     """Keep one point per spot (of x, of y), and of these an even choice where there are too many."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]

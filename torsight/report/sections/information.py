@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
 
 TIMES: Final = (2, 3, 4, 6, 8, 16)
 """Lengths of a further record that are tried, in lengths of this one."""
@@ -47,7 +46,7 @@ class Measure:
 
 
 def best_measures(
-    target: str, names: Sequence[str], covariance: Array, prior_sigma: Sequence[float | None]
+    target: str, names: Sequence[str], covariance: Floats, prior_sigma: Sequence[float | None]
 ) -> tuple[Measure, Measure | None]:
     """Return what a longer record and what the best single characterisation do to one value's interval.
 
@@ -74,7 +73,7 @@ def best_measures(
     prior = np.array([0.0 if sigma is None else (s / sigma) ** 2 for sigma, s in zip(prior_sigma, size, strict=True)])
     own = _record_information(covariance / np.outer(size, size), prior)
 
-    def ratio(times: float, known: Array) -> float:
+    def ratio(times: float, known: Floats) -> float:
         now, then = (
             np.linalg.pinv(information) for information in (own + np.diag(prior), times * own + np.diag(known))
         )
@@ -93,7 +92,7 @@ def _first(measures: Sequence[Measure]) -> Measure:
     return next((one for one in measures if one.ratio <= HALVED), measures[-1])
 
 
-def _record_information(correlation: Array, prior: Array) -> Array:
+def _record_information(correlation: Floats, prior: Floats) -> Floats:
     """Return the record's own information; a direction that the priors already explain has none."""
     values, axes = np.linalg.eigh(np.linalg.pinv(correlation) - np.diag(prior))
     return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate
+from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 from torsight.discovery.inference import engine
 from torsight.discovery.inference.explanation import Explanation, Field, covariance, predictive_covariance
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.own_prediction import PredictedOutputs
     from torsight.discovery.own.answer.saved import SavedModel
 
-Array = NDArray[np.float64]
 
 _SHOWN: Final = 5
 """Fits that are listed beside the answer."""
@@ -248,7 +248,7 @@ class Findings(Shown):
         square = float(np.mean(missed**2))
         return Errors(train, math.sqrt(square), 1.0 - square / max(float(np.mean(total**2)), 1e-300))
 
-    def _native(self, values: Array, output: int | None, *, difference: bool = False) -> Array:
+    def _native(self, values: Floats, output: int | None, *, difference: bool = False) -> Floats:
         """Return rows of one output in its unit; NaN where nothing was measured."""
         values = np.where(self.problem.valid, values, np.nan)
         if output is None or not isinstance(self.problem, ModelProblem):

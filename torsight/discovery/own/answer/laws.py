@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, slope, smooth_kernels
+from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 from torsight.discovery.inference.explanation import Explanation, covariance
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.model.evaluate import Called
     from torsight.discovery.own.model.problem import ModelProblem
 
-Array = NDArray[np.float64]
 
 _SCALE: Final = 0.03
 """Size of a law that matters: what changes the outputs by so much of their spread (as for laws that are added to an
@@ -59,10 +59,10 @@ class MeasuredCurve(Shown):
     driver: str
     unit: str
     driver_unit: str
-    nodes: Array
-    values: Array
-    sigma: Array
-    covered: NDArray[np.bool_]
+    nodes: Floats
+    values: Floats
+    sigma: Floats
+    covered: Flags
     gain: float
     chosen: bool
 
@@ -116,12 +116,12 @@ class MeasuredCurve(Shown):
         )
 
 
-def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Array:
+def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Floats:
     """Return the nodes of a law, over the range given with it or else this one."""
     return np.linspace(low if port.low is None else port.low, high if port.high is None else port.high, port.nodes)
 
 
-def port_law(port: LawPort, nodes: Array, scale: float) -> Law:
+def port_law(port: LawPort, nodes: Floats, scale: float) -> Law:
     """Return a declared law as the engine measures it: a slope, or smooth functions of several lengths."""
     smooth = smooth_kernels(nodes, line=True) if len(nodes) > 2 else ()
     kernels = (Kernel("slope", slope(nodes), smooth=False), *smooth)
@@ -129,7 +129,7 @@ def port_law(port: LawPort, nodes: Array, scale: float) -> Law:
     return Law(port.name, port.name, port.driver, port.unit, title, nodes, scale, kernels)
 
 
-def added_laws(layout: Layout, drivers: Mapping[str, Array], observed: Array) -> dict[str, tuple[Law, int]]:
+def added_laws(layout: Layout, drivers: Mapping[str, Floats], observed: Floats) -> dict[str, tuple[Law, int]]:
     """Return the laws over drivers (n,) that each output may lack, by id; ``observed`` (n,) is NaN where unknown."""
     found = {}
     for k, output in enumerate(layout.outputs):
@@ -234,13 +234,13 @@ def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate
     return tuple(made)
 
 
-def _left(columns: Array, values: Array) -> float:
+def _left(columns: Floats, values: Floats) -> float:
     """Return the sum of squares of values (n,) that columns (n, k) leave."""
     left = values - columns @ np.linalg.lstsq(columns, values)[0]
     return float(left @ left)
 
 
-def _columns(problem: ModelProblem, law: Law, values: Mapping[str, float]) -> Array:
+def _columns(problem: ModelProblem, law: Law, values: Mapping[str, float]) -> Floats:
     """Return what a law's values on its nodes do to the prediction (n, k), per size that matters."""
     free = law.free()
     at = AtPoint(problem.with_laws((free,)), (*values, *free.names), (law.id,))
@@ -287,7 +287,7 @@ def _curve(
     )
 
 
-def _information(one: Explanation, item: Measured) -> Array:
+def _information(one: Explanation, item: Measured) -> Floats:
     """Return what the record knows about a law's value on each of its nodes alone (k,), as a sum of weights."""
     free, form, problem = item.law.free(), item.form, one.fitter.problem
     made = problem.with_laws((*(other for other in problem.forms if other.id != form.id), free))

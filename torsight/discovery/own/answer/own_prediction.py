@@ -6,17 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from torsight.core.parameter import REACH
+from torsight.core.units import Floats
 from torsight.core.words.shown import Shown, span
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PredictedOutputs(Shown, Mapping[str, Array]):
+class PredictedOutputs(Shown, Mapping[str, Floats]):
     """Outputs of a model for every row of a record, by name: ``predicted["y"]``, ``predicted["y_sigma"]``.
 
     Attributes
@@ -31,12 +27,12 @@ class PredictedOutputs(Shown, Mapping[str, Array]):
         What a person should know: laws that are asked for what was never measured.
     """
 
-    columns: Mapping[str, Array]
+    columns: Mapping[str, Floats]
     outputs: tuple[str, ...]
     record: str
     warnings: tuple[str, ...] = ()
 
-    def __getitem__(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Floats:
         return self.columns[name]
 
     def __iter__(self) -> Iterator[str]:

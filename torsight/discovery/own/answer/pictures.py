@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Floats, Ints
 from torsight.discovery.own.answer.laws import MeasuredCurve
 from torsight.discovery.own.model.problem import ModelProblem
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from torsight.discovery.own.answer.findings import Findings
 
-Array = NDArray[np.float64]
 
 COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2", "neutral": "#7f7f7f"}
 """Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
@@ -28,7 +28,7 @@ _MOST_POINTS: Final = 4000
 class Series:
     """One output of one record: time, measured, the plain and the extended model."""
 
-    def __init__(self, title: str, unit: str, time: Array, measured: Array, before: Array, after: Array) -> None:
+    def __init__(self, title: str, unit: str, time: Floats, measured: Floats, before: Floats, after: Floats) -> None:
         self.title = title
         self.unit = unit
         self.time, self.measured, self.before, self.after = time, measured, before, after
@@ -64,7 +64,7 @@ def series_of(found: Findings) -> list[Series]:
     ]
 
 
-def left_of(found: Findings, output: int) -> tuple[NDArray[np.int64], Array, Array]:
+def left_of(found: Findings, output: int) -> tuple[Ints, Floats, Floats]:
     """Return the rows (k,) of one output in the problem, and what the plain and the extended model leave there (k,)."""
     problem, fits = found.problem, (found.field.base, found.decision.chosen)
     rows, scale = np.arange(len(problem.observed)), 1.0

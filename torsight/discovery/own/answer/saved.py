@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import space_of
 from torsight.discovery.inference.solver import jacobian, solve
@@ -30,8 +30,6 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
-
-Array = NDArray[np.float64]
 
 KIND: Final = "own model"
 """By which ``model.json`` of a model of one's own is told from the actuator's."""
@@ -88,7 +86,7 @@ class LawOn:
         output = None if one["output"] is None else str(one["output"])
         return cls(form, output, str(one["driver"]), bool(one["time_like"]))
 
-    def curve(self, values: Mapping[str, float]) -> Array:
+    def curve(self, values: Mapping[str, float]) -> Floats:
         """Return its values on its nodes (k,)."""
         return self.form.values([values[name] for name in self.form.names])
 
@@ -137,7 +135,7 @@ class SavedModel:
     initial: tuple[str, ...]
     values: Mapping[str, float]
     names: tuple[str, ...]
-    covariance: Array
+    covariance: Floats
     noise: tuple[float, ...]
     ports: tuple[str, ...]
     laws: tuple[LawOn, ...] = ()
@@ -149,7 +147,7 @@ class SavedModel:
 
     @classmethod
     def of(
-        cls, problem: ModelProblem, chosen: Explanation, *, covariance: Array, noise: tuple[float, ...]
+        cls, problem: ModelProblem, chosen: Explanation, *, covariance: Floats, noise: tuple[float, ...]
     ) -> SavedModel:
         """Return the model with a fit's values."""
         values, effects = chosen.fit.values, chosen.effects
@@ -188,7 +186,7 @@ class SavedModel:
         model = Model(self.declared.predict, (own,), self.outputs, self.ports)
         values, taken = self._begun(model, own, initial or {})
 
-        def at(x: Array) -> Array:
+        def at(x: Floats) -> Floats:
             return self._called(model, {**values, **dict(zip(self.names, x.tolist(), strict=True))}).ravel()
 
         done = self._done(model, values, self._curves(values))
@@ -220,7 +218,7 @@ class SavedModel:
         )
         return [told]
 
-    def _beyond(self, model: Model, values: Mapping[str, float], done: Called) -> Array:
+    def _beyond(self, model: Model, values: Mapping[str, float], done: Called) -> Floats:
         """Return the variance (rows, outputs) of what laws do where they were never measured.
 
         There a law may rise or fall as steeply as it does within its nodes. What only time tells holds for the record
@@ -256,10 +254,10 @@ class SavedModel:
             raise done.failure.error("predict")
         return done
 
-    def _called(self, model: Model, values: Mapping[str, float]) -> Array:
+    def _called(self, model: Model, values: Mapping[str, float]) -> Floats:
         return self._with_added(model, values, self._done(model, values, self._curves(values)))
 
-    def _with_added(self, model: Model, values: Mapping[str, float], done: Called) -> Array:
+    def _with_added(self, model: Model, values: Mapping[str, float], done: Called) -> Floats:
         """Return the outputs of a call (rows, outputs) with the laws that are added to them."""
         if done.outputs is None:
             raise InputError("the model gives nothing", where=model.records[0].label_)
@@ -301,7 +299,7 @@ class SavedModel:
         if not each.any():
             return values, (told,)
 
-        def at(x: Array) -> Array:
+        def at(x: Floats) -> Floats:
             own = dict(zip([p.name for p in free], x.tolist(), strict=True))
             return self._called(model, {**values, **own}).ravel()
 

@@ -9,14 +9,11 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.discovery.own.follow import anew, shortest_s
 from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call, place_of
 from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
-
-Array = NDArray[np.float64]
 
 _WORTH_S: Final = 2e-3
 """Seconds of one call from which a model is compiled: that takes 2 to 5 s, and a search 1,000 to 2,300 calls

@@ -19,16 +19,14 @@ from typing import Any, Final
 import numpy as np
 from numba.core import types
 from numba.np.unsafe.ndarray import to_fixed_tuple
-from numpy.typing import NDArray
 from scipy.integrate import RK45
 
 from torsight.core.compiled import compiled as kept
 from torsight.core.compiled import lending, njit
+from torsight.core.units import Floats
 from torsight.discovery.own.compiled.functions import compiled, curve_at, fill
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model.values import Curve, kind_of
-
-Array = NDArray[np.float64]
 
 _LEAST_SHARE: Final = 0.02
 """Share of the time from row to row to which a step is shortened: beyond a jump of the right-hand side, such as of
@@ -60,12 +58,12 @@ class Stepper:
     rhs: Any
     when: Any
     then: Any
-    directions: Array
+    directions: Floats
     _known: dict[Any, tuple[Any, Any, Any]] = field(default_factory=dict)
 
     def integrate(
-        self, time: Array, anew: Array, inputs: Mapping[str, Array], p: Any, *, limits: tuple[float, float, int]
-    ) -> Array:
+        self, time: Floats, anew: Floats, inputs: Mapping[str, Floats], p: Any, *, limits: tuple[float, float, int]
+    ) -> Floats:
         """Return the states (n, k) at the times; inputs (n,) are lines between them.
 
         ``anew`` (n, k): where states begin in the first row, and anew in another; nan where they go on.
@@ -111,15 +109,15 @@ class Stepper:
             rhs, when, then = self.rhs, self.when, self.then
 
             @_compiled_for(_AT_POINT, nogil=True)
-            def slopes(t: float, x: Array, u: Array, given: Any, out: Array) -> None:
+            def slopes(t: float, x: Floats, u: Floats, given: Any, out: Floats) -> None:
                 fill(out, rhs(t, x, u_of(u), p_of(given)))
 
             @_compiled_for(_AT_POINT, nogil=True)
-            def events(t: float, x: Array, u: Array, given: Any, out: Array) -> None:
+            def events(t: float, x: Floats, u: Floats, given: Any, out: Floats) -> None:
                 when(t, x, u_of(u), p_of(given), out)
 
             @_compiled_for(_JUMP, nogil=True)
-            def jumps(which: int, t: float, x: Array, u: Array, given: Any, out: Array) -> None:
+            def jumps(which: int, t: float, x: Floats, u: Floats, given: Any, out: Floats) -> None:
                 then(which, t, x, u_of(u), p_of(given), out)
 
             self._known[key] = slopes, events, jumps
@@ -135,7 +133,7 @@ def _named(inputs: tuple[str, ...], numbers: tuple[str, ...], laws: tuple[str, .
         curves = _with_law(curves, k)
 
     @njit
-    def u_of(u: Array) -> Any:
+    def u_of(u: Floats) -> Any:
         return u_kind(*_tuple_of(u, inputs_count))
 
     @njit
@@ -170,18 +168,18 @@ def stepper_of(rhs: Callable[..., Any], events: Sequence[tuple[Any, Any, int]]) 
 
 
 @njit(nogil=True)
-def _nothing(t: float, x: Array, u: Any, p: Any, out: Array) -> None:
+def _nothing(t: float, x: Floats, u: Any, p: Any, out: Floats) -> None:
     pass
 
 
 @njit(nogil=True)
-def _stays(which: int, t: float, x: Array, u: Any, p: Any, new: Array) -> None:
+def _stays(which: int, t: float, x: Floats, u: Any, p: Any, new: Floats) -> None:
     pass
 
 
 def _with_event(others: Any, k: int, happens: Any) -> Any:
     @njit(nogil=True)
-    def when(t: float, x: Array, u: Any, p: Any, out: Array) -> None:
+    def when(t: float, x: Floats, u: Any, p: Any, out: Floats) -> None:
         others(t, x, u, p, out)
         out[k] = happens(t, x, u, p)
 
@@ -190,7 +188,7 @@ def _with_event(others: Any, k: int, happens: Any) -> Any:
 
 def _with_jump(others: Any, k: int, does: Any) -> Any:
     @njit(nogil=True)
-    def then(which: int, t: float, x: Array, u: Any, p: Any, new: Array) -> None:
+    def then(which: int, t: float, x: Floats, u: Any, p: Any, new: Floats) -> None:
         if which == k:
             fill(new, does(t, x, u, p))
         else:
@@ -215,7 +213,7 @@ def _set_inputs(t: float, driven: Any) -> None:
 
 
 @lending
-def _step(rhs: Any, t: float, h: float, x: Array, along: Any, slopes: Array, new: Array) -> None:
+def _step(rhs: Any, t: float, h: float, x: Floats, along: Any, slopes: Floats, new: Floats) -> None:
     """Fill the slopes of a step but the first, which is that at its beginning, and the state after it."""
     driven, given = along
     for stage in range(1, 7):
@@ -230,7 +228,7 @@ def _step(rhs: Any, t: float, h: float, x: Array, along: Any, slopes: Array, new
 
 
 @lending
-def _size(h: float, x: Array, new: Array, slopes: Array, rtol: float) -> float:
+def _size(h: float, x: Floats, new: Floats, slopes: Floats, rtol: float) -> float:
     """Return the error of a step as a multiple of what is allowed."""
     total = 0.0
     for i in range(len(x)):
@@ -243,7 +241,7 @@ def _size(h: float, x: Array, new: Array, slopes: Array, rtol: float) -> float:
 
 
 @lending
-def _happened(before: Array, now: Array, directions: Array) -> int:
+def _happened(before: Floats, now: Floats, directions: Floats) -> int:
     """Return the first event whose function has passed zero the way that counts, −1 for none."""
     for k in range(len(before)):
         up = before[k] <= 0.0 <= now[k] and directions[k] >= 0.0
@@ -254,7 +252,7 @@ def _happened(before: Array, now: Array, directions: Array) -> int:
 
 
 @lending
-def _begins(anew: Array, x: Array) -> bool:
+def _begins(anew: Floats, x: Floats) -> bool:
     """Fill in the states that begin anew in a row; return whether there are any."""
     begins = False
     for i in range(len(x)):
@@ -264,7 +262,9 @@ def _begins(anew: Array, x: Array) -> bool:
 
 
 @kept
-def _through_event(functions: Any, t: float, step: float, x: Array, along: Any, slopes: Array, before: Array) -> float:
+def _through_event(
+    functions: Any, t: float, step: float, x: Floats, along: Any, slopes: Floats, before: Floats
+) -> float:
     """Go on to a moment after the first event in a step; return the time, with the states and events there filled."""
     directions, rhs, when, then = functions
     driven, given = along
@@ -313,8 +313,8 @@ def _through_event(functions: Any, t: float, step: float, x: Array, along: Any, 
     error_model="numpy",
 )
 def _integrate(
-    rhs: Any, when: Any, then: Any, directions: Array, rows: Any, given: Any, limits: Any
-) -> tuple[Array, int]:
+    rhs: Any, when: Any, then: Any, directions: Floats, rows: Any, given: Any, limits: Any
+) -> tuple[Floats, int]:
     """Return the states (n, k), and the row after which no step was small enough or one too many, else -1.
 
     In the place of the states after that row are the derivatives where it ended. ``rows``: times, inputs, and where

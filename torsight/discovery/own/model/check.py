@@ -6,16 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.units import Floats
 from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
 from torsight.discovery.own.model.evaluate import place_of
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import laws_called_with
-
-Array = NDArray[np.float64]
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
 _MEMBERS: Final = tuple(name for base in (NeededMembers, OptionalMembers) for name in vars(base) if name[0] != "_")
@@ -110,7 +108,7 @@ def _check_model(problem: ModelProblem) -> list[str]:
     return told
 
 
-def check_same(problem: ModelProblem, values: dict[str, float], before: list[Array]) -> None:
+def check_same(problem: ModelProblem, values: dict[str, float], before: list[Floats]) -> None:
     """Refuse a model that for values that it was called with before gives anything else, called anew.
 
     Raises
@@ -132,7 +130,7 @@ def check_same(problem: ModelProblem, values: dict[str, float], before: list[Arr
         )
 
 
-def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Array]]) -> None:
+def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Floats]]) -> None:
     for record, columns in zip(problem.model.records, before, strict=True):
         for name, values in columns.items():
             if not np.array_equal(record[name], values, equal_nan=True):
@@ -155,7 +153,7 @@ def _check_laws(problem: ModelProblem, start: dict[str, float]) -> None:
             )
 
 
-def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Array]:
+def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Floats]:
     for one in problem.evaluator(problem.given(values, effects), {}):
         if one.failure is not None:
             raise one.failure.error(place_of(problem.model.predict))
@@ -163,7 +161,7 @@ def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[s
 
 
 def _check_candidate(
-    problem: ModelProblem, one: Candidate, start: dict[str, float], plain: list[Array], least: Array
+    problem: ModelProblem, one: Candidate, start: dict[str, float], plain: list[Floats], least: Floats
 ) -> list[str]:
     where = f"candidate '{one.id}'"
     laws = [law.id for law in problem.laws]
@@ -205,11 +203,11 @@ def _moved(value: float, lower: float, upper: float) -> float:
     return value + step if value + step <= upper else value - step
 
 
-def _apart(one: list[Array], other: list[Array], least: Array) -> bool:
+def _apart(one: list[Floats], other: list[Floats], least: Floats) -> bool:
     return any(bool(np.any(np.abs(a - b) > least)) for a, b in zip(one, other, strict=True))
 
 
-def _unheard(problem: ModelProblem, start: dict[str, float], plain: list[Array], least: Array) -> list[str]:
+def _unheard(problem: ModelProblem, start: dict[str, float], plain: list[Floats], least: Floats) -> list[str]:
     """Return a warning for every base parameter that changes nothing."""
     told = []
     for p in problem.parameters:

@@ -22,14 +22,13 @@ from types import CodeType, FunctionType
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import WORKERS
 from torsight.discovery.own.model.values import Curve, Values, by_name
 from torsight.discovery.own.own_records import Record
 
-Array = NDArray[np.float64]
 Predict = Callable[[Any, Any], Any]
 Curves = Mapping[str, Curve]
 """Laws that are on, by their names."""
@@ -141,7 +140,7 @@ class Called:
     ``asked`` is the range in which every law was asked for, by its name.
     """
 
-    outputs: Array | None
+    outputs: Floats | None
     failure: Failure | None
     printed: str
     seconds: float
@@ -164,7 +163,7 @@ def call(model: Model, record: int, values: Mapping[str, float], curves: Curves)
     return Called(outputs if failure is None else None, failure, "", time.thread_time() - begun, asked)
 
 
-def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
+def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Floats:
     """Return what ``predict`` gave as (rows, outputs); a missing output or a wrong shape is refused."""
     if isinstance(given, Mapping):
         missing = [name for name in names if name not in given]
@@ -193,7 +192,7 @@ def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Array:
     return np.column_stack(columns).astype(np.float64)
 
 
-def _not_finite(outputs: Array, record: Record, model: Model, values: Mapping[str, float]) -> Failure:
+def _not_finite(outputs: Floats, record: Record, model: Model, values: Mapping[str, float]) -> Failure:
     row, output = (int(place[0]) for place in np.nonzero(~np.isfinite(outputs)))
     unknown = [name for name in record if name not in model.outputs and not np.isfinite(record[name][row])]
     because = f"; there {', '.join(unknown)} is not known" if unknown else ""

@@ -13,14 +13,13 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.series import runs, scatter
+from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.own.model import given
 from torsight.discovery.own.own_records import LEAST_ROWS, Record, column_of
 
-Array = NDArray[np.float64]
 _BLOCKS: Final = (int, np.integer, str, list, tuple, np.ndarray, type(None))
 PerOutput = float | str | Mapping[str, float | str] | None
 
@@ -58,7 +57,7 @@ class Reading:
 
     sigma: PerOutput = None
     resolution: PerOutput = None
-    blocks: int | str | Array | Sequence[Array] | None = None
+    blocks: int | str | Floats | Sequence[Floats] | None = None
     rest: str | None = None
     time: str | None = None
 
@@ -92,19 +91,19 @@ class Layout:
 
     outputs: tuple[str, ...]
     rows: tuple[int, ...]
-    scale: Array
-    shift: Array
+    scale: Floats
+    shift: Floats
 
-    def stack(self, values: Sequence[Array], *, between: float = np.nan, scaled: bool = True) -> Array:
+    def stack(self, values: Sequence[Floats], *, between: float = np.nan, scaled: bool = True) -> Floats:
         """Return (n,) from one array (rows, outputs) per record; ``between`` stands between two of them."""
-        pieces: list[Array] = []
+        pieces: list[Floats] = []
         for own in values:
             for k in range(len(self.outputs)):
                 piece = own[:, k] / self.scale[k] + self.shift[k] if scaled else own[:, k]
                 pieces += [piece, np.array([between])]
         return np.concatenate(pieces[:-1])
 
-    def spread(self, values: Sequence[Array]) -> Array:
+    def spread(self, values: Sequence[Floats]) -> Floats:
         """Return (n,) from one array (rows,) per record, the same for every output; the last value stands between."""
         pieces = [np.append(own, own[-1]) for own in values for _ in self.outputs]
         return np.concatenate(pieces)[:-1]
@@ -119,7 +118,7 @@ class Layout:
                 begin += rows + 1
         return tuple(found)
 
-    def native(self, values: Array, *, difference: bool = False) -> list[Array]:
+    def native(self, values: Floats, *, difference: bool = False) -> list[Floats]:
         """Return engine values (n,), or differences of them, as (rows, outputs) per record in the outputs' units."""
         made = [np.empty((rows, len(self.outputs))) for rows in self.rows]
         for record, output, place in self.places:
@@ -132,7 +131,7 @@ def _below_one(blocks: object) -> bool:
     return isinstance(blocks, (int, np.integer)) and int(blocks) < 1
 
 
-def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Array]:
+def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Floats]:
     """Return the measured outputs (rows, outputs) of every record; NaN where not measured."""
     made = [np.column_stack([column_of(record, name) for name in outputs]) for record in records]
     for k, name in enumerate(outputs):
@@ -148,7 +147,7 @@ def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Array
     return made
 
 
-def running_time(times: Sequence[Array], count: int) -> list[Array]:
+def running_time(times: Sequence[Floats], count: int) -> list[Floats]:
     """Return the records' times (rows,) one after the other, ``count`` times each, without a step back."""
     made, end = [], 0.0
     for own in times:
@@ -159,7 +158,7 @@ def running_time(times: Sequence[Array], count: int) -> list[Array]:
     return made
 
 
-def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], *, what: str) -> list[Array]:
+def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], *, what: str) -> list[Floats]:
     """Return what is given per output (a number, a column's name, or one of them by output) as (rows, outputs).
 
     NaN where it is not given.
@@ -185,13 +184,13 @@ def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[s
     return made
 
 
-def noise_of(observed: Sequence[Array], output: int) -> float:
+def noise_of(observed: Sequence[Floats], output: int) -> float:
     """Return the noise of one reading of an output by its scatter: fast motion counts as noise, too."""
     pieces = [own[np.isfinite(own[:, output]), output] for own in observed]
     return scatter(*[piece for piece in pieces if len(piece) >= LEAST_ROWS])
 
 
-def resolutions(given: Sequence[Array], sigma: Sequence[Array], observed: Sequence[Array], outputs: int) -> Array:
+def resolutions(given: Sequence[Floats], sigma: Sequence[Floats], observed: Sequence[Floats], outputs: int) -> Floats:
     """Return the resolution per output: the one given, else a tenth of the noise."""
     found = np.empty(outputs)
     for k in range(outputs):
@@ -204,8 +203,8 @@ def resolutions(given: Sequence[Array], sigma: Sequence[Array], observed: Sequen
 
 
 def blocks_of(
-    wanted: int | str | Array | Sequence[Array] | None, records: Sequence[Record], times: Sequence[Array]
-) -> list[NDArray[np.int64]]:
+    wanted: int | str | Floats | Sequence[Floats] | None, records: Sequence[Record], times: Sequence[Floats]
+) -> list[Ints]:
     """Return the block of every row, labels from 0 on that no two records share.
 
     Raises
@@ -224,7 +223,7 @@ def blocks_of(
             value=f"{len(wanted)} arrays, {len(records)} records",
             do="give one array of numbers, one per row, for each record, or a column's name",
         )
-    made: list[NDArray[np.int64]] = []
+    made: list[Ints] = []
     first = 0
     for k, (record, time) in enumerate(zip(records, times, strict=True)):
         if isinstance(wanted, (int, np.integer)):
@@ -246,7 +245,7 @@ def blocks_of(
     return made
 
 
-def check_blocks(block: NDArray[np.int64], valid: NDArray[np.bool_]) -> list[str]:
+def check_blocks(block: Ints, valid: Flags) -> list[str]:
     """Return what a person should know about the blocks; one that holds hardly any sample is refused."""
     labels, counts = np.unique(block[valid], return_counts=True)
     if counts.min() < LEAST_ROWS:
@@ -262,7 +261,7 @@ def check_blocks(block: NDArray[np.int64], valid: NDArray[np.bool_]) -> list[str
     return []
 
 
-def still(observed: Array, noise: float) -> NDArray[np.bool_]:
+def still(observed: Floats, noise: float) -> Flags:
     """Return where an output (rows,) stands still over 16 rows or more, to within its noise."""
     half = _STILL_ROWS // 2
     known = np.isfinite(observed)

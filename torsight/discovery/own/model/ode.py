@@ -14,9 +14,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.units import Floats
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.values import ByName
 from torsight.discovery.own.own_records import Record, column_of, time_of
@@ -24,7 +24,6 @@ from torsight.discovery.own.own_records import Record, column_of, time_of
 if TYPE_CHECKING:
     from torsight.discovery.own.compiled.stepper import Stepper
 
-Array = NDArray[np.float64]
 
 RTOL: Final = 1e-7
 """Relative tolerance: derivatives are differences over 2 % of a parameter's scale, which an error of 1e-7 leaves good
@@ -140,7 +139,7 @@ class Ode:
             return self.output(_Named(named), record, p)
         return {name: states[:, self.states.index(name)] for name in self.output}
 
-    def start(self, p: Any, record: Record) -> Array:
+    def start(self, p: Any, record: Record) -> Floats:
         """Return how the states (states,) begin in a record."""
         made = []
         for name in self.states:
@@ -188,7 +187,7 @@ class Ode:
         """States that are outputs themselves."""
         return () if callable(self.output) else self.output
 
-    def _states(self, p: Any, record: Record, time: Array, start: Array) -> Array:
+    def _states(self, p: Any, record: Record, time: Floats, start: Floats) -> Floats:
         """Return the states (rows, states), each stretch from where the measured ones begin anew."""
         inputs = {name: column_of(record, name) for name in self.inputs}
         first = _Named({name: float(column[0]) for name, column in inputs.items()})
@@ -211,7 +210,7 @@ class Ode:
             return self._in_pieces(p, inputs, time, anew)
         return self._stepped(self.stepper, p, inputs, time, anew)
 
-    def _stepped(self, stepper: Stepper, p: Any, inputs: Mapping[str, Array], time: Array, anew: Array) -> Array:
+    def _stepped(self, stepper: Stepper, p: Any, inputs: Mapping[str, Floats], time: Floats, anew: Floats) -> Floats:
         """Return the states (rows, states) by compiled code: what it raises, it raises in plain Python, too."""
         from numba.core.errors import NumbaError
 
@@ -231,7 +230,7 @@ class Ode:
         except Exception:  # noqa: BLE001 - with its own traceback
             return self._in_pieces(p, inputs, time, anew)
 
-    def _in_pieces(self, p: Any, inputs: Mapping[str, Array], time: Array, anew: Array) -> Array:
+    def _in_pieces(self, p: Any, inputs: Mapping[str, Floats], time: Floats, anew: Floats) -> Floats:
         """Return the states (rows, states) in plain Python: one stretch after the other that begins anew."""
         states = anew.copy()
         begins = np.flatnonzero(np.isfinite(anew).any(axis=1))
@@ -242,7 +241,7 @@ class Ode:
             states[begin + 1 : end + 1] = self._stretch(p, own, time[rows], start)[1:]
         return states
 
-    def _stretch(self, p: Any, inputs: Mapping[str, Array], time: Array, start: Array) -> Array:
+    def _stretch(self, p: Any, inputs: Mapping[str, Floats], time: Floats, start: Floats) -> Floats:
         try:
             return self._integrated(p, inputs, time, start)
         except TooManyStepsError:
@@ -254,7 +253,7 @@ class Ode:
             anew[0] = start
             return quick._stepped(quick.stepper, p, inputs, time, anew)  # noqa: SLF001 - the same class
 
-    def _integrated(self, p: Any, columns: Mapping[str, Array], time: Array, start: Array) -> Array:
+    def _integrated(self, p: Any, columns: Mapping[str, Floats], time: Floats, start: Floats) -> Floats:
         """Integrate with SciPy, from event to event."""
         from scipy import integrate
 
@@ -265,7 +264,7 @@ class Ode:
 
         row, reached, calls = float(np.mean(np.diff(time))), float(time[0]), 0
 
-        def rhs(t: float, x: Array) -> Any:
+        def rhs(t: float, x: Floats) -> Any:
             nonlocal reached, calls
             calls += 1
             if t > reached:
@@ -309,14 +308,14 @@ class Ode:
         raise ArithmeticError(f"more than {_MOST_EVENTS} events: does one of them repeat itself at once?")
 
     def _event(self, one: Event, inputs: Callable[[float], Any], p: Any) -> Any:
-        def when(t: float, x: Array) -> float:
+        def when(t: float, x: Floats) -> float:
             return float(one.when(t, x, inputs(t), p))
 
         when.terminal = True  # type: ignore[attr-defined]
         when.direction = one.direction  # type: ignore[attr-defined]
         return when
 
-    def _after(self, found: Any, inputs: Callable[[float], Any], p: Any) -> tuple[float, Array]:
+    def _after(self, found: Any, inputs: Callable[[float], Any], p: Any) -> tuple[float, Floats]:
         """Return when the first event happened, and the states a moment after it."""
         k = min((k for k, times in enumerate(found.t_events) if len(times)), key=lambda k: float(found.t_events[k][0]))
         t, x = float(found.t_events[k][0]), np.asarray(found.y_events[k][0], np.float64)

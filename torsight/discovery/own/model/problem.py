@@ -13,11 +13,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.interface import Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
@@ -35,8 +35,6 @@ from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Record, Table, read_records, time_column, time_of
-
-Array = NDArray[np.float64]
 
 _FAR: Final = 1e3
 """Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
@@ -77,16 +75,16 @@ class ModelProblem(OptionalMembers):
     evaluator: Evaluator
     parameters: tuple[Parameter, ...]
     candidates: tuple[Candidate, ...]
-    time_s: Array
-    observed: Array
-    sigma: Array
-    valid: NDArray[np.bool_]
-    block: NDArray[np.int64]
-    rest: NDArray[np.bool_]
-    drivers: Mapping[str, Array]
+    time_s: Floats
+    observed: Floats
+    sigma: Floats
+    valid: Flags
+    block: Ints
+    rest: Flags
+    drivers: Mapping[str, Floats]
     resolution: float
     forms: tuple[LawForm, ...] = ()
-    nodes: Mapping[str, Array] = field(default_factory=dict)
+    nodes: Mapping[str, Floats] = field(default_factory=dict)
     law_scales: Mapping[str, float] = field(default_factory=dict)
     once: tuple[str, ...] = ()
     elsewhere: tuple[Mapping[str, float], ...] = ()
@@ -94,11 +92,11 @@ class ModelProblem(OptionalMembers):
     time_name: str | None = None
     warnings: tuple[str, ...] = ()
 
-    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Array:
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the outputs (n,) as the engine sees them; far off where the model fails (kept in the evaluator)."""
         return self.predict_many([values], effects)[0]
 
-    def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Array]:
+    def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Floats]:
         """Return the same at several points, called at once where the model is called in processes."""
         asked = [(self.given(one, effects), self.curves(one, effects)) for one in values]
         found = self.evaluator.many(asked)
@@ -123,7 +121,7 @@ class ModelProblem(OptionalMembers):
         made = tuple(Candidate(form.id, "law", form.parameters) for form in forms)
         return replace(self, candidates=(*own, *made), forms=tuple(forms))
 
-    def _added(self, values: Mapping[str, float], effects: Sequence[str]) -> Array | float:
+    def _added(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats | float:
         """Return what laws over drivers add to the outputs (n,), in the engine's units."""
         on = [form for form in self.forms if form.id in effects and form.id in self.added]
         if not on:
@@ -137,13 +135,13 @@ class ModelProblem(OptionalMembers):
                     total[place] += curve[place] / self.layout.scale[k]
         return total
 
-    def _stacked(self, called: Sequence[Called]) -> Array:
+    def _stacked(self, called: Sequence[Called]) -> Floats:
         if any(one.failure is not None for one in called):
             return self.far
         return self.layout.stack([one.outputs for one in called if one.outputs is not None], between=0.0)
 
     @cached_property
-    def far(self) -> Array:
+    def far(self) -> Floats:
         """What a call that gives no numbers predicts (n,): so far off that no fit goes there."""
         spread = float(np.nanstd(self.observed)) or 1.0
         return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
@@ -176,7 +174,7 @@ class ModelProblem(OptionalMembers):
             return float(values[one.name])
         return float(values[name_in(one.name, record)])
 
-    def outputs(self, values: Mapping[str, float], effects: Sequence[str]) -> list[Array]:
+    def outputs(self, values: Mapping[str, float], effects: Sequence[str]) -> list[Floats]:
         """Return the model's outputs (rows, outputs) for every record, in their own units.
 
         Raises
@@ -190,11 +188,11 @@ class ModelProblem(OptionalMembers):
                 raise one.failure.error("predict")
         return [one.outputs for one in called if one.outputs is not None]
 
-    def measured(self) -> list[Array]:
+    def measured(self) -> list[Floats]:
         """Return what was measured (rows, outputs) for every record."""
         return lay.observed_of(self.model.records, self.model.outputs)
 
-    def times(self) -> list[Array]:
+    def times(self) -> list[Floats]:
         """Return the time (rows,) of every record."""
         return [time_of(record, self.time_name) for record in self.model.records]
 
@@ -316,7 +314,7 @@ def _known(names: Sequence[str], among: Sequence[str], *, what: str) -> None:
             )
 
 
-def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Array], size: Array) -> Layout:
+def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Floats], size: Floats) -> Layout:
     rows = tuple(record.rows_ for record in records)
     if len(outputs) == 1:
         return Layout(tuple(outputs), rows, np.ones(1), np.zeros(1))
@@ -329,7 +327,7 @@ def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequenc
     return Layout(tuple(outputs), rows, size, shift)
 
 
-def _engine_time(times: Sequence[Array], outputs: int) -> Array:
+def _engine_time(times: Sequence[Floats], outputs: int) -> Floats:
     pieces = []
     for own in lay.running_time(times, outputs):
         step = float(np.median(np.diff(own)) or 1.0)

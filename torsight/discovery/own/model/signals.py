@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.units import Flags, Floats
 from torsight.discovery.own.model import layout as lay
 from torsight.discovery.own.own_records import Record, column_of, time_column
-
-Array = NDArray[np.float64]
 
 _SAME: Final = 1e-6
 """Share of the measured signal's spread that is left by another one that is the same in other units: the digits of a
@@ -22,8 +20,8 @@ _MUCH_STILL: Final = 0.5
 
 
 def rest_of(
-    given: str | None, records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Array], noise: list[float]
-) -> tuple[list[NDArray[np.bool_]], list[str]]:
+    given: str | None, records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Floats], noise: list[float]
+) -> tuple[list[Flags], list[str]]:
     """Return where every record stands still, and what a person should know of that."""
     if given is not None and given != "still":
         return [np.nan_to_num(column_of(record, given)) != 0.0 for record in records], []
@@ -44,10 +42,10 @@ def drivers_of(
     given: Sequence[str] | None,
     records: Sequence[Record],
     outputs: Sequence[str],
-    times: Sequence[Array],
+    times: Sequence[Floats],
     *,
     reading: lay.Reading,
-) -> tuple[dict[str, list[Array]], list[str]]:
+) -> tuple[dict[str, list[Floats]], list[str]]:
     """Return the drivers by name, one array per record, and what was left out of them."""
     no_drivers = {*outputs, reading.time, reading.blocks if isinstance(reading.blocks, str) else None}
     shared = [name for name in records[0] if all(name in record for record in records)]
@@ -56,7 +54,7 @@ def drivers_of(
         if given is None
         else list(given)
     )
-    found: dict[str, list[Array]] = {}
+    found: dict[str, list[Floats]] = {}
     told: list[str] = []
     for name in names:
         own = [column_of(record, name) for record in records]
@@ -75,7 +73,7 @@ def drivers_of(
     return found, told
 
 
-def _twin(own: Sequence[Array], records: Sequence[Record], outputs: Sequence[str]) -> str | None:
+def _twin(own: Sequence[Floats], records: Sequence[Record], outputs: Sequence[str]) -> str | None:
     values = np.concatenate(list(own))
     for output in outputs:
         measured = np.concatenate([record[output] for record in records])
@@ -85,7 +83,7 @@ def _twin(own: Sequence[Array], records: Sequence[Record], outputs: Sequence[str
     return None
 
 
-def _same(values: Array, measured: Array) -> bool:
+def _same(values: Floats, measured: Floats) -> bool:
     """Return whether one signal is the other, but for scale and offset: its noise, too, not only its course."""
     if min(np.ptp(values), np.ptp(measured)) <= 0.0:
         return False

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from torsight.core.units import Floats
+
 _T = TypeVar("_T")
 
 
@@ -67,7 +67,7 @@ class Curve:
         The least and the greatest value that it was asked for; infinite the wrong way round where it never was.
     """
 
-    def __init__(self, nodes: Array | None = None, values: Array | None = None) -> None:
+    def __init__(self, nodes: Floats | None = None, values: Floats | None = None) -> None:
         self.off = nodes is None or values is None
         # As compiled code reads them.
         self.nodes = np.zeros(1) if nodes is None else np.ascontiguousarray(nodes, np.float64)
