@@ -64,3 +64,13 @@ print([name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
+
+
+def test_clocks_fits_and_discovery_start_without_what_they_rarely_need() -> None:
+    """Each takes half a second to import: planning and models of one's own need them, where they are asked for."""
+    code = """
+import sys, sync, torsight.discovery.discover, torsight.discovery.design.programme
+print([name for name in ("scipy.signal", "scipy.stats") if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from torsight.actuator.drive import Drive, Pair, Sensors
 from torsight.actuator.record.segments import HalfCycles, by_role
@@ -284,5 +283,8 @@ class _Player:
 
 def _followed(values: Floats, keep: float) -> Floats:
     """Return what a first-order sensor reads that started in equilibrium."""
+    # Imported where a protocol is planned only: it takes half a second.
+    from scipy.signal import lfilter
+
     read, _ = lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
     return read.astype(np.float64)  # type: ignore[no-any-return]

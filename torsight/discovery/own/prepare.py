@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.stats import qmc
 
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
@@ -173,6 +172,9 @@ def _left(fitter: Fitter, at: Floats) -> Floats:
 
 def _spread(parameters: list[Parameter], count: int) -> list[dict[str, float]]:
     """Return points that fill the parameters' ranges evenly (Halton's sequence, without its first point, a corner)."""
+    # Imported where it is needed: it takes half a second, which every fit would pay.
+    from scipy.stats import qmc
+
     unit = qmc.Halton(len(parameters), scramble=False).random(count + 1)[1:]
     return [{p.name: _place(p, float(u)) for p, u in zip(parameters, row, strict=True)} for row in unit]
 
