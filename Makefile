@@ -2,7 +2,7 @@
 # make test : everything that checks the project
 # make docs : the pages of docs/ into docs/_build/
 # make dist : wheel and sdist into dist/, each tried in a new environment outside of this tree
-.PHONY: demo test lint compiled docs dist clean
+.PHONY: demo test lint style types pytest compiled docs dist clean
 .DEFAULT_GOAL := demo
 
 VENV := .venv
@@ -35,20 +35,28 @@ $(VENV)/.installed-docs: $(VENV)/.installed
 demo: $(VENV)/.installed
 	$(BIN)/torsight demo --out demo
 
-lint: $(VENV)/.installed-dev
+lint: style types
+
+style: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+types: $(VENV)/.installed-dev
+	$(BIN)/mypy
 
 # Needs what the product needs, and so begins while the tools of development are still installed: for a moment the
 # packages are then found by PYTHONPATH alone.
 compiled: $(VENV)/.installed
 	PYTHONPATH=$(CURDIR) $(BIN)/python tests/compile_ahead.py
 
-test:
-	$(MAKE) --no-print-directory -j 2 lint compiled
+pytest: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
+
+# The types are checked while tests wait for browsers, pipes and processes.
+test:
+	$(MAKE) --no-print-directory -j 2 style compiled
+	$(MAKE) --no-print-directory -j 2 types pytest
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
