@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
+from types import FunctionType
 
 import pytest
 
@@ -32,6 +33,12 @@ def through_compiled_code() -> None:
     ctypes.CFUNCTYPE(None)(ask)()
 
 
+def to_code_that_then_fails() -> None:
+    """Ask where the exception is lost, and the foreign code goes on without what it asked for."""
+    through_compiled_code()
+    raise RuntimeError("no compiled object yet")
+
+
 class HalfMade:
     """What a compiler makes: asked to end while it is made, it lacks the handle that its end gives back."""
 
@@ -50,7 +57,7 @@ def within_a_cycle() -> None:
     made.__init__()  # type: ignore[misc]
 
 
-@pytest.mark.parametrize("how", [ask, through_compiled_code, HalfMade, within_a_cycle])
+@pytest.mark.parametrize("how", [ask, through_compiled_code, to_code_that_then_fails, HalfMade, within_a_cycle])
 def test_the_request_comes_through(how: Callable[[], object], capsys: pytest.CaptureFixture[str]) -> None:
     before = signal.getsignal(signal.SIGTERM), sys.unraisablehook
 
@@ -63,6 +70,28 @@ def test_the_request_comes_through(how: Callable[[], object], capsys: pytest.Cap
         asked()
     assert (signal.getsignal(signal.SIGTERM), sys.unraisablehook) == before
     assert capsys.readouterr().err == ""
+
+
+def test_the_compiler_is_not_interrupted() -> None:
+    """What it asks for and does not get makes it fail, or the whole process crash."""
+    compiled: list[str] = []
+
+    def called_back() -> None:
+        ask()
+        compiled.append("whole")
+
+    compiler = FunctionType(
+        called_back.__code__, {"__name__": "llvmlite.binding", "ask": ask}, closure=called_back.__closure__
+    )
+
+    def asked() -> None:
+        with ends.asked_to_end():
+            compiler()
+            work_on()
+
+    with pytest.raises(ends.Ended):
+        asked()
+    assert compiled == ["whole"]
 
 
 def test_what_puts_things_away_is_not_interrupted() -> None:

@@ -8,11 +8,11 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from types import FrameType
 from typing import Final
 
-_ASKED_AGAIN_S: Final = 0.3
+_ASKED_AGAIN_S: Final = 0.05
 """How often a process asks itself to end: a person does not notice the wait."""
 
 
@@ -45,28 +45,24 @@ def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], N
 def asked_to_end() -> Iterator[None]:
     """Let a request to end unwind the command, so that it leaves no half-written file behind.
 
-    An exception that is raised while compiled code calls back into Python is lost there. So the process asks itself
-    again until the request has come through; while it unwinds, further requests change nothing. Objects that it left
-    half made (those of a compiler, say) may fail as they are thrown away: that follows from the request and says
-    nothing new, so they are thrown away here, in silence.
+    An exception that is raised while compiled code calls back into Python is lost there, and what the code goes on with
+    then may be nothing: the compiler's is not interrupted (:func:`_compiling`). The process asks itself again until the
+    request has come through. While the process unwinds, further requests change nothing. Objects that it left half made
+    may fail as they are thrown away: that follows from the request and says nothing new, so they are thrown away here,
+    in silence.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     ended = threading.Event()
-    asking: list[threading.Thread] = []
+    asking: dict[int, threading.Thread] = {}
 
-    def ask_again(thread: int, number: int) -> None:
-        while not ended.wait(_ASKED_AGAIN_S):
-            signal.pthread_kill(thread, number)
-
-    def end(number: int, _frame: object) -> None:
-        if _unwinding():
+    def end(number: int, frame: FrameType | None) -> None:
+        if _unwinding(sys.exception()):
             return
-        if not asking:
-            asking.append(threading.Thread(target=ask_again, args=(threading.get_ident(), number), daemon=True))
-            asking[0].start()
-        raise Ended(number)
+        _ask_again(number, asking, ended)
+        if not _compiling(frame):
+            raise Ended(number)
 
     def tell_unless_ended(lost: sys.UnraisableHookArgs, /) -> None:
         if not asking and not isinstance(lost.exc_value, Ended):
@@ -75,29 +71,58 @@ def asked_to_end() -> Iterator[None]:
     tell_lost, sys.unraisablehook = sys.unraisablehook, tell_unless_ended
     with handled(asks(), end):
         try:
-            with _thrown_away():
+            with _thrown_away(asking):
                 yield
         finally:
             ended.set()
-            for thread in asking:
+            for thread in asking.values():
                 thread.join()
             sys.unraisablehook = tell_lost
 
 
+def _ask_again(number: int, asking: dict[int, threading.Thread], ended: threading.Event) -> None:
+    """Let this thread be asked again and again until it has ended; ``asking`` holds who asks, if anyone does."""
+    if asking:
+        return
+    asked = threading.get_ident()
+
+    def ask() -> None:
+        while not ended.wait(_ASKED_AGAIN_S):
+            signal.pthread_kill(asked, number)
+
+    asking[number] = threading.Thread(target=ask, daemon=True)
+    asking[number].start()
+
+
 @contextlib.contextmanager
-def _thrown_away() -> Iterator[None]:
-    """Let go of what the frames that a request to end went through had in hand."""
+def _thrown_away(asking: Collection[int]) -> Iterator[None]:
+    """Let go of what the frames that a request to end went through had in hand; ``asking`` says whether there was one.
+
+    An error that came after a request that was lost is the request.
+    """
     try:
         yield
     except Ended as error:
         traceback.clear_frames(error.__traceback__)
         gc.collect()
         raise
+    except Exception as error:
+        if asking and not _unwinding(error):
+            raise Ended(next(iter(asking))) from error
+        raise
 
 
-def _unwinding() -> bool:
-    """Return whether a request to end is on its way up through what puts things away."""
-    error = sys.exception()
+def _unwinding(error: BaseException | None) -> bool:
+    """Return whether an error is a request to end on its way up, or came of what puts things away then."""
     while error is not None and not isinstance(error, Ended):
         error = error.__context__
     return error is not None
+
+
+def _compiling(frame: FrameType | None) -> bool:
+    """Return whether the compiler is at work below a frame; it calls back to keep code and to fetch what was kept."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").startswith("llvmlite."):
+            return True
+        frame = frame.f_back
+    return False
