@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.errors import OutputError
+from torsight.core.errors import OutputError, reason_of
 from torsight.core.files.storage import json_text, write_text
 from tracker.rows import ROW
 
@@ -148,7 +148,7 @@ def drop(folder: Path) -> None:
 
 def _not_kept(folder: Path, error: OSError) -> OutputError:
     return OutputError(
-        f"checkpoints cannot be written ({error.strerror or error})",
+        f"checkpoints cannot be written ({reason_of(error)})",
         where=str(folder),
         do="choose another --out folder, or free space and rights there",
     )

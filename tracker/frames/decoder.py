@@ -8,6 +8,7 @@ from typing import Any
 
 import av
 
+from torsight.core.errors import reason_of
 from tracker.frames.display import Closed, Display, Luma, luma_of
 
 
@@ -53,7 +54,7 @@ class Decoder:
             except StopIteration:
                 return
             except (av.error.FFmpegError, OSError) as error:
-                self.fatal = str(error.strerror or error)
+                self.fatal = reason_of(error)
                 # What the decoder still holds was read before the damage.
                 yield from self._flush(stream)
                 return
@@ -69,7 +70,7 @@ class Decoder:
                 yield from packet.decode()
             except (av.error.InvalidDataError, av.error.FFmpegError) as error:
                 self._errors += 1
-                self.message = str(error.strerror or error)
+                self.message = reason_of(error)
 
     def _flush(self, stream: Any) -> Iterator[Any]:
         try:

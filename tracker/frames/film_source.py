@@ -13,7 +13,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.errors import InputError
+from torsight.core.errors import InputError, reason_of
 from torsight.core.units import Floats, Ints
 from tracker.frames.decoder import Decoder
 from tracker.frames.display import Display, display_of, luma_of, transfer_of
@@ -250,7 +250,7 @@ class FilmSource:
             return av.open(self.name, metadata_errors="ignore")
         except (av.error.FFmpegError, OSError) as error:
             raise InputError(
-                f"is not a film that can be read ({error.strerror or error})",
+                f"is not a film that can be read ({reason_of(error)})",
                 where=self.name,
                 do="check that the copy is whole; a film whose recording was cut off may be mended with ffmpeg",
             ) from error

@@ -13,6 +13,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.errors import reason_of
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats, Ints
 from tracker.frames.display import Closed, luma_of
@@ -141,4 +142,4 @@ class Clip:
                         return
                     yield int(np.searchsorted(pts, frame.pts)), closed(luma_of(frame, source.display))
             except av.error.FFmpegError as error:
-                self.damage.add(self.first, 0.0, f"cannot be decoded here ({error.strerror or error})")
+                self.damage.add(self.first, 0.0, f"cannot be decoded here ({reason_of(error)})")

@@ -17,7 +17,7 @@ import numpy as np
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
-from torsight.discovery.inference.solver import Solution, Space, costs, jacobian, solve
+from torsight.discovery.inference.solver import Solution, Space, jacobian, objective, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate, Problem
 
@@ -165,8 +165,8 @@ class Fitter:
     def known(self, effects: EffectSet, x: Floats, prediction: Floats, derivative: Floats) -> Fit:
         """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""
         observed = np.where(self.weight.each > 0.0, self.problem.observed, 0.0)
-        cost, data_cost = costs(observed - prediction, x, weight=self.weight, space=self.space(effects))
-        solution = Solution(x, prediction, derivative, cost, data_cost, converged=False)
+        cost = objective(observed - prediction, x, weight=self.weight, space=self.space(effects))
+        solution = Solution(x, prediction, derivative, cost, converged=False)
         return Fit(effects, self.parameters(effects), solution)
 
     def base(self) -> Fit:
@@ -224,7 +224,7 @@ class Fitter:
 
         def cost(values: Mapping[str, float]) -> float:
             x = np.array([values[p.name] for p in fit.parameters])
-            return costs(observed - model(x), x, weight=self.weight, space=space)[0]
+            return objective(observed - model(x), x, weight=self.weight, space=space)
 
         places = [{**fit.values, **place} for place in self.problem.elsewhere]
         least, best = min(((cost(place), i) for i, place in enumerate(places)), default=(np.inf, 0))

@@ -50,8 +50,6 @@ class Measured:
         What was measured.
     form : LawForm
         Its most probable kernel and size.
-    kernel : str
-        The kernel's name.
     values : mapping of str to float
         The model's parameters, and the form's.
     prediction : (n,) float64
@@ -68,7 +66,6 @@ class Measured:
 
     law: Law
     form: LawForm
-    kernel: str
     values: Mapping[str, float]
     prediction: Floats
     derivative: Floats
@@ -232,8 +229,7 @@ class _Measurement:
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
         here = self._value(at_u, u, _precision(form.basis)) + float(picture.occam[kernel, size])
         bank = float(self._bank.log_prior[kernel] + logsumexp(picture.evidence) - picture.evidence[kernel, size])
-        name = self._law.kernels[kernel].name
-        return Measured(self._law, form, name, values, at_u, derivative, here + bank, SIZES[size], bank)
+        return Measured(self._law, form, values, at_u, derivative, here + bank, SIZES[size], bank)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -224,12 +224,11 @@ class Search:
 
     def _exchange(self, item: tuple[EffectSet, str, str]) -> Explanation:
         """Return a set with another member in the place of one, fitted from where the set is."""
-        best, name = self._explanations[item[0]], item[2]
-        laws = tuple(one for one in best.laws if one.law.id != item[1])
-        fitter = Fitter(best.fitter.problem.with_laws([one.form for one in laws]), best.fitter.weight)
-        fit = fitter.at(fitter.ordered(less(best.members, item[1])), best.fit.values)
+        best, members = self._explanations[item[0]], less(item[0], item[1])
+        fitter, laws = _fitter_of(best, members)
+        fit = fitter.at(fitter.ordered(members), best.fit.values)
         without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
-        return self._extended_by(without, name)
+        return self._extended_by(without, item[2])
 
     def _grow(self, work: list[tuple[EffectSet, str]], *, step: str) -> None:
         """Extend fitted sets, each by one member, unless that was done before, and keep what comes of it."""
@@ -308,12 +307,10 @@ class Search:
     def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
         """Return a part of a set, fitted from where the set is; its laws keep their forms."""
         best, members = item
-        laws = tuple(one for one in best.laws if one.law.id in members)
-        problem = best.fitter.problem.with_laws([one.form for one in laws])
-        fitter = Fitter(problem, best.fitter.weight)
+        fitter, laws = _fitter_of(best, members)
         effects = fitter.ordered(members)
         start = {p.name: best.fit.values[p.name] for p in fitter.parameters(effects)}
-        return self._settled(problem, fitter.fit(effects, [start], keep=1), laws)
+        return self._settled(fitter.problem, fitter.fit(effects, [start], keep=1), laws)
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
@@ -375,6 +372,12 @@ class Search:
 def _with(members: EffectSet, name: str) -> EffectSet:
     """Return a set with one more member."""
     return tuple(sorted((*members, name)))
+
+
+def _fitter_of(best: Explanation, members: EffectSet) -> tuple[Fitter, tuple[Measured, ...]]:
+    """Return what fits a part of a set, and the part's laws, which keep their forms."""
+    laws = tuple(one for one in best.laws if one.law.id in members)
+    return Fitter(best.fitter.problem.with_laws([one.form for one in laws]), best.fitter.weight), laws
 
 
 def _weighted(likelihood: Likelihood, problem: Problem, prediction: Floats) -> Fitter:

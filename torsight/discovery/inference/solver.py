@@ -72,8 +72,8 @@ class Solution:
         Model values there.
     jacobian : (n, m) float64
         Derivatives of the prediction there.
-    cost, data_cost : float
-        The objective, and its first sum.
+    cost : float
+        The objective.
     converged : bool
         False where the evaluations ran out first.
     moved : float
@@ -86,7 +86,6 @@ class Solution:
     prediction: Floats
     jacobian: Floats
     cost: float
-    data_cost: float
     converged: bool
     moved: float = 0.0
     promised: float = 0.0
@@ -124,10 +123,9 @@ def at_all(function: Callable[[Floats], Floats], points: Sequence[Floats]) -> li
     return function.many(points) if isinstance(function, AtOnce) else [function(point) for point in points]
 
 
-def costs(residual: Floats, x: Floats, *, weight: Weight, space: Space) -> tuple[float, float]:
-    """Return the objective and its data part."""
-    data = weight.square(residual)
-    return data + float(np.sum(space.prior_residual(x) ** 2)), data
+def objective(residual: Floats, x: Floats, *, weight: Weight, space: Space) -> float:
+    """Return what is made least: information in the residual, and the priors' share."""
+    return weight.square(residual) + float(np.sum(space.prior_residual(x) ** 2))
 
 
 def solve(
@@ -165,13 +163,13 @@ def solve(
     """
     y = np.where(weight.each > 0.0, observed, 0.0)
     slopes = Slopes(function, space, start, guess=guess)
-    cost, data_cost = costs(y - slopes.at_x, slopes.x, weight=weight, space=space)
+    cost = objective(y - slopes.at_x, slopes.x, weight=weight, space=space)
     damping, converged = 1e-3, False
     held = np.zeros(len(slopes.x), bool)
 
     def holds_another(curvature: Floats) -> bool:
         def cost_at(x: Floats) -> float:
-            return costs(y - function(x), x, weight=weight, space=space)[0]
+            return objective(y - function(x), x, weight=weight, space=space)
 
         kinked = _kinks(cost_at, slopes.x, cost=cost, curvature=curvature, space=space) & ~held
         held[kinked] = True
@@ -189,7 +187,7 @@ def solve(
                 break
             trial = space.clip(slopes.x + step)
             at_trial = function(trial)
-            trial_cost, trial_data = costs(y - at_trial, trial, weight=weight, space=space)
+            trial_cost = objective(y - at_trial, trial, weight=weight, space=space)
             if trial_cost < cost:
                 found = True
                 break
@@ -203,11 +201,11 @@ def solve(
         kept = (cost - trial_cost) / promised
         damping = max(damping * (0.1 if kept > 0.5 else 2.0), 1e-6)
         slopes.move(trial, at_trial, trusted=kept > TRUSTED)
-        cost, data_cost = trial_cost, trial_data
+        cost = trial_cost
     if not rough:
         slopes.refresh()
     promised = 0.0 if converged else _promised(slopes, y, weight=weight, space=space)
-    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, data_cost, converged, slopes.moved, promised)
+    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, converged, slopes.moved, promised)
 
 
 def _promised(slopes: Slopes, y: Floats, *, weight: Weight, space: Space) -> float:
