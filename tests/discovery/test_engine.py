@@ -12,6 +12,7 @@ from torsight.core.errors import InputError
 from torsight.discovery import find_missing as find_missing_of
 from torsight.discovery.inference.engine import find_missing
 from torsight.discovery.inference.explanation import covariance, curvature_spread, predictive_covariance
+from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Stretches, correlation_samples, residual_scales
 from torsight.discovery.inference.validate import held_out_by_refit
 from torsight.discovery.settings import Settings
@@ -157,6 +158,25 @@ def test_correlation_time_is_that_of_the_process() -> None:
     times = [correlation_samples(noise(seed, size=1.0, tau=6.0), stretches) for seed in range(40)]
     # 1200 samples hold 200 pieces of information; a window of five times τ gives τ to about 2 √(10 / 200) / √40.
     assert np.mean(times) == pytest.approx(6.0, rel=0.15)
+
+
+def test_correlation_time_is_that_of_what_samples_say() -> None:
+    problem = machine(0.0)
+    stretches = Stretches.of(problem)
+    rng = np.random.default_rng(3)
+    floor = np.full(len(problem.observed), 0.1)
+    # One sample in fifteen, beside a jump say, is known fifty times less well, and says as much less.
+    floor[rng.random(len(floor)) < 1.0 / 15.0] = 5.0
+    residuals = [
+        noise(seed, size=0.1, tau=6.0) * np.where(floor > 1.0, 0.0, 1.0) + np.where(floor > 1.0, floor, 0.0) * white
+        for seed, white in enumerate(rng.standard_normal((20, len(floor))))
+    ]
+    likelihood = Likelihood.of(stretches, floor, 1.0)
+    raw = [correlation_samples(residual, stretches) for residual in residuals]
+    said = [correlation_samples(likelihood.in_scales(residual), stretches) for residual in residuals]
+    assert np.mean(raw) < 1.3
+    # The rest of the variance is white, the other samples' correlation is that of the process.
+    assert np.mean(said) == pytest.approx(1.0 + 5.0 * (14.0 / 15.0) ** 2, rel=0.15)
 
 
 def test_scales_are_what_lies_beyond_the_floor() -> None:

@@ -7,12 +7,14 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
-from linear_cases import machine, noise, signals
+from linear_cases import LENGTH, machine, noise, signals
 
 from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
+from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import decide
+from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import LinearProblem
 from torsight.discovery.settings import Settings
@@ -165,3 +167,32 @@ def test_a_member_that_fails_on_unseen_blocks_is_left_out() -> None:
     pair.__dict__["held_out"] = replace(pair.held_out, residual=50.0 * pair.held_out.residual)
     decision = decide(field, settings=Settings(), choices=search.choices, can_hold_out=True)
     assert decision.chosen.members in {("coulomb",), ("warmth",)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Sticking(LinearProblem):
+    """A machine that starts late in each block, by so many samples."""
+
+    def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        start = np.zeros(len(self.observed))
+        if "sticking" in effects:
+            start = 40.0 * values["excess"] * (1.0 + 0.5 * self.block) / (1.0 + 0.1 * self.block * values["power"])
+        return values["offset"] + (self.time_s % LENGTH >= np.floor(start))
+
+
+def test_an_effect_that_jumps_is_found_by_trials() -> None:
+    own = (Parameter("excess", 0.2, "", lower=0.0, null=0.0), Parameter("power", 1.0, "", lower=0.1, sigma=0.5))
+    parts = {field.name: getattr(machine(0.0), field.name) for field in fields(LinearProblem)}
+    base = tuple(p for p in parts["parameters"] if p.name == "offset")
+    made = replace(_Sticking(**parts), parameters=base, candidates=(Candidate("sticking", "", own),), drivers={})
+    true = made.predict({"offset": 1.0, "excess": 0.7, "power": 1.4}, ("sticking",))
+    made = replace(made, observed=true + noise(3, size=0.05, tau=2.0))
+
+    def left(problem: LinearProblem) -> float:
+        fitter = Fitter(problem, Weight.of(np.full(len(true), 1.0 / 0.05**2)))
+        fit = fitter.extend(fitter.base(), "sticking")
+        return float(np.sqrt(np.mean((true - fit.solution.prediction) ** 2)))
+
+    # The derivatives are zero all but everywhere: a start at the third of the truth is left where it is.
+    assert left(made) > 0.3
+    assert left(replace(made, candidates=(replace(made.candidates[0], jumps=True),))) < 0.05

@@ -358,10 +358,17 @@ def _candidate(effect: Effect, angle_rad: Floats) -> Candidate:
     propose = None if own is None else in_radians
     # The time of an event is known to about a second once it is found; its bounds span all times.
     scales = {p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None}
-    # Clocks that differ do so whatever the form in time.
-    any_form = effect.is_clock
     return Candidate(
-        effect.id, effect.family, effect.parameters, starts, propose, scales, laws=effect.laws, any_form=any_form
+        id=effect.id,
+        family=effect.family,
+        parameters=effect.parameters,
+        starts=starts,
+        propose=propose,
+        scales=scales,
+        laws=effect.laws,
+        jumps=effect.jumps,
+        # Clocks that differ do so whatever the form in time.
+        any_form=effect.is_clock,
     )
 
 

@@ -56,6 +56,9 @@ class Candidate:
         From times and a residual (measured less model; NaN where not measured) to more such points.
     laws : tuple of str
         Ids of the problem's laws of which it is a usual form.
+    jumps : bool
+        Whether the predictions jump when its parameters change, so that derivatives see hardly anything of it: the
+        parameters, which are positive or zero, are then found by trials, too.
     any_form : bool
         Whether these laws carry its name whatever their form: it is what they are, and not one form of it.
     """
@@ -67,6 +70,7 @@ class Candidate:
     propose: Propose | None = None
     scales: Mapping[str, float] = field(default_factory=dict)
     laws: tuple[str, ...] = ()
+    jumps: bool = False
     any_form: bool = False
 
     def starting_points(

@@ -99,6 +99,9 @@ class Effect(Shown):
     seen : callable or None
         Logarithm of how much more probable what the tracker saw is with the effect than without it, at most zero; from
         times and angles of all rows (s, rad), the times of those that were fitted, and values.
+    jumps : bool
+        True where it changes when the angle jumps, so that derivatives see hardly anything of it; its parameters that
+        are positive are then found by trials, too.
     is_clock : bool
         True for an error between two recorders' clocks: it is not applied in predictions.
     order : int
@@ -118,6 +121,7 @@ class Effect(Shown):
     derived: tuple[Derived, ...] = ()
     propose: Callable[[Floats, Floats], tuple[Values, ...]] | None = None
     seen: Callable[[Floats, Floats, Floats, Values], float] | None = None
+    jumps: bool = False
     is_clock: bool = False
     order: int = 0
     laws: tuple[str, ...] = ()

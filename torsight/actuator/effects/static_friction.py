@@ -1,9 +1,10 @@
 r"""Friction at rest exceeds sliding friction and grows with the rest.
 
-.. math:: τ_s = τ_c (1 + e (1 − e^{−t_r/t_0}))
+.. math:: τ_s = τ_c (1 + e (1 − e^{−(t_r/t_0)^p}))
 
-e excess after a long rest, t_r time at rest, t_0 time of growth (s). Predicted residual: motion starts late and with a
-jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
+e excess after a long rest, t_r time at rest, t_0 time of growth (s). p = 1: contacts grow at one rate; less: at many
+(like the logarithm of the time over a decade or two); more: growth sets in late. Predicted residual: motion starts late
+and with a jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from torsight.core.parameter import Parameter
 def apply(ports: Ports, values: Values) -> Ports:
     """Set excess and time."""
     rest_s = 10.0**DWELL_DECADES - 1.0
-    return ports.with_dwell(1.0 + values["static_excess"] * (1.0 - np.exp(-rest_s / values["static_time_s"])))
+    left = np.exp(-((rest_s / values["static_time_s"]) ** values["static_power"]))
+    return ports.with_dwell(1.0 + values["static_excess"] * (1.0 - left))
 
 
 EFFECT: Final = Effect(
@@ -49,9 +51,20 @@ EFFECT: Final = Effect(
             symbol="t_0",
             title="time in which it grows",
         ),
+        Parameter(
+            name="static_power",
+            value=1.0,
+            unit="",
+            lower=0.3,
+            upper=4.0,
+            sigma=0.5,
+            symbol="p",
+            title="power of its growth",
+        ),
     ),
     apply=apply,
-    # Motion begins with a jump: from far off the residual hardly says which way the excess should go.
-    starts=({"static_excess": 0.6}, {"static_excess": 1.0}),
+    jumps=True,
+    # Motion begins with a jump: from half or twice the excess the residual hardly says which way it should go.
+    starts=tuple({"static_excess": excess} for excess in (0.1, 0.2, 0.4, 0.8)),
     laws=("friction_dwell_s",),
 )

@@ -7,11 +7,12 @@ r residual, n_i what the inputs account for sample by sample (reading noise, noi
 of the inputs do to many samples at once (:mod:`.weight`), s the size of the discrepancy that is left, each at its most
 probable value: one for motion, one for rests, and one for the blocks that a record opens with, where what came before
 it is not known. Neighbouring residuals are not independent: in motion a sample counts as :math:`c = 1/τ` pieces of
-information, τ the residual's integrated correlation time in samples (samples that lie closer than usual share that); a
-rest of m samples as one piece, so each as 1/m. The power c of a likelihood keeps intervals and evidence honest where
-the correlation's form is not known (composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The
-discrepancy's size is a part of the likelihood and not a set weight: what leaves half as much explains as much more as
-the number of pieces of information says (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
+information, τ the integrated correlation time, in samples, of the residual in units of each sample's standard deviation
+(samples that lie closer than usual share that); a rest of m samples as one piece, so each as 1/m. The power c of a
+likelihood keeps intervals and evidence honest where the correlation's form is not known (composite likelihood; Varin,
+Reid and Firth, Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the likelihood and not a set weight:
+what leaves half as much explains as much more as the number of pieces of information says (Kennedy and O'Hagan, J. R.
+Statist. Soc. B 63 (2001) 425).
 """
 
 from __future__ import annotations
@@ -106,6 +107,11 @@ class Likelihood:
     def left(self, residual: Floats) -> Floats:
         """Return a residual less what its most probable shared errors do (n,)."""
         return np.asarray(residual - self.shared @ self.weight(residual).errors(residual))
+
+    def in_scales(self, residual: Floats) -> Floats:
+        """Return what is left in units of every sample's standard deviation (n,): as much as it says of a value."""
+        left = self.left(residual)
+        return np.asarray(left / np.sqrt(self._variance(left)))
 
     def discrepancy(self, residual: Floats) -> Floats:
         """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
