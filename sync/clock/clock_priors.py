@@ -4,7 +4,9 @@ In one record, so that ``benchmarks/sync/prior_sensitivity.py`` can estimate the
 with half and with twice of each value. Of four such pairs (``--seeds 4``) none of them moved the offset by more than
 0.08 of its standard deviation in the median and 0.6 at most; the intervals' widths changed by factors of 0.92 to 1.17,
 and held the truth as before. The weights of strokes, stops and changes of the LED that have no partner do not count
-there at all: they are for logs that lack a part of the film.
+there at all: they are for logs that lack a part of the film. Taken away altogether two of them count: without
+``rate_noise`` the offsets of eleven pairs of ``clock_coverage.py`` move by up to 1.8 standard deviations, and without
+lags in two stages one of five pairs leaves its interval.
 """
 
 from __future__ import annotations
