@@ -5,7 +5,6 @@ Usage: python tests/compile_ahead.py (``make test`` runs it beside the other che
 
 from __future__ import annotations
 
-import gc
 import sys
 import tempfile
 from collections.abc import Callable
@@ -66,10 +65,11 @@ def integrate_and_model() -> None:
 
 def main() -> None:
     """Compile on two cores, the longest first."""
+    from torsight.core.lazy import collect_seldom
+
     work: tuple[Callable[[], None], ...] = (follow_dots, integrate_and_model, follow_patches)
-    # The compiler makes millions of small objects and drops few: they are looked through as seldom as in the tests.
-    # Never is a fourteenth faster than after every 700 new ones, but takes 0.8 GB in each process.
-    with ProcessPoolExecutor(2, get_context("spawn"), initializer=gc.set_threshold, initargs=(10_000, 20, 10)) as pool:
+    # The compiler makes millions of small objects and drops few.
+    with ProcessPoolExecutor(2, get_context("spawn"), initializer=collect_seldom) as pool:
         for done in [pool.submit(one) for one in work]:
             done.result()
 

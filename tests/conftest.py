@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import shutil
 import signal
@@ -16,15 +15,14 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler.loadscope import LoadScopeScheduling
 
+from torsight.core.lazy import collect_seldom
 from torsight.core.threads import VARIABLES
 
 # Before anything loads numpy: threads of linear algebra that wait for each other beside two workers take the engine's
 # tests five times as long, and every stage of the product computes with one.
 os.environ.update(dict.fromkeys(VARIABLES, "1"))
 
-# Plots and recordings are made of many small objects: looking through all of them after every 700 new ones takes a
-# seventh of the time of a report.
-gc.set_threshold(10_000, 20, 10)
+collect_seldom()
 
 # No test depends on how fast a machine is.
 settings.register_profile("torsight", deadline=None)

@@ -29,9 +29,9 @@ CONSTANTS = {
     "conditioning": (
         "_THRESHOLD", "_THRESHOLD_LAGGED", "_BLOCK_S", "_BLOCK_LAGGED_S", "_MAX_WINDOW_S", "_SELECTION",
     ),
-    "corners": ("SEEN", "_SURE", "_BENT"),
-    "holds": ("_REACH_S", "_LEAST_S", "_LEAST_ROWS", "_REJECTED", "_LEVEL", "_BELOW"),
-    "log_noise": ("_MAX_STRIDE_S", "_STRIDES_PER_PART"),
+    "corners": ("BY_CHANCE", "_BENT"),
+    "holds": ("_REACH_S", "_LEAST_S", "_LEAST_ROWS", "_REJECTED", "_LEVEL"),
+    "log_noise": ("_MAX_STRIDE_S",),
 }  # fmt: skip
 
 

@@ -62,7 +62,7 @@ class Gaussian:
 
 
 def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:
-    """Return the clock: values of the likeliest part, and central 95 % intervals of the whole mixture."""
+    """Return the clock: values with which most of the mixture agrees, central 95 % intervals of the whole mixture."""
     weight = softmax([gaussian.log_weight for gaussian in mixture])
     mean = np.stack([gaussian.mean for gaussian in mixture])
     covariance = np.stack([gaussian.covariance for gaussian in mixture])
@@ -71,10 +71,10 @@ def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") 
     row[:2] = 1.0, -middle_s
     offset, offset_sigma = mean @ row, np.sqrt(row @ covariance @ row)
     drift, drift_sigma = mean[:, 1] / PPM, np.sqrt(covariance[:, 1, 1]) / PPM
-    # Neighbours on a fine grid of lags share their weight: the peak of the density, not the heaviest part.
+    # Neighbours on a fine grid of lags share their weight: where most of it agrees, not the heaviest part; nor the peak
+    # of the density, which a narrow part of little weight may have.
     middle, spread = mean[:, 0], np.sqrt(covariance[:, 0, 0])
-    density = np.exp(-0.5 * ((middle[:, None] - middle) / spread) ** 2) @ (weight / spread)
-    best = int(np.argmax(density))
+    best = int(np.argmax(np.exp(-0.5 * ((middle[:, None] - middle) / spread) ** 2) @ weight))
     near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))
     near /= near.sum()
     return ClockMap(

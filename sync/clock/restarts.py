@@ -76,9 +76,9 @@ def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian 
                 ),
             )
         ]
-    hypotheses.sort(key=lambda hypothesis: -hypothesis[1])
+        hypotheses = sorted(hypotheses, key=lambda hypothesis: -hypothesis[1])[:MOST_HYPOTHESES]
     found: list[tuple[MotionLikelihood, LogReading, float]] = []
-    for hypothesis, weight in hypotheses[:MOST_HYPOTHESES]:
+    for hypothesis, weight in hypotheses:
         likelihood = motion_likelihood(angles, hypothesis.log, prior=prior, gaps=unknown_gaps(hypothesis))
         if likelihood is not None:
             found.append((likelihood, hypothesis, weight))

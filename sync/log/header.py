@@ -19,11 +19,10 @@ from torsight.core.frozen import Frozen
 _DELIMITERS: Final = (",", ";", "\t", "|")
 BLANKS: Final = " "
 """Stands for columns that are parted by nothing but blanks."""
-_MOST_TEXT_LINES: Final = 1000
-"""Lines that are no rows of numbers among which a header is looked for: no preamble is longer."""
 _ARROW: Final = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d{1,6}) -> ")
 """What a serial monitor writes in front of every line that comes in."""
 _PLAIN_ROW: Final = re.compile(r"[-+\d.,;:|\sTZeE/]*")
+_NUMBER: Final = re.compile(r"[-+]?\d+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +43,13 @@ def is_row_of_numbers(line: str) -> bool:
 def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> Header:
     """Return the first line that, split, names all columns that are needed, or raise what the nearest one lacks."""
     best = (0, -1)
-    looked_at = 0
+    looked_at: set[str] = set()
     for index, line in enumerate(lines):
-        if best[1] >= 0 and _PLAIN_ROW.fullmatch(line):
+        # A line that differs from an earlier one in its numbers alone names no other columns: it is a row of the table.
+        words = _NUMBER.sub("0", line)
+        if words in looked_at:
             continue
-        looked_at += 1
-        if looked_at > _MOST_TEXT_LINES:
-            break
+        looked_at.add(words)
         delimiter, names, columns = find_columns(line, chosen)
         count = _count(columns, chosen)
         if delimiter == BLANKS and not _fits(names, lines[index + 1 : index + 3]):

@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 
 from sync.log.repairs import Repair
 from sync.log.timestamps import BRIDGED_S
-from torsight.core.series import constant_runs, robust_sigma, scatter, usual_step
+from torsight.core.series import APART, constant_runs, robust_sigma, scatter, usual_step
 from torsight.core.units import Flags, Floats
 
 RANGE_C: Final = (-80.0, 250.0)
@@ -111,7 +111,7 @@ def spikes(time_s: Floats, temp_c: Floats) -> Flags:
     spread = np.maximum(np.abs(np.roll(middle, 4) - middle), np.abs(np.roll(middle, -4) - middle))
     spread[:4], spread[-4:] = spread[4:8].max(), spread[-8:-4].max()
     lonely = np.maximum(np.diff(at_s, prepend=at_s[0]), np.diff(at_s, append=at_s[-1])) > 20 * usual_step(at_s)
-    bad = (away > np.maximum(_SPIKE_FLOOR_C, 8.0 * noise) + 2.0 * spread) & ~lonely
+    bad = (away > np.maximum(_SPIKE_FLOOR_C, APART * noise) + 2.0 * spread) & ~lonely
     found[index] = bad
     return found
 
@@ -124,7 +124,7 @@ def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
         return stuck
     known, at_s = temp_c[index], time_s[index]
     step = np.abs(np.diff(known))
-    jump_c = max(0.5, 10.0 * noise_c(known), 12.0 * float(np.median(step[step > 0])) if (step > 0).any() else 0.5)
+    jump_c = max(0.5, APART * noise_c(known), 12.0 * float(np.median(step[step > 0])) if (step > 0).any() else 0.5)
     same = constant_runs(known)
     for begin, end in same:
         if end - begin < _STUCK_ROWS or at_s[end - 1] - at_s[begin] < BRIDGED_S or end == len(known):

@@ -13,7 +13,7 @@ from sync.log.column_names import chosen_columns
 from sync.log.log_table import NEEDED_NAMES, read_log_table
 from sync.log.outliers import RANGE_C, clean_channel, in_range
 from sync.log.repairs import LogReading, Repair
-from sync.log.restart_gaps import join_blocks
+from sync.log.restart_gaps import SHORTEST_STRETCH_S, join_blocks
 from sync.log.timestamps import OrderedStamps, order_stamps
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
@@ -30,8 +30,6 @@ _COARSE_SHARE: Final = 0.2
 """A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
 _MIN_ROWS: Final = 3
 """Two steps of time: with one a usual step cannot be distinguished from a gap."""
-_MOST_RESTARTS: Final = 20
-"""A logger that restarts more often was not logging; the stamps are of another kind."""
 
 
 def read_temperature_log(
@@ -70,6 +68,8 @@ def read_temperature_log(
     stamp_s = frame["time_s"].to_numpy(np.float64)
     ordered = order_stamps(stamp_s, first_line=first_line)
     repairs += ordered.repairs
+    if np.count_nonzero(np.isfinite(stamp_s)) >= _MIN_ROWS:
+        _require_order(ordered, len(frame), path=path)
     if len(ordered.row) < _MIN_ROWS:
         raise InputError(
             "has too few rows with a time",
@@ -85,7 +85,6 @@ def read_temperature_log(
             value=f"{ordered.time_s[0]:g}",
             do="record it again, with a clock that runs",
         )
-    _require_order(ordered, len(frame), path=path)
     series = {str(name): frame[name] for name in frame.columns if name != "time_s"}
     stamps, numbers, texts = _distinct(ordered, series, first_line=first_line, repairs=repairs)
     readings = [in_range(numbers[name]) for name in NEEDED_NAMES[1:]]
@@ -127,12 +126,13 @@ def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:
     where = f"{path}, column time_s"
     require_stamps(ordered.time_s, where=where)
     restarts = int(ordered.block[-1])
-    if restarts > _MOST_RESTARTS or len(ordered.row) < 0.5 * rows:
+    covered_s = float(np.diff(ordered.time_s)[np.diff(ordered.block) == 0].sum())
+    if restarts * SHORTEST_STRETCH_S > covered_s or len(ordered.row) < 0.5 * rows:
         raise InputError(
             "is out of order",
             where=where,
-            value=f"{restarts} steps back, {len(ordered.row)} of {rows} rows in order",
-            limit=f"{_MOST_RESTARTS} restarts of the clock, and half of the rows",
+            value=f"{restarts} steps back in {covered_s:.3g} s, {len(ordered.row)} of {rows} rows in order",
+            limit=f"one restart of the clock every {SHORTEST_STRETCH_S:g} s, and half of the rows",
             do="sort the log by time",
         )
 

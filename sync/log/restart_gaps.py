@@ -20,6 +20,8 @@ from torsight.core.units import Floats, Ints
 
 _WINDOW_S: Final = 10.0
 """Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz."""
+SHORTEST_STRETCH_S: Final = 2.0 * _WINDOW_S
+"""Rows between restarts that cover less time tell the gap on neither side: such stamps are of another kind."""
 LONGEST_GAP_S: Final = 900.0
 """A logger that was away for longer than a quarter of an hour is another record."""
 

@@ -21,8 +21,6 @@ from sync.log.repairs import Repair
 from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats, Ints
 
-_RESTART_ROWS: Final = 20
-"""Fewer rows than these behind a step back are mended one by one."""
 BRIDGED_S: Final = 2.0
 """A straight line over so long misses a cooling by A (2 s / τ)² / 8: 0.03 °C for 60 °C with a time constant of 30 s."""
 _CLOCK_SET_S: Final = 6 * 3600.0
@@ -106,7 +104,7 @@ def _blocks(time_s: Floats) -> Ints:
     for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
         if at < begin + 2:
             continue
-        before, behind = time_s[begin:at], time_s[at : at + 10 * _RESTART_ROWS]
+        before, behind = time_s[begin:at], time_s[at:]
         if to_zero[at - 1]:
             restarted = True
         elif step[at - 1] > 0:
@@ -122,19 +120,16 @@ def _blocks(time_s: Floats) -> Ints:
 
 def _runs_over(before: Floats, behind: Floats) -> bool:
     """Tell whether the rows behind a step back cover time that was there already."""
-    last = float(np.median(before[-3:]))
-    back = behind[:_RESTART_ROWS]
-    below = back < last
-    if len(back) < _RESTART_ROWS or not below.all():
-        # A step back by less than these rows' own span shows as stamps below the last that keep on increasing.
-        run = int(np.argmin(below)) if not below.all() else len(back)
-        if run < 3 or not np.all(np.diff(back[:run]) > 0):
-            return False
-        back = back[:run]
-    there = int(np.count_nonzero((before >= back.min()) & (before <= back.max())))
-    if back.max() < before.min():
-        return len(back) >= 3
-    return there > len(back) // 3
+    last_s = float(np.median(before[-3:]))
+    # The rows that run on from there, up to the next step back or to where they have passed the last stamp.
+    ends = np.append((behind[1:] >= last_s) | (np.diff(behind) < 0), True)
+    back = behind[: int(np.argmax(ends)) + 1]
+    if len(back) < 3 or back[0] >= last_s:
+        return False
+    # Those of them that lie within what was there.
+    inside = int(np.count_nonzero(back >= before.min()))
+    there = int(np.count_nonzero((before >= back[0]) & (before <= back[-1])))
+    return inside == 0 or there > inside // 3
 
 
 def _ordered_block(row: Ints, time_s: Floats, counts: dict[str, list[int]], first_line: int) -> tuple[Ints, Floats]:

@@ -10,14 +10,15 @@ import numpy as np
 from sync.log.timestamps import longest_gap_s
 from sync.signals.crossing_times import crossing_time
 from sync.signals.even_signal import EvenSignal, even_signal
-from torsight.core.series import constant_runs, extent
+from torsight.core.series import BY_CHANCE, constant_runs, extent
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
-_LONGEST_PAUSE_S: Final = 5.0
 _PAUSE_SHARE: Final = 0.15
-"""A pause that is shorter, or shorter than this share of the motion around it, does not end a stroke (stick-slip)."""
+"""A pause that is shorter than this share of the longer motion beside it does not end a stroke: stick-slip."""
+_LONGEST_PAUSE_S: Final = 5.0
+"""From here on a pause must be short against the shorter motion too, half of it at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,9 +94,9 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     if signal is None:
         return ()
     low, high = extent(signal.value)
-    floor_rad = max(_MIN_STROKE_RAD, 0.015 * (high - low), 12.0 * signal.noise)
+    floor_rad = max(_MIN_STROKE_RAD, 0.015 * (high - low), 2.0 * BY_CHANCE * signal.noise)
     span_s = float(time_s[-1] - time_s[0])
-    slowest = max(6.0 * signal.slope_sigma, 0.02 * (high - low) / max(span_s, 1.0))
+    slowest = max(BY_CHANCE * signal.slope_sigma, 0.02 * (high - low) / max(span_s, 1.0))
     moving = np.where(signal.known & (np.abs(signal.slope) > slowest), np.sign(signal.slope), 0.0)
     runs = [
         (begin, end)

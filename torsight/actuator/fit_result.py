@@ -20,12 +20,11 @@ from torsight.actuator.stepping.cycle import Cycle
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
-from torsight.core.series import extent
+from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import estimate as estimate_words
 
-_LEAST_MOTION: Final = 8.0
 _SILENT: Final = 0.9
 """Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
 all information about it is the record's (1 − 0.9² = 0.19)."""
@@ -146,7 +145,7 @@ def require_motion(drive: Drive, *, where: str) -> None:
     read = drive.angle_sigma_rad[drive.angle_sigma_rad < np.pi]
     noise = float(np.median(read)) if len(read) else 0.0
     low, high = np.quantile(angle, [0.002, 0.998]) if len(angle) else (0.0, 0.0)
-    least = max(_LEAST_MOTION * noise, 0.5 * DEG)
+    least = max(APART * noise, 0.5 * DEG)
     if high - low < least:
         warmest = max(float(drive.temp_a_c.max()), float(drive.temp_b_c.max()))
         raise NoResultError(

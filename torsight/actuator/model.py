@@ -392,6 +392,6 @@ def _unread(angle_rad: float, ports: Ports) -> float:
             read = reading(read, ports.time_s[:1])
         step = angle_rad - float(read[0])
         phi += step
-        if abs(step) < 1e-14:
+        if abs(step) < places.ROUNDED:
             break
     return phi

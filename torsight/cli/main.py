@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import importlib
 import sys
 import traceback
@@ -13,6 +12,7 @@ import typer
 from torsight.cli.answer import answering
 from torsight.cli.ends import Ended, asked_to_end
 from torsight.core.errors import InputError, TorsightError, refused_by_system
+from torsight.core.lazy import collect_seldom
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -82,9 +82,7 @@ for _name in COMMANDS:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; leave with the contract's exit code: 0, 2, 3, 4; 128 + its number after a signal."""
-    # What is imported, compiled and drawn is many small objects that stay: looking through them after every 700 new
-    # ones took a fifteenth of the time of a track or a fit of a few seconds.
-    gc.set_threshold(10_000, 20, 10)
+    collect_seldom()
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = [word for word in words if word != "--debug"]

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from torsight.report.plots.interactive import Drawing
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
-_PARTS: Final = 6
-"""Reading, the figures in four groups, and writing, as told to ``progress``."""
 
 
 def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
@@ -191,7 +189,7 @@ def headline(results: RunResults) -> str:
 def _figures(results: RunResults, *, progress: Progress) -> dict[str, list[Figure]]:
     """Return the figures by the section that they stand in; a section without any is absent."""
     found: dict[str, list[Figure | None]] = {}
-    for number, part in enumerate((_motion, _measurement, _answer, _laws), 1):
+    for number, part in enumerate(_GROUPS, 1):
         found |= part(results)
         progress("report", number, _PARTS)
     kept = {name: [figure for figure in some if figure is not None] for name, some in found.items()}
@@ -274,6 +272,11 @@ def _laws(results: RunResults) -> dict[str, list[Figure | None]]:
     from torsight.report.figures.law_plots import law_figure
 
     return {"laws": [law_figure(law) for law in read_laws(results.folder, results.discovery or {})]}
+
+
+_GROUPS: Final = (_motion, _measurement, _answer, _laws)
+_PARTS: Final = len(("reading", *_GROUPS, "writing"))
+"""As told to ``progress``."""
 
 
 def drawable(table: pd.DataFrame) -> bool:

@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 
 from sync import LightEvents, LogReading, estimate_clock, find_clock, read_temperature_log
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, Gaussian, clock_of
+from sync.clock.restarts import weigh_restarts, with_gap
 from sync.log.repairs import Restart
 from tests.sync.made_up_pairs import Rig, make_pair, programme, records
 from tests.sync.two_instruments import read_pair
@@ -294,3 +296,25 @@ def test_a_light_tells_how_long_a_logger_was_away(away_s):
     assert found.clock.offset_ci95_s[1] - found.clock.offset_ci95_s[0] < 0.1
     # Behind the joint the rows stand where they were, to a frame or two.
     assert abs(found.reading.log.time_s[-1] - true_s[-1]) < 0.1
+
+
+def test_the_value_is_where_most_of_the_weight_is_not_where_the_density_peaks():
+    wide = Gaussian(np.array([45.0, 0.0]), np.diag([8.0**2, 1e-10]), float(np.log(0.97)))
+    narrow = Gaussian(np.array([18.0, 0.0]), np.diag([0.05**2, 1e-10]), float(np.log(0.03)))
+    clock = clock_of([wide, narrow], middle_s=0.0)
+    # The narrow part, 27 s away, counts by its share and by how likely the wide one is there.
+    assert clock.offset_s == pytest.approx(45.0, abs=1.1 * 27.0 * 0.03 * np.exp(-0.5 * (27.0 / 8.0) ** 2))
+    # A fortieth of all weight below: five sixths of the narrow part's share.
+    assert clock.offset_ci95_s[0] == pytest.approx(18.0, abs=0.2)
+
+
+def test_many_restarts_are_no_more_hypotheses_than_are_weighed(monkeypatch):
+    pair = make_pair(3, rig=FAST, cycles=fast_programme(3, half_cycles=2), film_fps=10.0, log_step_s=0.25)
+    angles, log = records(pair)
+    restarts = tuple(Restart(index, 0.0, 0.25, np.inf) for index in range(10, 60, 10))
+    made = []
+    monkeypatch.setattr("sync.clock.restarts.with_gap", lambda *changed: made.append(changed) or with_gap(*changed))
+    monkeypatch.setattr("sync.clock.restarts.motion_likelihood", lambda *_log, **_gaps: None)
+    weigh_restarts(angles, LogReading(log, restarts=restarts), prior=None)
+    # Six ways for each of five restarts, of which the likeliest hypotheses are kept: all of them are 6⁵ = 7,776.
+    assert len(made) <= 5 * 6 * MOST_HYPOTHESES + 5

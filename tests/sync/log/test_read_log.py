@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from sync import read_temperature_log
+from sync.log.column_names import resolve
 from torsight.core.errors import InputError
 
 
@@ -95,6 +96,27 @@ def test_too_little_to_use(tmp_path, content):
     path.write_text(content)
     with pytest.raises(InputError):
         read_temperature_log(path)
+
+
+def test_a_header_may_stand_below_thousands_of_lines(tmp_path):
+    time_s, temp_a, temp_b = ramp(100)
+    path = written(tmp_path, time_s, temp_a, temp_b)
+    table = path.read_text()
+    letters = [chr(ord("a") + index) for index in range(26)]
+    path.write_text("".join(f"{a}{b}{c} is no column\n" for a in letters for b in letters for c in letters) + table)
+    np.testing.assert_allclose(read_temperature_log(path).log.temp_a_c, temp_a)
+
+
+def test_rows_of_a_log_without_a_header_are_looked_at_once(tmp_path, monkeypatch):
+    path = tmp_path / "temps.csv"
+    path.write_text("Time,Temp A\n" + "".join(f"{i % 28 + 1:02d}-May-2024 10:00:00,{i}.5\n" for i in range(3000)))
+    looked_at = []
+    monkeypatch.setattr(
+        "sync.log.header.resolve", lambda names, chosen: looked_at.append(names) or resolve(names, chosen)
+    )
+    with pytest.raises(InputError, match="temp_b_c"):
+        read_temperature_log(path)
+    assert len(looked_at) < 20
 
 
 def test_missing_file(tmp_path):
@@ -247,6 +269,57 @@ def test_restart_at_zero_from_negative_stamps_is_no_pause(tmp_path):
     (restart,) = reading.restarts
     assert restart.gap_s == pytest.approx(0.25, abs=1e-6)
     np.testing.assert_allclose(reading.log.time_s, time_s - 300.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("hours", "restarts"), [(5.0, 0), (7.0, 1)])
+def test_a_long_pause_stays_and_a_clock_that_was_set_is_moved(tmp_path, hours, restarts):
+    time_s, temp_a, temp_b = ramp(800)
+    stamps = np.where(time_s < 90.0, time_s, time_s + 3600.0 * hours)
+    reading = read_temperature_log(written(tmp_path, stamps, temp_a, temp_b))
+    assert len(reading.restarts) == restarts
+    np.testing.assert_allclose(reading.log.time_s, time_s if restarts else stamps, atol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [3, 8, 40])
+def test_rows_behind_a_step_back_are_a_restart_where_their_time_was_there_already(tmp_path, rows):
+    time_s, temp_a, temp_b = ramp(200)
+    # A stretch written behind the next one leaves its place vacant.
+    order = np.arange(200)
+    order[100 : 100 + 2 * rows] = np.roll(order[100 : 100 + 2 * rows], rows)
+    reading = read_temperature_log(written(tmp_path, time_s[order], temp_a[order], temp_b[order]))
+    assert kinds(reading) == {"reordered": rows}
+    np.testing.assert_allclose(reading.log.time_s, time_s)
+    stamps = np.where(time_s < time_s[-rows], time_s, time_s - 10.0)
+    assert [restart.index for restart in read_temperature_log(written(tmp_path, stamps, temp_a, temp_b)).restarts] == [
+        200 - rows
+    ]
+
+
+def test_a_log_that_runs_backwards_is_refused_as_out_of_order(tmp_path):
+    time_s, temp_a, temp_b = ramp(200)
+    with pytest.raises(InputError, match="out of order"):
+        read_temperature_log(written(tmp_path, time_s[::-1], temp_a, temp_b))
+
+
+@pytest.mark.parametrize("began_s", [0.0, 40.0, 85.0, 150.0])
+def test_a_clock_that_begins_at_zero_runs_into_the_stamps_that_were_there(tmp_path, began_s):
+    time_s, temp_a, temp_b = ramp(800)
+    stamps = np.where(time_s < 90.0, began_s + time_s, time_s - 90.0)
+    (restart,) = read_temperature_log(written(tmp_path, stamps, temp_a, temp_b)).restarts
+    assert restart.index == 360
+
+
+@pytest.mark.parametrize(("wraps_s", "refused"), [(60.0, False), (10.0, True)])
+def test_a_clock_that_begins_again_and_again(tmp_path, wraps_s, refused):
+    time_s, temp_a, temp_b = ramp(8000, rate=0.02)
+    path = written(tmp_path, time_s % wraps_s, temp_a, temp_b)
+    if refused:
+        with pytest.raises(InputError, match="out of order"):
+            read_temperature_log(path)
+    else:
+        reading = read_temperature_log(path)
+        assert len(reading.restarts) == 33
+        np.testing.assert_allclose(reading.log.time_s, time_s, atol=1e-6)
 
 
 def noisy(rows=1200, seed=4):

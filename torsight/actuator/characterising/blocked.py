@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from torsight.actuator.stepping.kernel_laws import ROUNDED
 from torsight.actuator.stepping.kernel_roots import tightened
 from torsight.core.compiled import compiled, inlined
 from torsight.core.units import Floats
@@ -50,7 +51,7 @@ def blocked_modulus(temp_c: Floats, low_c: float, width_c: float, e_a: float, e_
                 x = b - fb * (b - a) / (fb - fa)
                 fx = _law_less(x, above_c, width_c, e_a, e_m, shift)
                 a, fa, b, fb = tightened(a, fa, b, fb, x, fx)
-                if abs(fb) < 1e-13 or abs(b - a) < 1e-14 or fa == fb:
+                if abs(fb) < ROUNDED or abs(b - a) < ROUNDED or fa == fb:
                     break
         out[k] = (e_a + b * (e_m - e_a)) * (1.0 - b)
     return out

@@ -47,8 +47,9 @@ def paper_log() -> TemperatureLog:
     """Return ten minutes of heating and five of natural cooling of A, then of B; the other spring warms a little."""
     time_s = np.arange(0.0, 900.0, _STEP_S)
     rise = np.clip(time_s / 500.0, 0.0, 1.0)
+    on, off = time_s < 600.0, np.zeros(len(time_s), np.bool_)
     own = np.where(
-        time_s < 600.0,
+        on,
         _ROOM_C + (_HOT_C - _ROOM_C) * rise,
         _ROOM_C + (_HOT_C - _ROOM_C) * np.exp(-(time_s - 600.0) / 45.0),
     )
@@ -57,7 +58,6 @@ def paper_log() -> TemperatureLog:
     for k in range(1, len(own)):
         drive = _ROOM_C + _WARMING * (own[k] - _ROOM_C)
         other[k] = other[k - 1] + (drive - other[k - 1]) * _STEP_S / 60.0
-    on, off = time_s < 600.0, np.zeros(len(time_s), np.bool_)
     return TemperatureLog(
         time_s=np.concatenate([time_s, 900.0 + time_s]),
         temp_a_c=np.concatenate([own, other]),

@@ -14,7 +14,8 @@ from torsight.core.units import DEG, Floats
 
 _ANGLE_NODES: Final = 37
 """A wave five times per turn over the paper's range of 466° needs five nodes a period."""
-_NODES: Final = 13
+_NODES: Final = (_ANGLE_NODES - 1) // 3 + 1
+"""Over temperatures, rates and times nothing goes round: a third as fine."""
 _BEYOND: Final = (0.12, 0.3)
 """Nodes beyond the range that a record covers, in shares of it: there a law goes back to its prior. Nobody has reason
 to trust a model of this record further out."""

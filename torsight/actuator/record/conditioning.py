@@ -37,7 +37,7 @@ _THRESHOLD: Final = 1.6
 _THRESHOLD_LAGGED: Final = 2.2
 # What comes out from behind a slow sensor knows its corners less well: longer blocks lose nothing there.
 _BLOCK_S: Final = 0.1
-_BLOCK_LAGGED_S: Final = 0.2
+_BLOCK_LAGGED_S: Final = 2.0 * _BLOCK_S
 _SMOOTHED_S: Final = 3.5
 """The smallest window of readings that are further apart is longer than a wire bends evenly: at 5 s temperatures err by
 0.08 °C smoothed and by 0.05 °C as they are (benchmarks/actuator/slow_logs.py)."""

@@ -16,19 +16,12 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled
+from torsight.core.series import BY_CHANCE
 from torsight.core.units import Floats, Ints
 
-SEEN: Final = 6.0
-"""A change of slope is looked at when it exceeds this many of its sigmas.
-
-For this and the next two, benchmarks/actuator/log_constants.py measures what half and twice of them do: slopes err
-1.25 times as much with half of this one, temperatures 1.1 times with half of the second and 1.3 times with half of the
-third.
-"""
-_SURE: Final = 5.0
-"""And it is a corner when the fit of both sides says so by this many."""
 _BENT: Final = 2.0
-"""A side whose third order shows by so many of its sigmas is no parabola: the window is too long."""
+"""A side whose third order shows by so many of its sigmas is no parabola: the window is too long. Temperatures err 1.3
+times as much with half of it (benchmarks/actuator/log_constants.py)."""
 _HALF_WINDOWS_S: Final = (40.0, 25.0, 15.0, 9.0, 5.5)
 
 
@@ -90,7 +83,10 @@ class _Found:
 
 
 def _certain(log: Log, places: list[int]) -> list[_Found]:
-    """Return the corners whose bend is certain.
+    """Return the corners whose bend is certain: more than chance makes of noise.
+
+    With half as many sigmas, here and in :func:`_candidates`, slopes err twice as much; with twice as many nothing gets
+    worse, by benchmarks/actuator/log_constants.py, whose corners are all sharp.
 
     A corner that is none cuts its neighbours' windows short: in every round those go that are weaker than both their
     neighbours, and the neighbours are fitted again with more room.
@@ -101,7 +97,7 @@ def _certain(log: Log, places: list[int]) -> list[_Found]:
         weak = [
             i
             for i, value in enumerate(sigmas)
-            if value < _SURE and value <= min(sigmas[max(i - 1, 0)], sigmas[min(i + 1, len(sigmas) - 1)])
+            if value < BY_CHANCE and value <= min(sigmas[max(i - 1, 0)], sigmas[min(i + 1, len(sigmas) - 1)])
         ]
         if not weak:
             return [found[k] for k in places]
@@ -113,11 +109,11 @@ def _certain(log: Log, places: list[int]) -> list[_Found]:
 
 
 def _candidates(sides: Floats, smallest: int) -> list[int]:
-    """Return the samples at which the slopes before and after differ."""
+    """Return the samples at which the slopes before and after differ by more than chance."""
     jump = np.abs(sides[1, 0] - sides[0, 0]) / np.sqrt(sides[0, 1] + sides[1, 1])
     reach = 3 * smallest
     found: list[int] = []
-    for k in np.flatnonzero(jump > SEEN):
+    for k in np.flatnonzero(jump > BY_CHANCE):
         near = jump[max(0, k - reach) : k + reach + 1]
         if jump[k] >= near.max() and (not found or k - found[-1] > reach):
             found.append(int(k))

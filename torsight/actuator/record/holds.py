@@ -15,6 +15,7 @@ import numpy as np
 
 from torsight.actuator.record.segments import turn_of
 from torsight.actuator.record.turns import turning_points
+from torsight.core.parameter import REACH
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
@@ -28,8 +29,6 @@ _LEAST_ROWS: Final = 12
 _REJECTED: Final = 1.5
 # And level enough to take its mean where what it may slope or bow by is this share of the noise.
 _LEVEL: Final = 0.7
-# A value so many of its sigmas below the level is of the slope beside it; half and twice change nothing (as above).
-_BELOW: Final = 2.5
 
 
 def level_holds(
@@ -54,8 +53,9 @@ def level_holds(
         first, last = window
         level, slope, sigma = _level(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
         rows = np.arange(first, last + 1)
-        # At its ends the window may reach over a corner by a row or two: there the corner's own fit stands.
-        inside = value[rows] >= level - _BELOW * left_over[rows]
+        # At its ends the window may reach over a corner by a row or two: there the corner's own fit stands, which is
+        # below the level by more than its 95 % interval.
+        inside = value[rows] >= level - REACH * left_over[rows]
         rows = rows[inside]
         value[rows], rate[rows] = level[inside], slope[inside]
         left_over[rows] = np.minimum(left_over[rows], sigma[inside])

@@ -9,13 +9,9 @@ import numpy as np
 from torsight.core.series import scatter, usual_step
 from torsight.core.units import Floats
 
-# Noise whose neighbours are alike for longer is told from the wire by its size only. A part of a log whose noise is
-# measured by itself holds so many of the longest strides; four times what one needs. Half and twice of either change
-# nothing (benchmarks/actuator/log_constants.py).
 _MAX_STRIDE_S: Final = 2.0
-_STRIDES_PER_PART: Final = 12
-
-
+"""Noise whose neighbours are alike for longer is told from the wire by its size only; half and twice of it change
+nothing (benchmarks/actuator/log_constants.py)."""
 SHORTEST: Final = 16
 """Rows below which a log is taken as it is: four of the smallest window of a local fit (4 rows)."""
 
@@ -42,7 +38,8 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     if not len(strides):
         return 0.0, 1.0
     whole = np.array([scatter(temp_c, stride=stride) for stride in strides])
-    count = max(1, len(temp_c) // (_STRIDES_PER_PART * int(strides[-1])))
+    # As many of the longest strides in a part as a log must have rows.
+    count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
     parts = np.array_split(temp_c, count)
     quiet = np.array([np.quantile([scatter(part, stride=stride) for part in parts], 0.25) for stride in strides])
     # Where a log stands still to its last digit nothing is seen of its noise.

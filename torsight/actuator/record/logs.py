@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _HARMLESS: Final = ("preamble", "units", "encoding", "decimal_comma", "blank_row", "arrival", "times")
 """What may have been done to the text of a log: every row still says what it said."""
+_RANGE_C: Final = (-275.0, 225.0)
+"""From absolute zero on; kelvin of a heated spring lie above."""
 
 
 def read_log(
@@ -81,12 +83,13 @@ def read_log(
 
 def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]) -> Floats:
     values = series.to_numpy(np.float64)
-    for row, place in first_row(np.abs(values + 25.0) > 250.0, where=path, column=str(series.name), lines=lines):
+    outside = (values < _RANGE_C[0]) | (values > _RANGE_C[1])
+    for row, place in first_row(outside, where=path, column=str(series.name), lines=lines):
         raise InputError(
             "is no temperature of a spring in °C",
             where=place,
             value=f"{values[row]:g}",
-            limit="-275 to 225",
+            limit=f"{_RANGE_C[0]:g} to {_RANGE_C[1]:g}",
             do="give temperatures in °C; 'torsight sync' takes single spikes out",
         )
     return np.asarray(values)

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.series import extremes, runs
-from torsight.core.series.scatter import scatter
+from torsight.core.series import APART, BY_CHANCE, extremes, runs, scatter
 from torsight.core.units import DEG, Flags, Floats, Ints
 
 _TURN_C: Final = 1.0
@@ -27,8 +26,6 @@ _BEFORE_S: Final = 40.0
 _JUMP_S: Final = 2.0
 _JUMP_RAD: Final = 0.4 * DEG
 """What the angle moves by within two seconds is a jump from so much, or so many sigmas of its noise."""
-_SURE: Final = 8.0
-"""Sigmas of noise that chance reaches once in 10¹⁵ rows."""
 _STILL_SHARE: Final = 0.25
 """Share of the jump by which a rest may move before it."""
 _REST_ROWS: Final = 4
@@ -38,7 +35,7 @@ _COLD_SHARE: Final = 0.2
 
 def turn_of(noise_c: float) -> float:
     """Return by how much the temperature goes back where it turns, °C."""
-    return max(_TURN_C, _SURE * noise_c)
+    return max(_TURN_C, APART * noise_c)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,12 +109,12 @@ def half_cycles(
     if heat_a is not None and heat_b is not None and (heat_a.any() or heat_b.any()):
         heatings, switched = _switched(temps, (heat_a, heat_b)), True
     else:
-        heatings = _driven(temps, rise_c=max(_RISE_C, 12.0 * noise_c), turn_c=turn_of(noise_c))
+        heatings = _driven(temps, rise_c=max(_RISE_C, 2.0 * BY_CHANCE * noise_c), turn_c=turn_of(noise_c))
     if not any(item.top_c - item.base_c >= _RISE_C for item in heatings):
         raise _unheated(temps, where=where)
     chained = _merged(heatings, temps)
     if not switched:
-        chained = _placed(chained, temps, margin_c=max(_LIFT_C, 6.0 * noise_c))
+        chained = _placed(chained, temps, margin_c=max(_LIFT_C, BY_CHANCE * noise_c))
     return _chain(chained, len(temp_a_c), switched=switched)
 
 
@@ -150,14 +147,14 @@ def _jump(time_s: Floats, angle_rad: Floats) -> int | None:
     if len(time_s) < 2 * _REST_ROWS:
         return None
     noise = scatter(angle_rad, order=1)
-    least = max(_JUMP_RAD, _SURE * noise)
+    least = max(_JUMP_RAD, APART * noise)
     later = np.searchsorted(time_s, time_s + _JUMP_S, side="right") - 1
     way = np.abs(angle_rad[later] - angle_rad)
     quick = np.flatnonzero(way >= least)
     if len(quick) == 0 or quick[0] < _REST_ROWS:
         return None
     rest, after = np.split(angle_rad, quick[:1])
-    if float(np.ptp(rest)) > _STILL_SHARE * way.max() + _SURE * noise:
+    if float(np.ptp(rest)) > _STILL_SHARE * way.max() + APART * noise:
         return None
     return len(rest) + int(np.argmax(np.abs(after - np.median(rest)) > 0.5 * least))
 

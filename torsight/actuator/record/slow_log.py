@@ -13,9 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.record.corners import SEEN
 from torsight.actuator.record.log_noise import SHORTEST
-from torsight.core.series import usual_step
+from torsight.core.series import BY_CHANCE, usual_step
 from torsight.core.units import Flags, Floats
 
 _ROUNDED_C: Final = 2e-5
@@ -65,7 +64,7 @@ def corner_gaps(time_s: Floats, temp_c: Floats, noise_c: float) -> Flags:
     gap = np.arange(len(slope))
     first, before, after, last = (slope[np.clip(gap + step, 0, len(slope) - 1)] for step in (-2, -1, 1, 2))
     bend = np.maximum(np.abs(before - first), np.abs(last - after))
-    seen = np.abs(after - before) > SEEN * 2.0 * noise_c / np.diff(time_s) + _SHARP * bend
+    seen = np.abs(after - before) > BY_CHANCE * 2.0 * noise_c / np.diff(time_s) + _SHARP * bend
     return np.asarray(seen & ((before - slope) * (after - slope) < 0.0))
 
 

@@ -24,8 +24,6 @@ what rate ξ changed before;
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -97,9 +95,6 @@ from torsight.actuator.stepping.kernel_roots import (
 )
 from torsight.core.compiled import compiled, inlined, lending
 from torsight.core.units import Floats
-
-_LONG_S: Final = 1e6
-"""Time at rest before a record: nobody knows how long it was, but long."""
 
 
 @lending
@@ -364,7 +359,8 @@ def step_through(
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
-        g[REST_S] = 0.0 if slid else g[REST_S] + (_LONG_S if k == 0 else 1.0 / per_s[k])
+        # How long it rested before the record nobody knows: longer than any law over the rest goes on.
+        g[REST_S] = 0.0 if slid else g[REST_S] + (np.inf if k == 0 else 1.0 / per_s[k])
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
             g[CHANGED] = 1.0
         wound[1 - who] = max(wound[1 - who], theta_p - g[X_NOW])

@@ -21,6 +21,9 @@ from torsight.actuator.stepping.phase import LN_100
 from torsight.core.compiled import inlined, lending
 from torsight.core.units import Floats, Ints
 
+ROUNDED: Final = 1e-14
+"""What a fraction, or an angle in radians, moves by where it has come to rest: fifty times the rounding of a one."""
+
 Scalars = np.void
 """The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
 
@@ -143,10 +146,10 @@ def held_place(heating: bool, place: float, furthest: float, delay: float, p: Sc
         else:
             low = reached
         following = reached - over / (1.0 + delay * done_slope(heating, reached, p))
-        if abs(following - reached) < 1e-14:
+        if abs(following - reached) < ROUNDED:
             break
         reached = following if low < following < high else 0.5 * (low + high)
-        if high - low < 1e-14:
+        if high - low < ROUNDED:
             break
     return reached
 

@@ -23,6 +23,7 @@ import numpy as np
 from torsight.actuator.stepping.kernel_laws import (
     FRICTION_DOWN,
     FRICTION_UP,
+    ROUNDED,
     SPEED,
     STRAY,
     Scalars,
@@ -56,6 +57,7 @@ PACE, XI_BEFORE = 5, 6
 TORQUE_TOLERANCE: Final = 1e-13
 SLIP_TOLERANCE: Final = 4.0 * TORQUE_TOLERANCE
 _NEWTON_STEPS: Final = 8
+"""Two or three are usual; where so many do not get there the bracketed search is surer."""
 
 
 @inlined
@@ -220,7 +222,7 @@ def slide(
         if not bracketed:
             x = a + sense * step
             continue
-        if abs(fb) <= TORQUE_TOLERANCE or abs(b - a) < 1e-13 or fa == fb:
+        if abs(fb) <= TORQUE_TOLERANCE or abs(b - a) < ROUNDED or fa == fb:
             break
         x = b - fb * (b - a) / (fb - fa)
     return b
@@ -370,7 +372,7 @@ def stick(
             b, fb = xi, fx
         else:
             a, fa, b, fb = tightened(a, fa, b, fb, xi, fx)
-        if abs(fb) <= 1e-14 or abs(b - a) < 1e-15 or fa == fb:
+        if abs(fb) <= ROUNDED or abs(b - a) < ROUNDED or fa == fb:
             break
         xi = b - fb * (b - a) / (fb - fa)
     return b
@@ -415,12 +417,12 @@ def crosstalk(theta: float, c: Floats, g: Floats, o: Scalars, tables: Floats) ->
         b = 0.0 if heating else 1.0
         fb = _passive_excess(b, base, angle, heating, c, g, o)
         for _ in range(80):
-            if abs(fb) <= 1e-14 or abs(b - a) < 1e-14 or fa == fb:
+            if abs(fb) <= ROUNDED or abs(b - a) < ROUNDED or fa == fb:
                 break
             x = b - fb * (b - a) / (fb - fa)
             a, fa, b, fb = tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, o))
         fraction = b
-    if abs(fraction - xi) > 1e-12:
+    if abs(fraction - xi) > ROUNDED:
         g[XI_P] = fraction
     fraction = g[XI_P]
     return (o["k_a"] + fraction * (o["k_m"] - o["k_a"])) * angle * (1.0 - fraction)

@@ -13,9 +13,8 @@ from sync.merge.slow_motion import slow_motion_text
 from torsight.actuator.spec import ActuatorSpec, read_actuator
 from torsight.cli.checkup.clock import Filming, predict_clock
 from torsight.cli.checkup.film_check import check_film
-from torsight.cli.checkup.finding import FEW, Finding, refusal
+from torsight.cli.checkup.finding import FEW, RESIDUAL_DEG, Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
-from torsight.cli.checkup.stretch import MODEL_ERROR_DEG
 from torsight.cli.experiment_file import experiment_file, read_experiment
 from torsight.core.errors import ConfigError, InputError, TorsightError
 from torsight.core.files.paths import is_glob, missing_file
@@ -216,7 +215,7 @@ def _look_at_angles(angles: StickAngles) -> list[Finding]:
         return [Finding("angle", "stops", "no frame has an angle.", "track the film again")]
     sigma_deg = float(np.median(angles.sigma_rad[angles.valid])) / DEG
     text = f"{int(angles.valid.sum())} of {len(angles)} frames have an angle, known to {sigma_deg:.4f}°."
-    good = angles.valid.mean() > USUAL_SHARE and sigma_deg < MODEL_ERROR_DEG
+    good = angles.valid.mean() > USUAL_SHARE and sigma_deg < RESIDUAL_DEG
     return [Finding("angle", "fine" if good else "limits", text, angle_deg=sigma_deg)]
 
 

@@ -12,6 +12,8 @@ LEVELS: Final = ("fine", "note", "limits", "stops")
 """How much a finding matters: not at all, worth knowing, limits the result, there will be no result."""
 FEW: Final = 0.02
 """Share of a film's frames, or of its time, that is not worth a word: every fiftieth."""
+RESIDUAL_DEG: Final = 0.3
+"""What the plain model leaves on a good record: an angle that is known better than this limits nothing."""
 _VERDICTS: Final = {"fine": "good", "note": "good", "limits": "usable", "stops": "do again"}
 
 

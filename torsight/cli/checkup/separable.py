@@ -21,15 +21,15 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
+from torsight.cli.checkup.finding import RESIDUAL_DEG
 from torsight.core.progress import Progress, silent
 from torsight.core.units import DEG, Floats
 from torsight.discovery.design.separation import Rival, linear_gains
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
 
-RESIDUAL_DEG: Final = 0.3
-CORRELATION_S: Final = 10.0
-"""What a good record leaves, and its correlation time: a sample counts as its interval over this."""
+_CORRELATION_S: Final = 10.0
+"""Correlation time of what a good record leaves: a sample counts as its interval over this."""
 _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 """A gain scatters by twice its root (a noncentral χ²): what is called visible is found nineteen times in twenty."""
 
@@ -68,7 +68,7 @@ class Separable:
 def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) -> Separable:
     """Return which effects a record driven like this would show, and which of them it would keep apart."""
     effects = [effect for effect in load_effects().values() if effect.propose is None and _at_usual_size(effect)]
-    weight = np.gradient(drive.time_s) / CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
+    weight = np.gradient(drive.time_s) / _CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
     always = tuple(effect.id for effect in always_fitted())
     models = {chosen: ActuatorModel(spec, chosen) for chosen in [always, *((*always, effect.id) for effect in effects)]}
     explanations = [

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.cli.checkup.finding import Finding, refusal
+from torsight.cli.checkup.finding import RESIDUAL_DEG, Finding, refusal
 from torsight.cli.frame_coverage import LEAST, WHY, gap_words
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
@@ -28,8 +28,6 @@ from tracker.track import TrackResult, track_film
 
 CLIP: Final = 400
 """Frames of a stretch."""
-MODEL_ERROR_DEG: Final = 0.2
-"""What the plain model itself leaves on a good record: an angle that is known better than this limits nothing."""
 _FAST_DEG: Final = 5.0
 """Motion from frame to frame up to which the markers are surely followed."""
 _SMEAR_PX: Final = 0.5
@@ -160,7 +158,7 @@ def _look_at_account(told: Sequence[Mapping[str, Any]], about: str) -> list[Find
     findings: list[Finding] = []
     sigma = told[-1]["noise"]["angle_sigma_deg"]
     if sigma["median"] is not None:
-        level = "limits" if sigma["median"] > MODEL_ERROR_DEG else "fine"
+        level = "limits" if sigma["median"] > RESIDUAL_DEG else "fine"
         bound = "" if sigma["bound"] is None else f" (bound of its noise {sigma['bound']:.4f}°)"
         text = f"angle known to {sigma['median']:.4f}°{bound}: {_markers_text(told[-1])}."
         findings.append(Finding(about, level, text, angle_deg=sigma["median"]))

@@ -20,8 +20,9 @@ def shrunk(pixels: Pixels, longest_px: int) -> Pixels:
 
 
 def encoded(pixels: Pixels, suffix: str, *, quality: int | None = None) -> bytes:
-    """Return a picture as a file of a kind: ``.png``, or ``.jpg`` of a quality up to 100."""
+    """Return a picture as a file of a kind: ``.png``, or ``.jpg`` or ``.webp`` of a quality up to 100."""
     import cv2
 
-    options = () if quality is None else (cv2.IMWRITE_JPEG_QUALITY, quality)
+    kind = cv2.IMWRITE_WEBP_QUALITY if suffix == ".webp" else cv2.IMWRITE_JPEG_QUALITY
+    options = () if quality is None else (kind, quality)
     return bytes(cv2.imencode(suffix, pixels, options)[1].tobytes())

@@ -8,9 +8,10 @@ from torsight.core.series.correlation import correlation_time
 from torsight.core.series.extremes import extremes
 from torsight.core.series.runs import constant_runs, runs
 from torsight.core.series.sampling import block_means, extent, usual_step
-from torsight.core.series.scatter import BY_CHANCE, rms, robust_sigma, scatter, share_explained
+from torsight.core.series.scatter import APART, BY_CHANCE, rms, robust_sigma, scatter, share_explained
 
 __all__ = [
+    "APART",
     "BY_CHANCE",
     "block_means",
     "constant_runs",

@@ -12,6 +12,8 @@ from torsight.core.units import Floats
 
 BY_CHANCE: Final = NormalDist().inv_cdf(1.0 - 1e-9)
 """Standard deviations that chance reaches once in 10⁹ samples, which are a year of film: beyond is another cause."""
+APART: Final = math.sqrt(2.0) * BY_CHANCE
+"""The same of one sample's, for the difference of two."""
 _NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
 

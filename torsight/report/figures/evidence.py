@@ -75,7 +75,7 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         share = 100.0 * max(gain, 0.0) / best
         kind = "after" if name in named else ("rival" if name in rivals else "quiet")
         plot.box((0.0, share), (place - _NARROW / 2.0, place + _NARROW / 2.0), kind, tip=f"gain {gain:.4g}")
-        plot.note(share, place, f"{share:.1f} %" if share < 99.95 else "100 %")
+        plot.note(share, place, f"{share:.1f} %".replace("100.0", "100"))
     data: dict[str, list[Any]] = {
         "effect": [name for name, _ in ranked],
         "gain": [gain for _, gain in ranked],

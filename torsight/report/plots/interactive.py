@@ -25,8 +25,8 @@ _BINS: Final = 1000
 """Bins of a curve, two points each: on a wide screen a zoom by three shows every point that there is to see."""
 _FOCUS: Final = f":focus-visible {{ outline: 3px solid {LIGHT['held']}; }}"
 """What the page's style sheet says of everything else: a plot has a style sheet of its own."""
-_MOST_POINTS: Final = 2500
-"""Points of a cloud at most: an even choice of them where there are more."""
+_MOST_POINTS: Final = 2 * _BINS
+"""Points of a cloud at most, as of a curve: an even choice of them where there are more."""
 _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif'
 
 

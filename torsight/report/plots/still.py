@@ -27,8 +27,8 @@ _PX_PER_INCH: Final = 96.0
 _POINTS_PER_PX: Final = 72.0 / _PX_PER_INCH
 _BINS: Final = 400
 """Bins of a curve: two points each, about one per pixel of the picture."""
-_MOST_POINTS: Final = 1000
-"""Points of a cloud: more only fill it in."""
+_MOST_POINTS: Final = 2 * _BINS
+"""Points of a cloud, as of a curve: more only fill it in."""
 _SAFE: Final = " !$'()*+,-./:;<=>?@[]^_`{|}~"
 """What an attribute in double quotes may hold as it is."""
 _CHARACTER_PX: Final = 6.9

@@ -11,7 +11,7 @@ from torsight.core.files.results import RunResults
 from torsight.core.words.wording import effect_name, explanations
 from torsight.report.plots.formulas import with_symbols
 from torsight.report.sections.page_content import in_words
-from torsight.report.sections.prior_pulls import Prior, priors
+from torsight.report.sections.prior_pulls import Prior, contradicted, priors
 
 
 def doubts(results: RunResults) -> list[Markup]:
@@ -82,6 +82,6 @@ def _of_parameters(parameters: Mapping[str, Any], known: Mapping[str, Prior]) ->
             found.append(f"The record says nothing about {name}.")
         pull = known[name].pull(value) if name in known else None
         # The friction's characterised value is a start for the fit, not a claim.
-        if pull is not None and abs(pull) > 3.0 and name != "tau_c_mnm":
+        if pull is not None and contradicted(pull) and name != "tau_c_mnm":
             found.append(f"The record contradicts the characterised {name} by {abs(pull):.1f} standard deviations.")
     return found

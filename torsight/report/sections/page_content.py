@@ -14,6 +14,7 @@ from markupsafe import Markup, escape
 from torsight.actuator.quantities import for_people
 from torsight.core.errors import InputError
 from torsight.core.files.results import RunResults
+from torsight.core.files.small_pictures import encoded, shrunk
 from torsight.core.words.wording import (
     clock_words,
     effect_name,
@@ -344,10 +345,8 @@ def track_picture(results: RunResults) -> str | None:
     picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
     if picture is None:
         raise InputError("is not a picture", where=str(path), do="delete it, or track the film again")
-    scale = min(1.0, _WIDEST_PX / max(picture.shape[:2]))
-    picture = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else picture
-    _, content = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _WEBP_QUALITY])
-    return f"data:image/webp;base64,{base64.b64encode(content.tobytes()).decode('ascii')}"
+    content = encoded(shrunk(np.asarray(picture, np.uint8), _WIDEST_PX), ".webp", quality=_WEBP_QUALITY)
+    return f"data:image/webp;base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def clocks(results: RunResults) -> list[tuple[str, str]]:

@@ -12,7 +12,7 @@ from torsight.core.files.results import RunResults
 from torsight.core.words.wording import estimate, fixed, number
 from torsight.report.plots.formulas import symbol, titled
 from torsight.report.sections.page_content import score
-from torsight.report.sections.prior_pulls import Prior, priors
+from torsight.report.sections.prior_pulls import Prior, contradicted, priors
 
 
 def parameter_table(results: RunResults) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def _row(
         "plain": "" if plain is None else _interval(plain),
         "after": "" if after is None else _interval(after),
         "pulls": ["" if pull is None else f"{pull:+.1f}".replace("-", "−") for pull in pulls],
-        "far": [pull is not None and abs(pull) > 3.0 for pull in pulls],
+        "far": [contradicted(pull) for pull in pulls],
     }
 
 

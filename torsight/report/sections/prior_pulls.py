@@ -15,6 +15,8 @@ from torsight.core.words.wording import decimals_for, fixed
 
 REACH: Final = 4.0
 """Least half-width of the small picture, in standard deviations of the prior."""
+_BY_CHANCE: Final = 3.0
+"""Standard deviations that a characterised value is off by in one of 370."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,11 @@ class Prior:
         if low is None or high is None or fitted.get("fixed") or not self.sigma:
             return None
         return (float(low) - self.value) / self.sigma, (float(high) - self.value) / self.sigma
+
+
+def contradicted(pull: float | None) -> bool:
+    """Return whether a fit lies further from a characterised value than chance takes it."""
+    return pull is not None and abs(pull) > _BY_CHANCE
 
 
 def common_reach(pulls: Iterable[float | None]) -> float:
