@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import Floats, Ints
+from torsight.core.units import Floats
 from torsight.discovery.own.answer.laws import MeasuredCurve
 from torsight.discovery.own.model.problem import ModelProblem
 
@@ -62,18 +62,6 @@ def series_of(found: Findings) -> list[Series]:
         for r, (record, time) in enumerate(zip(problem.model.records, problem.times(), strict=True))
         for k, name in enumerate(problem.model.outputs)
     ]
-
-
-def left_of(found: Findings, output: int) -> tuple[Ints, Floats, Floats]:
-    """Return the rows (k,) of one output in the problem, and what the plain and the extended model leave there (k,)."""
-    problem, fits = found.problem, (found.field.base, found.decision.chosen)
-    rows, scale = np.arange(len(problem.observed)), 1.0
-    if isinstance(problem, ModelProblem):
-        rows = np.concatenate([rows[place] for _, k, place in problem.layout.places if k == output])
-        scale = float(problem.layout.scale[output])
-    rows = rows[problem.valid[rows]]
-    before, after = ((problem.observed - one.fit.solution.prediction)[rows] * scale for one in fits)
-    return rows, before, after
 
 
 def table_of(found: Findings) -> dict[str, NDArray[Any]]:
