@@ -19,7 +19,7 @@ from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 from torsight.discovery.inference.explanation import Explanation, covariance
-from torsight.discovery.inference.fitting import AtPoint, Fit, less
+from torsight.discovery.inference.fitting import AtPoint, Fit
 from torsight.discovery.inference.measure import Measured, measure_law
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import law_over
@@ -203,27 +203,28 @@ def beyond(called: Sequence[Called], curves: Mapping[str, Curve]) -> list[str]:
 def bend_within(problem: ModelProblem, chosen: Explanation, price: float) -> list[str]:
     """Return a note for every declared law of an answer that would explain more with nodes between its nodes.
 
-    ``price`` is the gain in log evidence that pays for one more law.
+    Beside what is declared: a law that was added to an output may stand for what the nodes miss. ``price`` is the gain
+    in log evidence that pays for one more law.
     """
-    told = []
-    ports = {port.name: port for port in problem.ports}
-    for item in chosen.laws:
+    told, ports = [], {port.name: port for port in problem.ports}
+    declared = [item for item in chosen.laws if item.law.id in ports]
+    for item in declared:
         name, nodes = item.law.id, item.law.nodes
         count = 2 * len(nodes) - 1
-        if name not in ports or count > MOST_NODES:
+        if count > MOST_NODES:
             continue
         finer = port_law(ports[name], np.linspace(nodes[0], nodes[-1], count), item.law.scale)
-        rest = problem.with_laws([one.form for one in chosen.laws if one is not item])
-        start = {key: value for key, value in chosen.fit.values.items() if key not in item.form.names}
-        coarse_evidence, finer_evidence = (
-            measure_law(rest, law, start, effects=less(chosen.members, name), likelihood=chosen.likelihood).log_evidence
+        others = [one.form for one in declared if one is not item]
+        beside = (*chosen.effects, *(form.id for form in others))
+        rest, under = problem.with_laws(others), chosen.likelihood
+        coarse, fine = (
+            measure_law(rest, law, chosen.fit.values, effects=beside, likelihood=under).log_evidence
             for law in (item.law, finer)
         )
-        if finer_evidence > coarse_evidence + price:
+        if fine > coarse + price:
             told.append(
                 f"the law '{name}' bends between its {len(nodes)} nodes, and what it misses there may pass for "
-                f"something else: with nodes={count} it explains more (log evidence "
-                f"+{number(finer_evidence - coarse_evidence)})"
+                f"something else: with nodes={count} it explains more (log evidence +{number(fine - coarse)})"
             )
     return told
 
