@@ -27,6 +27,7 @@ from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.own.model.evaluate import call
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.own_records import Record
+from torsight.discovery.settings import Settings
 
 Pieces = Sequence[Floats]
 
@@ -50,6 +51,9 @@ _LEAST: Final = 4 * (_PAST + 2 * _BEFORE)
 """Rows from which as many values as these make can be told from chance, four for each."""
 _SURE_OF_ANY: Final = 4.1
 """Standard deviations that the largest of ``_BEFORE`` + 1 correlations exceeds by chance once in a thousand times."""
+_FORM_SHARE: Final = Settings().form_share
+"""Share that readings must do of what prediction and residual do, each by itself: a filter that is longer than the
+window leaves some of it."""
 _FAR_OFF: Final = 10.0
 """Times its range by which a value is moved to see what depends on it: beyond all other rows."""
 
@@ -123,8 +127,8 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
 
     A filter, a mean over rows before, a row before: like a state on which the output acts it follows the output's
     course, but such a state knows nothing of the reading's noise. Beside its own past and the prediction, readings say
-    more of it than nothing, and no less than prediction and residual each by itself; it takes up some of the residual;
-    and what is new in it goes with what was new in the residual in one of these rows. Arguments as above.
+    more of it than the prediction does, and hardly less than prediction and residual each by itself; it takes up some
+    of the residual; and what is new in it goes with what was new there in one of these rows. Arguments as above.
     """
     size = float(np.std(np.concatenate(list(driver))))
     three = zip(driver, predicted, residual, strict=True)
@@ -140,7 +144,7 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
         for columns in ([at.predicted], [at.predicted + at.residual], [at.predicted, at.residual])
     )
     by_model, by_read, by_both = (float(np.mean(one**2)) + np.finfo(float).eps for one in (new, *others))
-    if count * math.log(by_model / by_read) < price or count * math.log(by_read / by_both) > price:
+    if count * math.log(by_model / by_read) < price or by_model - by_read < _FORM_SHARE * (by_model - by_both):
         return False
     now, left = at.predicted[:, :1], at.residual[:, 0]
     alone, beside = (_left_beside(columns, left) for columns in (now, np.column_stack([now, at.driver])))
