@@ -26,6 +26,7 @@ from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.own.model.evaluate import call
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.model.signals import left_beside
 from torsight.discovery.own.own_records import Record
 from torsight.discovery.settings import Settings
 
@@ -140,14 +141,14 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
     if count < _LEAST:
         return False
     new, *others = (
-        _left_beside(np.hstack([at.past, *columns]), at.driver)
+        left_beside(np.hstack([at.past, *columns]), at.driver)
         for columns in ([at.predicted], [at.predicted + at.residual], [at.predicted, at.residual])
     )
     by_model, by_read, by_both = (float(np.mean(one**2)) + np.finfo(float).eps for one in (new, *others))
     if count * math.log(by_model / by_read) < price or by_model - by_read < _FORM_SHARE * (by_model - by_both):
         return False
     now, left = at.predicted[:, :1], at.residual[:, 0]
-    alone, beside = (_left_beside(columns, left) for columns in (now, np.column_stack([now, at.driver])))
+    alone, beside = (left_beside(columns, left) for columns in (now, np.column_stack([now, at.driver])))
     independent = count / correlation_time([left])
     if independent * math.log(np.mean(alone**2) / np.mean(beside**2)) < math.log(independent):
         return False
@@ -179,18 +180,12 @@ class _Window:
         columns, new = residual[own - past], np.full(len(driver), np.nan)
         known = np.isfinite(columns).all(axis=1) & np.isfinite(residual[own[:, 0]])
         if np.sum(known) > 2 * _PAST:
-            new[own[known, 0]] = _left_beside(columns[known], residual[own[known, 0]])
+            new[own[known, 0]] = left_beside(columns[known], residual[own[known, 0]])
         rows = np.arange(_BEFORE + _PAST, len(driver))[:, None]
         rows = rows[np.isfinite(new[rows - before]).all(axis=1)]
         return _Window(
             driver[rows[:, 0]], driver[rows - past], *(one[rows - before] for one in (predicted, residual, new))
         )
-
-
-def _left_beside(columns: Floats, values: Floats) -> Floats:
-    """Return what columns (n, k) and a constant leave of values (n,)."""
-    both = np.column_stack([columns - columns.mean(axis=0), np.ones(len(values))])
-    return np.asarray(values - both @ np.linalg.lstsq(both, values)[0])
 
 
 def _ranks(values: Floats) -> Floats:

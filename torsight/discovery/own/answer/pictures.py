@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,13 +26,16 @@ _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Series:
     """One output of one record: time, measured, the plain and the extended model."""
 
-    def __init__(self, title: str, unit: str, time: Floats, measured: Floats, before: Floats, after: Floats) -> None:
-        self.title = title
-        self.unit = unit
-        self.time, self.measured, self.before, self.after = time, measured, before, after
+    title: str
+    unit: str
+    time: Floats
+    measured: Floats
+    before: Floats
+    after: Floats
 
     @property
     def thinned(self) -> Series:
