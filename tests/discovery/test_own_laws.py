@@ -11,8 +11,11 @@ from scipy.integrate import solve_ivp
 
 from torsight.core.errors import InputError
 from torsight.discovery import Candidate, Findings, Reading, candidate, find_missing, law, model_problem, parameter
+from torsight.discovery.own.answer.laws import beyond, widened
 from torsight.discovery.own.answer.saved import SavedModel
 from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.model.evaluate import Called
+from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.prepare import prepare
 from torsight.report.figures.own import figures_of
 
@@ -247,6 +250,10 @@ def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
     )
     found = find_missing(with_port())
     assert not [one for one in found.warnings if "beyond which" in one]
+    endless = Curve(np.linspace(-1.0, 1.0, 5), np.zeros(5)), Called(None, None, "", 0.0, {"more": (-np.inf, 1.0)})
+    assert "from -inf to 1" in beyond([endless[1]], {"more": endless[0]})[0]
+    asked = prepare(with_port()).problem
+    assert widened(asked, [endless[1]], {"more": endless[0]}) is asked
     wider = waves(seed=8)
     assert not found.predict(wider).warnings
     assert "beyond which" in found.predict({**wider, "u": 4.0 * wider["u"]}).warnings[0]

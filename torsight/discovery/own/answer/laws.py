@@ -186,6 +186,7 @@ def widened(problem: ModelProblem, called: Sequence[Called], curves: Mapping[str
     found = {
         name: nodes_of(ports[name], min(low, float(nodes[0])), max(high, float(nodes[-1])))
         for name, (low, high, nodes) in _far(called, curves).items()
+        if np.isfinite(high - low)
     }
     changed = any(not np.array_equal(nodes, problem.nodes[name]) for name, nodes in found.items())
     return replace(problem, nodes={**problem.nodes, **found}) if changed else problem
