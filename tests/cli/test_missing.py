@@ -67,6 +67,7 @@ def test_a_model_file_and_records_give_results_and_a_report(world: Path) -> None
     page = (results / "report.html").read_text(encoding="utf-8")
     assert "hardening is missing" in page
     drawn = {"before_after_1", "before_after_2", "candidates", "residual_u", "residual_time_s", "residual_reading_v"}
+    drawn |= {"unseen_x_mm"}
     assert {path.stem for path in (results / "figures").iterdir()} == drawn
     assert all(f'<div class="plot" id="plot-{name}">' in page for name in drawn)
     assert page.count('<img class="still" src="data:image/svg+xml') == len(

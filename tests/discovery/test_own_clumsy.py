@@ -96,7 +96,7 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
     "lower: NaN": ("parameter 'gain', lower: is no number", lambda: parameter("gain", 1.0, lower=NAN)),
     "lower: a word": ("parameter 'gain', lower: is no number", lambda: parameter("gain", 1.0, lower="0")),
     "bounds: the wrong way round": (
-        "the model, the model, gain: bounds leave no room",
+        "the model, gain: bounds leave no room",
         lambda: asked(parameters=[parameter("gain", 1.0, lower=2.0, upper=0.0)]),
     ),
     "sigma of a parameter: negative": (
@@ -116,7 +116,7 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
     "unit: a number": ("parameter 'gain', unit: is no text", lambda: parameter("gain", 1.0, unit=3)),
     "fixed: a word": ("parameter 'gain', fixed: cannot be used", lambda: parameter("gain", 1.0, fixed="yes")),
     "name: twice": (
-        "two parameters are called 'gain'",
+        "^the model: two parameters are called 'gain'",
         lambda: asked(parameters=[*sensor_parameters(), parameter("gain", 2.0)]),
     ),
     "name: of a candidate's parameter, too": (
@@ -430,7 +430,7 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
         lambda: straight(observed=np.full(ROWS, NAN)),
     ),
     "linear: a name twice": (
-        "the model, the model and candidate 'bow': two parameters are called 'gain'",
+        "the model and candidate 'bow': two parameters are called 'gain'",
         lambda: straight(candidates={"bow": {"gain": RECORD["u"] ** 2}}),
     ),
     "linear: a driver of another length": (

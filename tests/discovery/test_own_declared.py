@@ -64,6 +64,24 @@ def test_a_model_that_gives_no_numbers_or_a_wrong_shape_is_refused_before_the_se
     refused("no parameter or law 'slope'; it has gain, offset", predict=lambda p, r: p.slope * r.u)
 
 
+def test_a_candidate_whose_start_fails_is_named_and_what_is_given_back_has_no_traceback() -> None:
+    def fails(p: Any, record: Any) -> np.ndarray:
+        if p.bow > 0.0:
+            raise ValueError("no such bow")
+        return np.asarray(p.gain * record.u + p.offset)
+
+    bow = candidate("bow", parameter("bow", 0.1, null=0.0))
+    with pytest.raises(
+        InputError, match="candidate 'bow' at its start: the model fails: ValueError: no such bow"
+    ) as told:
+        check_problem(model_problem(fails, sensor_record(), sensor_parameters(), [bow], output="y"))
+    assert "no such bow" in told.value.__notes__[0]
+    for given in (lambda p, _record: p.gain, lambda p, record: np.full(len(record.u), np.nan * p.gain)):
+        with pytest.raises(InputError) as told:
+            check_problem(model_problem(given, sensor_record(), sensor_parameters(), output="y"))
+        assert not hasattr(told.value, "__notes__")
+
+
 def test_a_model_that_raises_says_where_and_for_which_values() -> None:
     def fails(p: Any, record: Any) -> np.ndarray:
         return record.u / (p.gain - 1.0 if p.gain != 1.0 else int("none"))

@@ -278,6 +278,24 @@ def test_an_initial_state_that_other_records_begin_with_otherwise_is_told() -> N
     assert not warned(find_missing(springs(observed=pair)), told)
 
 
+def test_what_records_differ_by_is_no_noise() -> None:
+    """Nothing that is offered explains it, and it is nine times the scatter of neighbours: that is not none."""
+    rng, t = np.random.default_rng(7), 0.1 * np.arange(400)
+    u = np.sin(t) + 0.5 * np.sin(0.37 * t + 1.0)
+    plain = 1.5 * u + 0.3 + rng.normal(0.0, 0.05, 400)
+    records = [{"time_s": t, "u": u, "y": plain + begins * np.exp(-t / 2.0)} for begins in (2.0, -3.0, 1.0)]
+
+    def predict(p: Any, record: Any) -> np.ndarray:
+        return np.asarray(p.offset + p.gain * record.u + p.begins * np.exp(-record.time_s / 2.0))
+
+    free = [parameter("gain", 1.0), parameter("offset", 0.0), parameter("begins", 0.5)]
+    found = find_missing(model_problem(predict, records, free, output="y"))
+    assert found.verdict == "unknown"
+    assert warned(found, "with a value of 'begins' for each record")
+    found = find_missing(model_problem(predict, records, free, output="y", initial="begins"))
+    assert found.verdict == "none"
+
+
 def test_parameters_that_the_record_cannot_tell_apart_are_told_and_one_of_them_can_be_fixed() -> None:
     def twice(p: Any, record: Any) -> np.ndarray:
         return p.gain * p.boost * record.u + p.offset

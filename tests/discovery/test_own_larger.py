@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from torsight.discovery import find_missing, linear_problem, model_problem, parameter
+from torsight.discovery import candidate, find_missing, linear_problem, model_problem, parameter
 
 Array = np.ndarray
 ROWS, PER_BLOCK, NOISE = 72, 12, 0.3
@@ -62,3 +62,24 @@ def test_a_law_over_time_that_foretells_no_block_is_told(per_s: float, *, foreto
     assert found.decision.chosen.members == ("y(time_s)",)
     assert (after.rmse_held_out < before.rmse_held_out) is foretold
     assert ("foretells unseen blocks no better" in str(found)) is not foretold
+
+
+def test_a_law_over_time_beside_a_name_is_told_and_that_it_foretells_nothing() -> None:
+    """A bow, and a wave over time that no block foretells: both are there, and without the wave less is missed."""
+    rng = np.random.default_rng(1)
+    t, u = 0.1 * np.arange(400), np.repeat(rng.uniform(-1.0, 1.0, 20), 20)
+    y = 2.0 * u + 1.2 * u**2 + 0.3 * np.sin(0.9 * t) + rng.normal(0.0, 0.05, 400)
+
+    def predict(p: Any, record: Any) -> Array:
+        return np.asarray(p.gain * record.u + p.offset + p.bow * record.u**2)
+
+    free, bow = [parameter("gain", 1.0), parameter("offset", 0.0)], candidate("bow", parameter("bow", 0.1, null=0.0))
+    found = find_missing(model_problem(predict, {"time_s": t, "u": u, "y": y}, free, bow, output="y", drivers=[]))
+    assert found.effects == ("bow",)
+    found = find_missing(
+        model_problem(predict, {"time_s": t, "u": u, "y": y}, free, bow, output="y", drivers=["time_s"])
+    )
+    assert (found.verdict, found.decision.chosen.members) == ("unknown", ("bow", "y(time_s)"))
+    assert abs(found.values["bow"] - 1.2) < 0.06
+    assert "y(time_s) describes what was recorded, but unseen blocks are foretold no better with it" in str(found)
+    assert [law["share"] for law in found.to_json()["laws"]] == [1.0]

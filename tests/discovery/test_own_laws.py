@@ -11,9 +11,13 @@ from scipy.integrate import solve_ivp
 
 from torsight.core.errors import InputError
 from torsight.discovery import Candidate, Findings, Reading, candidate, find_missing, law, model_problem, parameter
+from torsight.discovery.own.answer.laws import beyond, widened
 from torsight.discovery.own.answer.saved import SavedModel
 from torsight.discovery.own.model.check import check_problem
+from torsight.discovery.own.model.evaluate import Called
+from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.prepare import prepare
+from torsight.report.figures.own import figures_of
 
 NOISE = 0.05
 Table = dict[str, np.ndarray]
@@ -173,6 +177,21 @@ def test_a_prediction_shows_itself(sledge: Findings) -> None:
     assert curve.plot().get_xlabel() == "speed m/s"
 
 
+def test_a_report_shows_every_block_and_what_was_known_beforehand(sledge: Findings) -> None:
+    drawn = {one.name: one for some in figures_of(sledge).values() for one in some}
+    blocks = drawn["unseen_speed"].data
+    before, after = sledge.errors["speed"]
+    assert blocks is not None
+    assert blocks["block"] == [str(k) for k in range(1, 7)]
+    for key, errors in (("before", before), ("after", after)):
+        rows = np.bincount(sledge.problem.block)
+        assert np.sqrt(np.average(np.square(blocks[key]), weights=rows)) == pytest.approx(errors.rmse_held_out)
+    pulled = drawn["pulls"].data
+    assert pulled is not None
+    assert pulled["parameter"] == ["viscous"]
+    assert pulled["extended_sigmas"] == [pytest.approx((sledge.values["viscous"] - 0.3) / 0.01)]
+
+
 def test_a_model_with_a_law_is_the_same_after_a_file(sledge: Findings) -> None:
     model, later = sledge.model(), sledge_record(9)
     again = SavedModel.from_json(json.loads(json.dumps(model.to_json())), model.declared, where="model.json")
@@ -231,9 +250,44 @@ def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
     )
     found = find_missing(with_port())
     assert not [one for one in found.warnings if "beyond which" in one]
+    endless = Curve(np.linspace(-1.0, 1.0, 5), np.zeros(5)), Called(None, None, "", 0.0, {"more": (-np.inf, 1.0)})
+    assert "from -inf to 1" in beyond([endless[1]], {"more": endless[0]})[0]
+    asked = prepare(with_port()).problem
+    assert widened(asked, [endless[1]], {"more": endless[0]}) is asked
     wider = waves(seed=8)
     assert not found.predict(wider).warnings
     assert "beyond which" in found.predict({**wider, "u": 4.0 * wider["u"]}).warnings[0]
+
+
+def test_a_law_spans_what_the_better_model_asks_for() -> None:
+    """The plain model is too slow, and asks for less than the record holds; no column says how far the law reaches."""
+    free, port = [parameter("viscous", 2.0, lower=0.0)], law("friction", driver="v", nodes=13)
+    reading = Reading(sigma=0.01)
+    asked = model_problem(move_sledge, sledge_record(1), free, [port], output="speed", drivers=[], reading=reading)
+    narrow = prepare(asked).problem.nodes["friction"]
+    found = find_missing(asked, processes=False)
+    speed, (curve,) = sledge_record(1)["speed"], found.laws
+    assert narrow[-1] < 0.9 * speed.max() < 0.95 * curve.nodes[-1]
+    assert not [one for one in found.warnings if "beyond which" in one]
+    assert found.errors["speed"][1].rmse_held_out < 0.011
+
+
+@pytest.mark.parametrize(("nodes", "enough"), [(20, False), (50, True)])
+def test_a_law_that_bends_between_its_nodes_is_told_and_more_of_them_follow_it(nodes: int, *, enough: bool) -> None:
+    """Nine waves over the range: twenty nodes are two a wave."""
+    rng = np.random.default_rng(3)
+    u = np.abs(np.arange(1200) / 200.0 % 2.0 - 1.0)
+    record = {"u": u, "y": 2.0 * u + 0.5 * np.sin(18.0 * np.pi * u) + rng.normal(0.0, NOISE, 1200)}
+    free, port = [parameter("gain", 1.0), parameter("offset", 0.0)], law("more", driver="u", nodes=nodes)
+
+    def predict(p: Any, record: Any) -> np.ndarray:
+        return np.asarray(p.offset + p.gain * record.u + p.more(record.u))
+
+    found = find_missing(model_problem(predict, record, free, [port], output="y", drivers=[]))
+    told = [one for one in found.warnings if one.startswith("the law 'more' bends between its 20 nodes")]
+    assert (not told) is enough
+    assert enough or "with nodes=39 it explains more" in told[0]
+    assert (found.errors["y"][1].rmse_held_out < 1.2 * NOISE) is enough
 
 
 def test_a_form_is_sure_only_where_a_free_law_was_measured_in_its_place() -> None:

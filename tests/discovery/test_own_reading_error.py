@@ -10,7 +10,7 @@ from scipy import ndimage, signal
 
 from torsight.core.errors import InputError
 from torsight.discovery import candidate, find_missing, law, model_problem, parameter
-from torsight.discovery.own.reading_error import holds_reading_error
+from torsight.discovery.own.reading_error import follows_readings, holds_reading_error
 
 Array = np.ndarray
 ROWS, NOISE = 600, 0.1
@@ -105,8 +105,29 @@ def test_causes_states_and_inputs_are_none(number: int) -> None:
     kind, hidden, lag_rows = SYSTEMS[number]
     for seed in range(2):
         read, predicted, innocent = system(kind, hidden, lag_rows=lag_rows, seed=20 + seed)
-        taken = [name for name, one in innocent.items() if holds_reading_error([one], [predicted], [read - predicted])]
-        assert taken == []
+        for seen in (holds_reading_error, follows_readings):
+            taken = [name for name, one in innocent.items() if seen([one], [predicted], [read - predicted])]
+            assert taken == []
+
+
+FILTERS = {
+    "a row before": lambda y: np.concatenate([y[:1], y[:-1]]),
+    "a lag of 2 rows": lambda y: lagged(y, 2.0),
+    "a lag of 5 rows": lambda y: lagged(y, 5.0),
+    "a lag of 5 rows, rounded": lambda y: np.round(lagged(y, 5.0) / 0.1 / NOISE) * 0.1 * NOISE,
+    "a mean over 5 rows before": lambda y: signal.lfilter(np.full(5, 0.2), 1.0, y - y[0]) + y[0],
+    "Butterworth's filter": lambda y: signal.lfilter(*signal.butter(2, 0.2), y - y[0]) + y[0],
+}
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_a_filter_of_a_reading_is_seen(name: str) -> None:
+    """One miss in six is allowed: one that takes up nothing of what a model leaves explains nothing and may stay."""
+    seen = []
+    for seed, (kind, hidden, lag_rows) in enumerate(SYSTEMS):
+        read, predicted, _ = system(kind, hidden, lag_rows=lag_rows, seed=seed)
+        seen.append(follows_readings([FILTERS[name](read)], [predicted], [read - predicted]))
+    assert sum(seen) >= len(SYSTEMS) - 1
 
 
 def test_rows_without_a_reading_and_several_records_change_nothing() -> None:
@@ -118,6 +139,11 @@ def test_rows_without_a_reading_and_several_records_change_nothing() -> None:
     for column, expected in ((filled**3, True), (innocent["free"], False), (innocent["u"], False)):
         asked = ([one[part] for part in parts] for one in (column, predicted, left))
         assert holds_reading_error(*asked) is expected
+        asked = ([one[part] for part in parts] for one in (column, predicted, left))
+        assert expected or not follows_readings(*asked)
+    parts = [slice(0, 500), slice(480, ROWS)]
+    asked = ([one[part] for part in parts] for one in (lagged(filled, 2.0), predicted, left))
+    assert follows_readings(*asked)
 
 
 def table() -> dict[str, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,15 +26,17 @@ def contents(found: Findings) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
     from torsight.discovery.own.answer import words
 
+    candidates = found.field.base.fitter.candidates
     return {
         "verdict": found.verdict,
         "headline": words.verdict_words(found),
         "errors": [
-            (name, *(number(value) for value in _row(before, after))) for name, (before, after) in found.errors.items()
+            (name, *(number(value) for both in zip(astuple(before), astuple(after), strict=True) for value in both))
+            for name, (before, after) in found.errors.items()
         ],
         "not_foretold": words.not_foretold(found),
         "effects": [
-            (name, [(p.name, estimate(found.parameters[p.name].to_json())) for p in _own(found, name)])
+            (name, [(p.name, estimate(found.parameters[p.name].to_json())) for p in candidates[name].parameters])
             for name in found.effects
         ],
         "parameters": [
@@ -58,19 +61,3 @@ def contents(found: Findings) -> dict[str, Any]:
         "failures": found.failures,
         "next": words.what_next(found),
     }
-
-
-def _row(before: Any, after: Any) -> tuple[float, ...]:
-    return (
-        before.rmse_train,
-        after.rmse_train,
-        before.rmse_held_out,
-        after.rmse_held_out,
-        before.r2_held_out,
-        after.r2_held_out,
-    )
-
-
-def _own(found: Findings, name: str) -> Sequence[Any]:
-    candidate = found.field.base.fitter.candidates.get(name)
-    return () if candidate is None else candidate.parameters

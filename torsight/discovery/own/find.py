@@ -17,12 +17,14 @@ from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.inference.search import Search
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
-from torsight.discovery.own.answer.laws import beyond
+from torsight.discovery.own.answer.laws import bend_within, beyond, widened
 from torsight.discovery.own.compiled.quicken import is_compiled, quickened
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem, check_same
+from torsight.discovery.own.model.evaluate import Called
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
+from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.prepare import prepare
 from torsight.discovery.settings import Settings
 
@@ -146,13 +148,16 @@ def _search(
     start = {p.name: p.value for p in problem.parameters}
     begun = problem.outputs(start, ())
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
-    chosen = found.decision.chosen
-    notes += [*_missed(declared, found), *_at_bounds(found), *_noise_given(problem, found)]
-    extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
-    curves = extended.curves(values, chosen.members)
-    notes += beyond(evaluator(extended.given(values, chosen.members), curves), curves)
-    # What the findings show of other sets is predicted while the processes are there.
+    called, curves = _at_answer(problem, found)
+    wider = widened(problem, called, curves)
+    if wider is not problem:
+        problem = wider
+        found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
+        called, curves = _at_answer(problem, found)
     findings = Findings(problem, found, settings=settings or Settings())
+    notes += [*_missed(declared, found), *_at_bounds(found), *_noise_given(problem, found), *beyond(called, curves)]
+    notes += bend_within(problem, found.decision.chosen, findings.price)
+    # What the findings show of other sets is predicted while the processes are there.
     _ = findings.best_fits, findings.parameters
     failures, failed = evaluator.failures[looked:], evaluator.failed - before
     if failures:
@@ -164,6 +169,14 @@ def _search(
     check_same(problem, start, begun)
     traces = tuple(f"{one.told()}\n{one.trace}" for one in failures[:_MOST_TRACES])
     return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
+
+
+def _at_answer(problem: ModelProblem, found: engine.Findings) -> tuple[list[Called], dict[str, Curve]]:
+    """Return the calls of the answer, and its declared laws as the model called them."""
+    chosen = found.decision.chosen
+    extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
+    curves = extended.curves(values, chosen.members)
+    return problem.evaluator(extended.given(values, chosen.members), curves), curves
 
 
 def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:

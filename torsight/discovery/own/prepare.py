@@ -79,7 +79,8 @@ def prepare(problem: ModelProblem) -> Prepared:
     problem, told = _once(problem, fitter, base)
     told += left_out
     told += _apart(problem, fitter, base)
-    told += _each_its_own(problem, fitter, base)
+    each_its_own = _each_its_own(problem, fitter, base)
+    told += each_its_own
     started = _started(problem, base)
     candidates = tuple(_with_starts(problem, one, fitter, base) for one in problem.candidates)
     if problem.ports:
@@ -87,7 +88,7 @@ def prepare(problem: ModelProblem) -> Prepared:
     candidates = usual_forms(problem, base, candidates)
     # What is missing may have pulled the values off: laws are measured from where they were declared, too.
     elsewhere = ({p.name: p.value for p in problem.parameters if p.sigma is None},)
-    problem = replace(problem, parameters=started, candidates=candidates, elsewhere=elsewhere)
+    problem = replace(problem, parameters=started, candidates=candidates, elsewhere=elsewhere, alike=not each_its_own)
     return Prepared(problem, (*warnings, *told))
 
 

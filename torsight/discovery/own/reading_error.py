@@ -4,6 +4,9 @@ Two things tell such a driver from a cause. It follows what was *read*: one func
 the model's prediction alone, better than what the model leaves alone, and as well as both of them each by itself (a
 cause of what is missing follows what the model leaves, an input of the model its prediction). And what is new in it
 from row to row goes with what is new in the residual, which of noise nothing else does (Haugh, JASA 71, 1976).
+
+A filter of what was read lags, as a state does on which the output acts, and is looked for by itself: over a window of
+rows before, by the same two things.
 """
 
 from __future__ import annotations
@@ -23,7 +26,9 @@ from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.own.model.evaluate import call
 from torsight.discovery.own.model.problem import ModelProblem
+from torsight.discovery.own.model.signals import left_beside
 from torsight.discovery.own.own_records import Record
+from torsight.discovery.settings import Settings
 
 Pieces = Sequence[Floats]
 
@@ -39,6 +44,17 @@ _REACH: Final = 4
 _WIDEST: Final = 64
 """Rows to each side of the widest smoothing that is looked for: the mean of as many leaves less than a tenth of the
 noise."""
+_BEFORE: Final = 24
+"""Rows before that a filter is looked for in. What it keeps for longer shows in its own past ..."""
+_PAST: Final = 8
+"""... of so many rows: those of a filter of fourth order, twice."""
+_LEAST: Final = 4 * (_PAST + 2 * _BEFORE)
+"""Rows from which as many values as these make can be told from chance, four for each."""
+_SURE_OF_ANY: Final = 4.1
+"""Standard deviations that the largest of ``_BEFORE`` + 1 correlations exceeds by chance once in a thousand times."""
+_FORM_SHARE: Final = Settings().form_share
+"""Share that readings must do of what prediction and residual do, each by itself: a filter that is longer than the
+window leaves some of it."""
 _FAR_OFF: Final = 10.0
 """Times its range by which a value is moved to see what depends on it: beyond all other rows."""
 
@@ -107,6 +123,77 @@ def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> 
     return _go_together(driver, [a - b for a, b in zip(driver, np.split(remains, ends), strict=True)])
 
 
+def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> bool:
+    """Return whether a driver is made of readings of the same row and of rows before, noise included.
+
+    A filter, a mean over rows before, a row before: like a state on which the output acts it follows the output's
+    course, but such a state knows nothing of the reading's noise. Beside its own past and the prediction, readings say
+    more of it than the prediction does, and hardly less than prediction and residual each by itself; it takes up some
+    of the residual; and what is new in it goes with what was new there in one of these rows. Arguments as above.
+    """
+    size = float(np.std(np.concatenate(list(driver))))
+    three = zip(driver, predicted, residual, strict=True)
+    pieces = [_Window.of(d / size, m, r) for d, m, r in three if size > 0.0 and len(d) > 2 * (_BEFORE + _PAST)]
+    if not pieces:
+        return False
+    at = _Window(*(np.concatenate(some) for some in zip(*(one.members for one in pieces), strict=True)))
+    count, price = len(at.driver), (_BEFORE + 1) * math.log(max(len(at.driver), 2))
+    if count < _LEAST:
+        return False
+    new, *others = (
+        left_beside(np.hstack([at.past, *columns]), at.driver)
+        for columns in ([at.predicted], [at.predicted + at.residual], [at.predicted, at.residual])
+    )
+    by_model, by_read, by_both = (float(np.mean(one**2)) + np.finfo(float).eps for one in (new, *others))
+    if count * math.log(by_model / by_read) < price or by_model - by_read < _FORM_SHARE * (by_model - by_both):
+        return False
+    now, left = at.predicted[:, :1], at.residual[:, 0]
+    alone, beside = (left_beside(columns, left) for columns in (now, np.column_stack([now, at.driver])))
+    independent = count / correlation_time([left])
+    if independent * math.log(np.mean(alone**2) / np.mean(beside**2)) < math.log(independent):
+        return False
+    # By ranks: where a record jumps, that is no noise, and a few rows would say it all.
+    one, other = _ranks(new), _ranks(at.new)
+    together = one @ other / np.sqrt((one @ one) * np.sum(other**2, axis=0))
+    return bool(np.max(np.abs(together)) * math.sqrt(count) > _SURE_OF_ANY)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Window:
+    """Rows with what came before them: a driver (n,) and its past, prediction, residual, the residual's news (n, k)."""
+
+    driver: Floats
+    past: Floats
+    predicted: Floats
+    residual: Floats
+    new: Floats
+
+    @property
+    def members(self) -> tuple[Floats, ...]:
+        return self.driver, self.past, self.predicted, self.residual, self.new
+
+    @staticmethod
+    def of(driver: Floats, predicted: Floats, residual: Floats) -> _Window:
+        """Return the rows before which everything is known."""
+        before, past = np.arange(_BEFORE + 1), np.arange(1, _PAST + 1)
+        own = np.arange(_PAST, len(driver))[:, None]
+        columns, new = residual[own - past], np.full(len(driver), np.nan)
+        known = np.isfinite(columns).all(axis=1) & np.isfinite(residual[own[:, 0]])
+        if np.sum(known) > 2 * _PAST:
+            new[own[known, 0]] = left_beside(columns[known], residual[own[known, 0]])
+        rows = np.arange(_BEFORE + _PAST, len(driver))[:, None]
+        rows = rows[np.isfinite(new[rows - before]).all(axis=1)]
+        return _Window(
+            driver[rows[:, 0]], driver[rows - past], *(one[rows - before] for one in (predicted, residual, new))
+        )
+
+
+def _ranks(values: Floats) -> Floats:
+    """Return the ranks along the first axis, about their mean."""
+    ranks = np.argsort(np.argsort(values, axis=0), axis=0)
+    return np.asarray(ranks - 0.5 * (len(values) - 1), np.float64)
+
+
 def _nearest(left_by: Callable[[_Smoothing], float], rows: int) -> _Smoothing:
     """Return the smoothing by which least is left: the best width of each kind, none as well."""
     widths = [2.0 ** (k / 2) for k in range(int(2 * math.log2(max(min(rows / 16, _WIDEST), 1))) + 1)]
@@ -143,25 +230,13 @@ def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, li
     ``base`` is the fit of the model as it is. A declared law over such a column cannot be left out: it is told alone.
     """
     predicted = problem.layout.native(base.solution.prediction)
-    measured, records = problem.measured(), problem.model.records
+    records = problem.model.records
     declared = {port.driver for port in problem.ports} - {*problem.drivers, *problem.model.outputs}
     told, kept = [], dict(problem.drivers)
     for name in (*problem.drivers, *sorted(declared)):
         if not all(name in record and np.isfinite(record[name]).all() for record in records):
             continue
-        column = [record[name] for record in records]
-        output = next(
-            (
-                own
-                for k, own in enumerate(problem.model.outputs)
-                if holds_reading_error(
-                    column,
-                    [one[:, k] for one in predicted],
-                    [one[:, k] - made[:, k] for one, made in zip(measured, predicted, strict=True)],
-                )
-            ),
-            None,
-        )
+        output = _made_of([record[name] for record in records], problem, predicted)
         if output is None:
             continue
         left_out = kept.pop(name, None) is not None
@@ -175,6 +250,16 @@ def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, li
             f"itself{beside}; give what the model computes, or the variable from another sensor"
         )
     return replace(problem, drivers=kept), told
+
+
+def _made_of(column: Pieces, problem: ModelProblem, predicted: Pieces) -> str | None:
+    """Return the output of whose readings a column is made, None where it is of none."""
+    for k, name in enumerate(problem.model.outputs):
+        made = [one[:, k] for one in predicted]
+        left = [one[:, k] - own for one, own in zip(problem.measured(), made, strict=True)]
+        if holds_reading_error(column, made, left) or follows_readings(column, made, left):
+            return name
+    return None
 
 
 def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column: str) -> list[str]:

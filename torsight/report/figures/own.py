@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from torsight.core.series import rms
 from torsight.core.units import Floats
 from torsight.discovery.measured_law import MeasuredLaw
-from torsight.report.figures.evidence import candidates, errors
+from torsight.report.figures.evidence import candidates, errors, pulls
 from torsight.report.figures.law_plots import law_panel
 from torsight.report.figures.motion import CURVES, Figure, models
-from torsight.report.figures.residuals import over_variable, shade_floor
+from torsight.report.figures.residuals import over_variable, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
+from torsight.report.sections.prior_pulls import Prior
 
 if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
 def is_ours(name: str) -> bool:
     """Return whether a figure's file is of this report: those of an earlier answer go."""
-    return name == "candidates" or re.fullmatch(r"(before_after|residual|law)_.+", name) is not None
+    return name in {"candidates", "pulls"} or re.fullmatch(r"(before_after|residual|law|unseen)_.+", name) is not None
 
 
 def figures_of(found: Findings) -> dict[str, list[Figure]]:
@@ -41,9 +43,11 @@ def figures_of(found: Findings) -> dict[str, list[Figure]]:
         ],
         "laws": [law_drawn(law) for law in found.laws if law.chosen],
         "candidates": [candidates(answer)] if several else [],
+        "unseen": [unseen_blocks(found, output) for output in range(len(found.outputs))],
+        "pulls": [pulled(found)],
         "against": [
             residual_over(found, output, name, values)
-            for output in range(len(found.errors))
+            for output in range(len(found.outputs))
             for name, values in found.problem.drivers.items()
         ],
     }
@@ -98,18 +102,49 @@ def law_drawn(law: MeasuredCurve) -> Figure:
     )
 
 
+def unseen_blocks(found: Findings, output: int) -> Figure | None:
+    """Draw the error of one output on every block, predicted from the others, before and after."""
+    if found.before is None or found.after is None:
+        return None
+    rows, scale = found.rows_of(output)
+    quantity, block = found.outputs[output], found.problem.block[rows]
+    labels = np.unique(block)
+    levels = [
+        [scale * rms(side.residual[rows][block == label]) for label in labels] for side in (found.before, found.after)
+    ]
+    names = [str(label + 1) for label in labels]
+    plot = pairs_of_bars("block", "rms error", names, list(zip(*levels, strict=True)), height=220.0, unit="")
+    data: dict[str, list[Any]] = {"block": names, "before": levels[0], "after": levels[1]}
+    title = f"{quantity}: error on blocks that the fit did not see"
+    caption = "Each was left out of the fit once, and predicted by it."
+    return Figure(f"unseen_{_plain(quantity)}", title, caption, (plot,), title, data=data)
+
+
+def pulled(found: Findings) -> Figure | None:
+    """Draw how far either fit lies from values that were measured beforehand, in their standard deviations."""
+    known = {p.name: Prior(p.value, p.sigma) for p in found.problem.parameters}
+    plain, after = (
+        {name: one.to_json() for name, one in some.items()} for some in (found.plain_parameters, found.parameters)
+    )
+    return pulls(known, plain, after, extended=bool(found.decision.chosen.members))
+
+
+def _plain(name: str) -> str:
+    """Return a name as it stands in a file's."""
+    return re.sub(r"\W+", "_", name).strip("_")
+
+
 def residual_over(found: Findings, output: int, name: str, values: Floats) -> Figure | None:
     """Draw what both models leave of an output over one variable on which an effect may depend."""
-    from torsight.discovery.own.answer.pictures import left_of
-
-    quantity = list(found.errors)[output]
-    rows, before, after = left_of(found, output)
+    quantity = found.outputs[output]
+    rows, scale = found.rows_of(output)
+    before, after = (scale * one.residual[rows] for one in (found.field.base, found.decision.chosen))
     everywhere = {"all": np.ones(len(before), bool)}
     made = over_variable(values[rows], before, after, everywhere, label=name, residual=f"measured − model ({quantity})")
     if made is None:
         return None
     plot, means = made
     data = {"residual": means["residual"], name: means["place"], "mean": means["mean"]}
-    place = re.sub(r"\W+", "_", f"{quantity}_{name}").strip("_") if len(found.errors) > 1 else re.sub(r"\W+", "_", name)
+    place = _plain(f"{quantity}_{name}" if len(found.outputs) > 1 else name)
     words = f"What both models leave of {quantity} over {name}"
     return Figure(f"residual_{place}", f"{quantity} against {name}", "", (plot,), words, data=data)

@@ -216,6 +216,7 @@ def pairs_of_bars(
     unseen: Sequence[bool] = (),
     width: float = 860.0,
     height: float = 200.0,
+    unit: str = "°",
 ) -> Panel:
     """Return a before and an after bar per name; a level that is not finite is left out."""
     top = float(np.nanmax([*np.ravel(levels), 1e-9]))
@@ -232,7 +233,7 @@ def pairs_of_bars(
         for offset, level, kind in zip((-0.36, 0.02), pair, ("before", "after"), strict=True):
             if np.isfinite(level):
                 ends = (place + offset, place + offset + 0.34)
-                plot.box(ends, (0.0, level), kind, tip=f"{kind} {level:.3g}°", label=kind)
+                plot.box(ends, (0.0, level), kind, tip=f"{kind} {level:.3g}{unit}", label=kind)
     return plot
 
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.parameter import Estimate
-from torsight.core.units import Floats
+from torsight.core.series import rms
+from torsight.core.units import Ints
 from torsight.core.words.shown import Shown
 from torsight.discovery.inference import engine
 from torsight.discovery.inference.explanation import Explanation, Field, covariance, predictive_covariance
@@ -227,34 +228,34 @@ class Findings(Shown):
     @cached_property
     def errors(self) -> dict[str, tuple[Errors, Errors]]:
         """Errors of the plain and the extended model for every output, in its unit."""
-        if not isinstance(self.problem, ModelProblem):
-            return {"observed": (self._errors_of(0, self.before, None), self._errors_of(1, self.after, None))}
-        names = self.problem.model.outputs
-        return {
-            name: (self._errors_of(0, self.before, k), self._errors_of(1, self.after, k))
-            for k, name in enumerate(names)
-        }
+        fits = ((self.field.base, self.before), (self._chosen, self.after))
+        found = {}
+        for k, name in enumerate(self.outputs):
+            plain, extended = (self._errors_of(one, held_out, k) for one, held_out in fits)
+            found[name] = (plain, extended)
+        return found
 
-    def _errors_of(self, which: int, held_out: HeldOut | None, output: int | None) -> Errors:
-        one = self._chosen if which else self.field.base
-        observed = self._native(self.problem.observed, output)
-        left = self._native(self.problem.observed - one.fit.solution.prediction, output, difference=True)
-        known = np.isfinite(observed)
-        train = float(np.sqrt(np.mean(left[known] ** 2)))
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of what was measured."""
+        return self.problem.model.outputs if isinstance(self.problem, ModelProblem) else ("observed",)
+
+    def _errors_of(self, one: Explanation, held_out: HeldOut | None, output: int) -> Errors:
+        rows, scale = self.rows_of(output)
+        train = scale * rms(one.residual[rows])
         if held_out is None:
             return Errors(train, math.nan, math.nan)
-        missed = self._native(held_out.residual, output, difference=True)[known]
-        total = observed[known] - observed[known].mean()
-        square = float(np.mean(missed**2))
-        return Errors(train, math.sqrt(square), 1.0 - square / max(float(np.mean(total**2)), 1e-300))
+        missed, observed = rms(held_out.residual[rows]), self.problem.observed[rows]
+        return Errors(train, scale * missed, 1.0 - missed**2 / max(float(np.var(observed)), 1e-300))
 
-    def _native(self, values: Floats, output: int | None, *, difference: bool = False) -> Floats:
-        """Return rows of one output in its unit; NaN where nothing was measured."""
-        values = np.where(self.problem.valid, values, np.nan)
-        if output is None or not isinstance(self.problem, ModelProblem):
-            return values
-        native = self.problem.layout.native(values, difference=difference)
-        return np.concatenate([own[:, output] for own in native])
+    def rows_of(self, output: int) -> tuple[Ints, float]:
+        """Return the rows (k,) of an output in the problem that count, and its unit per unit of the engine."""
+        rows, scale = np.arange(len(self.problem.observed)), 1.0
+        if isinstance(self.problem, ModelProblem):
+            layout = self.problem.layout
+            rows = np.concatenate([rows[place] for _, k, place in layout.places if k == output])
+            scale = float(layout.scale[output])
+        return rows[self.problem.valid[rows]], scale
 
     @cached_property
     def best_fits(self) -> tuple[FittedSet, ...]:
@@ -269,13 +270,12 @@ class Findings(Shown):
         return sorted({len(members) for members in self.field.explanations})
 
     def _fitted(self, one: Explanation) -> FittedSet:
-        left = one.residual[self.problem.valid]
         # Unseen blocks cost a fit each: those of what bears on the answer are predicted, of the others what is known.
         known = "held_out" in one.__dict__ or one.members in self._bearing
         unseen = one.held_out.rms if self.before is not None and known else math.nan
         gain = one.log_evidence - self.field.base.log_evidence
         weight = self.decision.probability[tuple(sorted(one.members))]
-        return FittedSet(one.members, gain, weight, float(np.sqrt(np.mean(left**2))), unseen)
+        return FittedSet(one.members, gain, weight, rms(one.residual[self.problem.valid]), unseen)
 
     @cached_property
     def _bearing(self) -> tuple[EffectSet, ...]:

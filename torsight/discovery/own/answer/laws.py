@@ -20,10 +20,10 @@ from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.fitting import AtPoint, Fit
-from torsight.discovery.inference.measure import Measured
+from torsight.discovery.inference.measure import Measured, measure_law
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import law_over
-from torsight.discovery.own.model.declare import LawPort
+from torsight.discovery.own.model.declare import MOST_NODES, LawPort
 from torsight.discovery.own.model.layout import Layout
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 _SCALE: Final = 0.03
 """Size of a law that matters: what changes the outputs by so much of their spread (as for laws that are added to an
 output, :mod:`torsight.discovery.linear_problem`)."""
+_LENGTHS: Final = (0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
+"""Lengths of its smooth functions, as shares of its range, down to where two nodes are one apart: each is half the
+one before, so that a law with more nodes may bend within shorter ones."""
 _STEP: Final = 1e-3
 """Share of the measured spread by which a law moves the prediction while its effect on it is worked out."""
 _FORM_SHARE: Final = Settings().form_share
@@ -123,7 +126,7 @@ def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Floats:
 
 def port_law(port: LawPort, nodes: Floats, scale: float) -> Law:
     """Return a declared law as the engine measures it: a slope, or smooth functions of several lengths."""
-    smooth = smooth_kernels(nodes, line=True) if len(nodes) > 2 else ()
+    smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True) if len(nodes) > 2 else ()
     kernels = (Kernel("slope", slope(nodes), smooth=False), *smooth)
     title = f"{port.name} over {port.driver}"
     return Law(port.name, port.name, port.driver, port.unit, title, nodes, scale, kernels)
@@ -174,19 +177,69 @@ def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProbl
     return replace(made, law_scales={port.name: _scale(made, port.name, values) for port in problem.ports})
 
 
+def widened(problem: ModelProblem, called: Sequence[Called], curves: Mapping[str, Curve]) -> ModelProblem:
+    """Return a problem with the nodes of laws over all that calls of the model asked for, but for given ends.
+
+    The plain model may not come near what the record holds: its range is then too narrow for the better one.
+    """
+    ports = {port.name: port for port in problem.ports}
+    found = {
+        name: nodes_of(ports[name], min(low, float(nodes[0])), max(high, float(nodes[-1])))
+        for name, (low, high, nodes) in _far(called, curves).items()
+        if np.isfinite(high - low)
+    }
+    changed = any(not np.array_equal(nodes, problem.nodes[name]) for name, nodes in found.items())
+    return replace(problem, nodes={**problem.nodes, **found}) if changed else problem
+
+
 def beyond(called: Sequence[Called], curves: Mapping[str, Curve]) -> list[str]:
     """Return a warning for every law that is on and that calls of the model asked for values far from its nodes."""
-    told = []
+    return [
+        f"the law '{name}' is asked for values from {low:.4g} to {high:.4g}, and has nodes from {nodes[0]:.4g} to "
+        f"{nodes[-1]:.4g}, beyond which the outermost value holds: give it low=… and high=…"
+        for name, (low, high, nodes) in _far(called, curves).items()
+    ]
+
+
+def bend_within(problem: ModelProblem, chosen: Explanation, price: float) -> list[str]:
+    """Return a note for every declared law of an answer that would explain more with nodes between its nodes.
+
+    Beside what is declared: a law that was added to an output may stand for what the nodes miss. ``price`` is the gain
+    in log evidence that pays for one more law.
+    """
+    told, ports = [], {port.name: port for port in problem.ports}
+    declared = [item for item in chosen.laws if item.law.id in ports]
+    for item in declared:
+        name, nodes = item.law.id, item.law.nodes
+        count = 2 * len(nodes) - 1
+        if count > MOST_NODES:
+            continue
+        finer = port_law(ports[name], np.linspace(nodes[0], nodes[-1], count), item.law.scale)
+        others = [one.form for one in declared if one is not item]
+        beside = (*chosen.effects, *(form.id for form in others))
+        rest, under = problem.with_laws(others), chosen.likelihood
+        coarse, fine = (
+            measure_law(rest, law, chosen.fit.values, effects=beside, likelihood=under).log_evidence
+            for law in (item.law, finer)
+        )
+        if fine > coarse + price:
+            told.append(
+                f"the law '{name}' bends between its {len(nodes)} nodes, and what it misses there may pass for "
+                f"something else: with nodes={count} it explains more (log evidence +{number(fine - coarse)})"
+            )
+    return told
+
+
+def _far(called: Sequence[Called], curves: Mapping[str, Curve]) -> dict[str, tuple[float, float, Floats]]:
+    """Return the least and the greatest value asked for, and the nodes, of laws asked for values far from these."""
+    found = {}
     for name, curve in curves.items():
         low, high = min(one.asked[name][0] for one in called), max(one.asked[name][1] for one in called)
         first, last = float(curve.nodes[0]), float(curve.nodes[-1])
         near = 0.5 * float(curve.nodes[1] - first)  # of which the outermost node tells
         if low < first - near or high > last + near:
-            told.append(
-                f"the law '{name}' is asked for values from {low:.4g} to {high:.4g}, and has nodes from {first:.4g} to "
-                f"{last:.4g}, beyond which the outermost value holds: give it low=… and high=…"
-            )
-    return told
+            found[name] = (low, high, curve.nodes)
+    return found
 
 
 def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> float:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import io
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import Floats, Ints
+from torsight.core.units import Floats
 from torsight.discovery.own.answer.laws import MeasuredCurve
 from torsight.discovery.own.model.problem import ModelProblem
 
@@ -25,13 +26,16 @@ _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Series:
     """One output of one record: time, measured, the plain and the extended model."""
 
-    def __init__(self, title: str, unit: str, time: Floats, measured: Floats, before: Floats, after: Floats) -> None:
-        self.title = title
-        self.unit = unit
-        self.time, self.measured, self.before, self.after = time, measured, before, after
+    title: str
+    unit: str
+    time: Floats
+    measured: Floats
+    before: Floats
+    after: Floats
 
     @property
     def thinned(self) -> Series:
@@ -62,18 +66,6 @@ def series_of(found: Findings) -> list[Series]:
         for r, (record, time) in enumerate(zip(problem.model.records, problem.times(), strict=True))
         for k, name in enumerate(problem.model.outputs)
     ]
-
-
-def left_of(found: Findings, output: int) -> tuple[Ints, Floats, Floats]:
-    """Return the rows (k,) of one output in the problem, and what the plain and the extended model leave there (k,)."""
-    problem, fits = found.problem, (found.field.base, found.decision.chosen)
-    rows, scale = np.arange(len(problem.observed)), 1.0
-    if isinstance(problem, ModelProblem):
-        rows = np.concatenate([rows[place] for _, k, place in problem.layout.places if k == output])
-        scale = float(problem.layout.scale[output])
-    rows = rows[problem.valid[rows]]
-    before, after = ((problem.observed - one.fit.solution.prediction)[rows] * scale for one in fits)
-    return rows, before, after
 
 
 def table_of(found: Findings) -> dict[str, NDArray[Any]]:

@@ -66,17 +66,8 @@ class LawOn:
 
     def to_json(self) -> dict[str, Any]:
         """Return the law's numbers but for its parameters."""
-        form = self.form
-        return {
-            "id": form.id,
-            "nodes": form.nodes.tolist(),
-            "basis": form.basis.tolist(),
-            "unit": form.unit,
-            "scale": form.scale,
-            "output": self.output,
-            "driver": self.driver,
-            "time_like": self.time_like,
-        }
+        added = {"output": self.output, "driver": self.driver, "time_like": self.time_like}
+        return {**self.form.to_json(), **added}
 
     @classmethod
     def from_json(cls, one: Mapping[str, Any]) -> LawOn:

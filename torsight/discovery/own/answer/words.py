@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.series import rms
 from torsight.core.words.wording import estimate, number
+from torsight.discovery.inference.engine import law_shares
+from torsight.discovery.inference.fitting import less
 from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 
@@ -104,15 +107,27 @@ def _errors(before: Errors, after: Errors) -> str:
 def not_foretold(found: Findings) -> list[str]:
     """Return a doubt for every output whose unseen blocks the answer foretells no better than the model as it is.
 
-    The answer is more probable all the same where it says of itself how little is known there: of a law over time, say.
+    And for every law over time without which it foretells them as well. The answer is more probable all the same where
+    it says of itself how little is known there.
     """
-    if not found.decision.chosen.members:
+    chosen = found.decision.chosen
+    if not chosen.members:
         return []
-    return [
-        f"of {name}, {' and '.join(found.decision.chosen.members)} describes what was recorded, but foretells unseen "
+    told = [
+        f"of {name}, {' and '.join(chosen.members)} describes what was recorded, but foretells unseen "
         "blocks no better: something changes there, and what it changes with is not known"
         for name, (before, after) in found.errors.items()
         if after.rmse_held_out >= before.rmse_held_out
+    ]
+    if told or found.before is None:
+        return told
+    beside = [item.law.id for item in chosen.laws if item.law.time_like and len(chosen.members) > 1]
+    parts = {name: found.field.explanations.get(less(chosen.members, name)) for name in beside}
+    return [
+        f"{name} describes what was recorded, but unseen blocks are foretold no better with it: something changes "
+        "there, and what it changes with is not known"
+        for name, part in parts.items()
+        if part is not None and part.held_out.rms <= chosen.held_out.rms
     ]
 
 
@@ -159,7 +174,8 @@ def what_next(found: Findings) -> list[str]:
             else "Offer more: candidates, laws at the places where something may act, drivers on which it may depend."
         )
         ode = found.problem.model.predict if isinstance(found.problem, ModelProblem) else None
-        if isinstance(ode, Ode) and not ode.measured:
+        far = found.decision.over_floor > found.problem.over_floor
+        if far and isinstance(ode, Ode) and not ode.measured:
             told += (
                 " If small errors grow over a record, name a state that is measured itself as the output: it can then "
                 "begin anew on the way."
@@ -196,6 +212,7 @@ def html(found: Findings) -> str:
 def to_json(found: Findings) -> dict[str, Any]:
     """Return the content of ``discovery.json``: the contract's keys, errors by output."""
     problem, base = found.problem, found.field.base.log_evidence
+    shares = law_shares(found.field, found.decision.chosen)
     return {
         "verdict": found.verdict,
         "effects": [_effect(found, name) for name in found.effects],
@@ -205,9 +222,9 @@ def to_json(found: Findings) -> dict[str, Any]:
         "outputs": {
             name: {"before": asdict(before), "after": asdict(after)} for name, (before, after) in found.errors.items()
         },
-        "laws": [law.to_json() for law in found.laws if law.chosen],
+        "laws": [{**law.to_json(), "share": shares[law.id]} for law in found.laws if law.chosen],
         "noise_floor": _floor(found),
-        "resolution": _resolution(problem, found),
+        "resolution": _resolution(found),
         "blocks": len(np.unique(problem.block[problem.valid])),
         "parameters": {name: one.to_json() for name, one in found.parameters.items()},
         "plain_parameters": {name: one.to_json() for name, one in found.plain_parameters.items()},
@@ -241,16 +258,10 @@ def _effect(found: Findings, name: str) -> dict[str, Any]:
     }
 
 
-def _scales(problem: Any) -> dict[str, float]:
-    if isinstance(problem, ModelProblem):
-        return dict(zip(problem.model.outputs, problem.layout.scale.tolist(), strict=True))
-    return {"observed": 1.0}
-
-
 def _floor(found: Findings) -> dict[str, float]:
-    floor = float(np.sqrt(np.mean(found.field.likelihood.floor[found.problem.valid] ** 2)))
-    return {name: floor * scale for name, scale in _scales(found.problem).items()}
+    floor = rms(found.field.likelihood.floor[found.problem.valid])
+    return {name: floor * found.rows_of(k)[1] for k, name in enumerate(found.outputs)}
 
 
-def _resolution(problem: Any, found: Findings) -> dict[str, float]:
-    return {name: float(found.problem.resolution) * scale for name, scale in _scales(problem).items()}
+def _resolution(found: Findings) -> dict[str, float]:
+    return {name: float(found.problem.resolution) * found.rows_of(k)[1] for k, name in enumerate(found.outputs)}

@@ -43,7 +43,7 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
             do="add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)",
         )
     where = type(problem).__name__
-    check_declarations(problem.parameters, problem.candidates, (), where="the model", numbered=True)
+    check_declarations(problem.parameters, problem.candidates, (), numbered=True)
     _check_rows(problem, where)
     if isinstance(problem, ModelProblem):
         return (*problem.warnings, *_check_model(problem))
@@ -94,9 +94,9 @@ def _numbers(problem: Problem, prediction: Any, where: str) -> None:
 
 def _check_model(problem: ModelProblem) -> list[str]:
     """Call a model at its start, and with every effect on and at its null; return warnings."""
-    start = {p.name: p.value for p in problem.parameters}
+    start, place = {p.name: p.value for p in problem.parameters}, place_of(problem.model.predict)
     before = [{name: values.copy() for name, values in record.items()} for record in problem.model.records]
-    plain = _called(problem, start, ())
+    plain = problem.outputs(start, (), where=place)
     least = np.asarray(_NULL_SHARE * np.nanstd(np.concatenate(problem.measured()), axis=0))
     told = []
     for one in problem.candidates:
@@ -117,7 +117,7 @@ def check_same(problem: ModelProblem, values: dict[str, float], before: list[Flo
         Naming by how much; where the model fails now, its own failure.
     """
     problem.evaluator.forget()
-    again = _called(problem, values, ())
+    again = problem.outputs(values, (), where=place_of(problem.model.predict))
     if any(np.any(a != b) for a, b in zip(before, again, strict=True)):
         apart = max(float(np.max(np.abs(a - b))) for a, b in zip(before, again, strict=True))
         raise InputError(
@@ -153,13 +153,6 @@ def _check_laws(problem: ModelProblem, start: dict[str, float]) -> None:
             )
 
 
-def _called(problem: ModelProblem, values: dict[str, float], effects: Sequence[str]) -> list[Floats]:
-    for one in problem.evaluator(problem.given(values, effects), {}):
-        if one.failure is not None:
-            raise one.failure.error(place_of(problem.model.predict))
-    return problem.outputs(values, effects)
-
-
 def _check_candidate(
     problem: ModelProblem, one: Candidate, start: dict[str, float], plain: list[Floats], least: Floats
 ) -> list[str]:
@@ -169,7 +162,8 @@ def _check_candidate(
     if unknown:
         do = "name one of these, or leave laws out"
         raise InputError("is no law", where=f"{where}, laws", value=unknown[0], limit=", ".join(laws) or "none", do=do)
-    on = _called(problem, {**start, **{p.name: p.value for p in one.parameters}}, (one.id,))
+    own = {p.name: p.value for p in one.parameters}
+    on = problem.outputs({**start, **own}, (one.id,), where=f"{where} at its start")
     told = []
     if not _apart(on, plain, least) and not one.starts:
         at = ", ".join(f"{p.name} {p.value:g}" for p in one.parameters)
@@ -182,7 +176,7 @@ def _check_candidate(
         if p.null is not None:
             continue
         moved = {**null, p.name: _moved(p.value, p.lower, p.upper)}
-        if _apart(_called(problem, {**start, **moved}, (one.id,)), plain, least):
+        if _apart(problem.outputs({**start, **moved}, (one.id,), where=where), plain, least):
             nulls = ", ".join(f"{q.name}={q.null:g}" for q in one.parameters if q.null is not None)
             raise InputError(
                 f"does not vanish at its null values: with {nulls} the model still depends on '{p.name}'",

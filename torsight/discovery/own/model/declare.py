@@ -13,8 +13,9 @@ from torsight.discovery.interface import Candidate
 from torsight.discovery.own.model import given
 
 _LEAST_NODES: Final = 2
-_MOST_NODES: Final = 100
+MOST_NODES: Final = 100
 """Values of a law over its driver: two make a line, and each costs calls of the model."""
+_MODEL: Final = "the model"
 RESERVED: Final = "@"
 """Stands between a name and the number of a record or of a node."""
 
@@ -150,8 +151,8 @@ def law(
     if ends[0] is not None and ends[1] is not None and not ends[0] < ends[1]:
         raise InputError("its range is empty", where=where, value=f"{low} to {high}", do="give low below high")
     count = given.number(nodes, f"{where}, nodes")
-    if not count.is_integer() or not _LEAST_NODES <= count <= _MOST_NODES:
-        limit = f"a whole number from {_LEAST_NODES} to {_MOST_NODES}: each costs calls of the model"
+    if not count.is_integer() or not _LEAST_NODES <= count <= MOST_NODES:
+        limit = f"a whole number from {_LEAST_NODES} to {MOST_NODES}: each costs calls of the model"
         raise InputError("has no such number of nodes", where=where, value=repr(nodes), limit=limit, do="give another")
     return LawPort(name, given.text(driver, f"{where}, driver"), **units, low=ends[0], high=ends[1], nodes=int(count))
 
@@ -176,7 +177,6 @@ def check_declarations(
     candidates: Sequence[Candidate],
     laws: Sequence[LawPort],
     *,
-    where: str,
     numbered: bool = False,
 ) -> None:
     """Refuse what cannot be meant: a name twice, a start out of its bounds, an effect that cannot be switched off.
@@ -184,7 +184,7 @@ def check_declarations(
     ``numbered`` allows the names that are made here for the initial states of records.
     """
     if not parameters:
-        raise InputError("has no free parameter", where=where, do="give the parameters that the fit may change")
+        raise InputError("has no free parameter", where=_MODEL, do="give the parameters that the fit may change")
     known = [one.id for one in candidates] + [one.name for one in laws]
     own_names = {one.name for one in parameters} | {p.name for one in candidates for p in one.parameters}
     for name in known:
@@ -192,25 +192,25 @@ def check_declarations(
         if not name or known.count(name) > 1 or law_of_a_parameter or RESERVED in name:
             raise InputError(
                 f"'{name}' cannot be the name of a candidate or law",
-                where=where,
+                where=_MODEL,
                 limit=f"a name of its own, without '{RESERVED}'",
                 do="give it another name",
             )
     owners: dict[str, str] = {}
-    sources: list[tuple[str, Sequence[Parameter]]] = [("the model", parameters)]
+    sources: list[tuple[str, Sequence[Parameter]]] = [(_MODEL, parameters)]
     sources += [(f"candidate '{one.id}'", one.parameters) for one in candidates]
     for owner, own in sources:
         for one in own:
             if one.name in owners:
                 raise InputError(
                     f"two parameters are called '{one.name}'",
-                    where=f"{where}, {owners[one.name]} and {owner}",
+                    where=" and ".join(dict.fromkeys((owners[one.name], owner))),
                     do="give one of them another name",
                 )
             owners[one.name] = owner
-            _check_parameter(one, where=f"{where}, {owner}, {one.name}", numbered=numbered)
+            _check_parameter(one, where=f"{owner}, {one.name}", numbered=numbered)
     for one_candidate in candidates:
-        _check_candidate(one_candidate, where=where)
+        _check_candidate(one_candidate)
 
 
 def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
@@ -234,8 +234,8 @@ def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
             )
 
 
-def _check_candidate(one: Candidate, *, where: str) -> None:
-    here = f"{where}, candidate '{one.id}'"
+def _check_candidate(one: Candidate) -> None:
+    here = f"candidate '{one.id}'"
     if not one.parameters:
         raise InputError("has no parameter", where=here, do="give what its size is")
     if all(p.null is None for p in one.parameters):

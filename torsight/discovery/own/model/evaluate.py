@@ -102,7 +102,7 @@ class Failure:
     place : str
         File, line and function in which it was raised.
     trace : str
-        The traceback, from the model's own function on.
+        The traceback, from the model's own function on; empty where it raised nothing.
     values : mapping of str to float
         The parameters for which it happened.
     record : str
@@ -129,7 +129,8 @@ class Failure:
         # An error of ours has its own words.
         fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
         error = ModelError(f"{fails}{self.told()}{copy}", where=where, do=f"mend {what}")
-        error.add_note(f"The model's own traceback:\n{self.trace}")
+        if self.trace:
+            error.add_note(f"The model's own traceback:\n{self.trace}")
         return error
 
 
@@ -208,8 +209,10 @@ def _failure(error: BaseException, model: Model, record: Record, values: Mapping
     file = _file_of(model)
     own = [frame for frame in frames if frame.filename == file]
     place = f"{own[-1].filename}, line {own[-1].lineno}, in {own[-1].name}" if own else place_of(model.predict)
+    ours = isinstance(error, InputError)
     trace = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
-    kind = "" if isinstance(error, InputError) else type(error).__name__
+    # What is wrong with what was given back has no place in the model.
+    trace, kind = ("" if ours and not own else trace), ("" if ours else type(error).__name__)
     return Failure(kind, str(error), place, trace, dict(values), record.label_)
 
 

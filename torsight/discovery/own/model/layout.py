@@ -147,15 +147,16 @@ def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Float
     return made
 
 
-def running_time(times: Sequence[Floats], count: int) -> list[Floats]:
-    """Return the records' times (rows,) one after the other, ``count`` times each, without a step back."""
-    made, end = [], 0.0
+def engine_time(times: Sequence[Floats], count: int) -> Floats:
+    """Return the records' times (n,) one after the other, ``count`` times each, without a step back."""
+    pieces: list[Floats] = []
+    end = 0.0
     for own in times:
+        step = float(np.median(np.diff(own)) or 1.0)
         for _ in range(count):
-            shifted = own - own[0] + end
-            made.append(shifted)
-            end = float(shifted[-1]) + 2.0 * float(np.median(np.diff(own)) or 1.0)
-    return made
+            pieces.append(np.append(own, own[-1] + step) - own[0] + end)
+            end = float(pieces[-1][-1]) + step
+    return np.concatenate(pieces)[:-1]
 
 
 def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], *, what: str) -> list[Floats]:

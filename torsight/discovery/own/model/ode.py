@@ -37,7 +37,10 @@ _MOST_EVENTS: Final = 10_000
 _MOST_STEPS: Final = 5_000
 """Steps that an integration may take from row to row, calls of a right-hand side in plain Python: one that goes well
 takes 5 to 30 (tests/discovery/test_own_ode.py counts them), one that diverges or jumps to and fro would not end."""
-TOO_MANY: Final = "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges"
+TOO_MANY: Final = (
+    "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges, or where its "
+    "events follow one another ever faster"
+)
 
 
 METHODS: Final = ("LSODA", "RK23", "RK45", "DOP853", "Radau", "BDF")

@@ -18,7 +18,7 @@ from torsight.core.errors import InputError
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.units import Flags, Floats, Ints
-from torsight.discovery.interface import Candidate, OptionalMembers
+from torsight.discovery.interface import OVER_ESTIMATED, OVER_GIVEN, Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model import layout as lay
@@ -63,6 +63,8 @@ class ModelProblem(OptionalMembers):
         Nodes of each declared law by its name, and the size of it that matters.
     sigma_known : bool
         Whether the noise was given for every output, and not estimated.
+    alike : bool
+        False where a value that all records share would have to differ between them: what is left is then no noise.
     warnings : tuple of str
         What a person should know.
     """
@@ -89,8 +91,14 @@ class ModelProblem(OptionalMembers):
     once: tuple[str, ...] = ()
     elsewhere: tuple[Mapping[str, float], ...] = ()
     sigma_known: bool = False
+    alike: bool = True
     time_name: str | None = None
     warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def over_floor(self) -> float:
+        """Noise floors that are left from which something is missing although nothing that is offered explains it."""
+        return OVER_GIVEN if self.sigma_known or not self.alike else OVER_ESTIMATED
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the outputs (n,) as the engine sees them; far off where the model fails (kept in the evaluator)."""
@@ -174,18 +182,18 @@ class ModelProblem(OptionalMembers):
             return float(values[one.name])
         return float(values[name_in(one.name, record)])
 
-    def outputs(self, values: Mapping[str, float], effects: Sequence[str]) -> list[Floats]:
+    def outputs(self, values: Mapping[str, float], effects: Sequence[str], *, where: str = "predict") -> list[Floats]:
         """Return the model's outputs (rows, outputs) for every record, in their own units.
 
         Raises
         ------
         InputError
-            Where the model fails there.
+            Where the model fails there; ``where`` stands at its head.
         """
         called = self.evaluator(self.given(values, effects), self.curves(values, effects))
         for one in called:
             if one.failure is not None:
-                raise one.failure.error("predict")
+                raise one.failure.error(where)
         return [one.outputs for one in called if one.outputs is not None]
 
     def measured(self) -> list[Floats]:
@@ -249,7 +257,7 @@ def model_problem(
     declared = parameters_of(parameters)
     ports = tuple(one for one in may_lack if isinstance(one, LawPort))
     offered = tuple(one for one in may_lack if isinstance(one, Candidate))
-    check_declarations(declared, offered, ports, where="the model")
+    check_declarations(declared, offered, ports)
     _known(initial, [p.name for p in declared if not p.fixed], what="initial")
     if not outputs:
         raise InputError("no output is named", where="output", do="name the column that predict gives")
@@ -287,7 +295,7 @@ def model_problem(
         evaluator=Evaluator(model),
         parameters=per_record(free, initial, len(records)),
         candidates=offered,
-        time_s=_engine_time(times, len(outputs)),
+        time_s=lay.engine_time(times, len(outputs)),
         observed=stacked,
         sigma=engine_sigma,
         valid=valid,
@@ -325,11 +333,3 @@ def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequenc
         shift[k] = top - low
         top += 1.1 * (high - low)
     return Layout(tuple(outputs), rows, size, shift)
-
-
-def _engine_time(times: Sequence[Floats], outputs: int) -> Floats:
-    pieces = []
-    for own in lay.running_time(times, outputs):
-        step = float(np.median(np.diff(own)) or 1.0)
-        pieces += [own, np.array([own[-1] + step])]
-    return np.concatenate(pieces[:-1])

@@ -87,6 +87,10 @@ def _same(values: Floats, measured: Floats) -> bool:
     """Return whether one signal is the other, but for scale and offset: its noise, too, not only its course."""
     if min(np.ptp(values), np.ptp(measured)) <= 0.0:
         return False
-    columns = np.column_stack([values - values.mean(), np.ones(len(values))])
-    left = measured - columns @ np.linalg.lstsq(columns, measured)[0]
-    return float(np.std(left)) < _SAME * float(np.std(measured))
+    return float(np.std(left_beside(values[:, None], measured))) < _SAME * float(np.std(measured))
+
+
+def left_beside(columns: Floats, values: Floats) -> Floats:
+    """Return what columns (n, k) and a constant leave of values (n,)."""
+    both = np.column_stack([columns - columns.mean(axis=0), np.ones(len(values))])
+    return np.asarray(values - both @ np.linalg.lstsq(both, values)[0])
