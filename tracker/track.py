@@ -206,6 +206,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             "given": start.moving is not None,
             **_tags(start, base=base),
             "first_frame": start.frame,
+            "faint": start.doubtful,
             **sizes,
         },
     }

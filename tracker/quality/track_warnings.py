@@ -36,7 +36,7 @@ _FEW: Final = 2
 def doubts(result: TrackResult) -> list[str]:
     """Return sentences that a person has to read before the angles are used; most tracks have none."""
     given = bool(result.report["markers"]["given"])
-    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else []
+    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else _faint_markers(result)
     # Circles of a stick that rests tell nothing of the axis.
     kind = result.report["markers"]["kind"]
     if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
@@ -64,6 +64,15 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
         "stick turn further once, with the camera where it is."
     )
     return [words]
+
+
+def _faint_markers(result: TrackResult) -> list[str]:
+    """Tell that what was taken for the markers hardly stands out."""
+    words = (
+        "The dots that were taken for the markers hardly stand out: they may be something else. Look in track.png "
+        "whether they are the markers, and pick these with 'torsight markers' if not."
+    )
+    return [words] if result.report["markers"].get("faint") else []
 
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
