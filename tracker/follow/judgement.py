@@ -27,8 +27,7 @@ SHAKE_PX: Final = 2.0
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of its step from one frame to the next, where both are independent."""
 _STANDS_PX: Final = 0.8
-"""Standard deviation of a base marker against where it stood, and of the difference of both markers' steps: noise, and
-an edge of the moving stick nearby."""
+"""Standard deviation of a base marker against where it stood: noise, and an edge of the moving stick nearby."""
 TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
@@ -105,9 +104,13 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     """Return by how many standard deviations a distance of a stick's markers is off.
 
     Seen from aside its length changes as it turns: by more, the longer the stick was not seen, but within the bounds
-    that it has shown.
+    that it has shown. That of one that stands still may change slowly, as a lens that focuses anew makes it, and stays
+    near what it was at the start.
     """
     off = abs(length - own.length)
+    if own.still:
+        drift = abs(length - own.shortest) / (_OFF_CIRCLE * own.shortest + _OFF_CIRCLE_PX)
+        return SIGMAS * max(off / (_LENGTH_PX + _LENGTH * own.length), drift)  # type: ignore[no-any-return]
     if lost > 0:
         off = min(off, max(length - own.longest, own.shortest - length, 0.0))
     share = _LENGTH * (1.0 + 0.5 * min(lost, STALE))
@@ -147,7 +150,7 @@ def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expe
     """
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     off = _length_misfit(own, length, lost)
-    if lost == 0:
+    if lost == 0 and not own.still:
         # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
         off = min(off, _length_misfit(own, own.length + length - expected_px, 0))
     found, freedom = off * off, 1
@@ -182,13 +185,8 @@ def judge_pair(scene: Scene, stick: int) -> None:
     lost = scene.markers[i].lost + scene.markers[j].lost
     expected_px = math.hypot(q[0] - p[0], q[1] - p[1])
     found, freedom = rigid_misfit(scene.sticks[stick], rig.shift_now, a, b, lost, expected_px)
-    if is_base(rig, stick):
-        # The camera takes both along.
-        one, two = scene.markers[i], scene.markers[j]
-        apart = (a[0] - one.x - b[0] + two.x) ** 2 + (a[1] - one.y - b[1] + two.y) ** 2
-        found, freedom = found + apart / _STANDS_PX**2, freedom + 2
-        if rig.anchored:
-            found, freedom = found + sure_misfit(rig, a, b) ** 2, freedom + 1
+    if is_base(rig, stick) and rig.anchored:
+        found, freedom = found + sure_misfit(rig, a, b) ** 2, freedom + 1
     if passes(found, freedom):
         return
     off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])

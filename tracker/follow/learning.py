@@ -133,15 +133,17 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
 
 @compiled
 def _note_stick(scene: Scene, stick: int) -> None:
-    """Follow the distance of a stick's markers, and learn its axis."""
+    """Follow the distance of a stick's markers, and learn its axis where it turns."""
     rig, own, i = scene.rig[0], scene.sticks[stick], 2 * stick
     if not (seen(scene, i) and seen(scene, i + 1)):
         return
     (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
     own.length += RATE * (math.hypot(bx - ax, by - ay) - own.length)
+    if own.still:
+        return
     own.shortest, own.longest = min(own.shortest, own.length), max(own.longest, own.length)
     base = 2 - 2 * stick
-    if is_base(rig, stick) or (rig.moving >= 0 and not (seen(scene, base) or seen(scene, base + 1))):
+    if rig.moving >= 0 and not (seen(scene, base) or seen(scene, base + 1)):
         return
     dx, dy = rig.shift[0], rig.shift[1]
     learn_axis(own.axis, (ax - dx, ay - dy), (bx - dx, by - dy))
