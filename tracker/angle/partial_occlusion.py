@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.optics.hanging import USUAL_PX
-from torsight.core.series import runs
+from torsight.core.series import BY_CHANCE, runs
 from torsight.core.units import Flags, Ints
 from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.follow.judgement import BEYOND, to_strip
 from tracker.rows import CODE
 
-_FAR: Final = 15.0
 _QUIET: Final = 2.0
-"""By how many standard deviations the base stick is off where one of its dots is displaced, and when it is back."""
+"""By how many standard deviations the base stick is off when a dot that was displaced is back."""
 _WORSE: Final = 1.25
 """By how much the fit of a dot that is seen in part is worse than usual: residual over step."""
 _BESIDE_RADII: Final = 4.0
@@ -60,11 +59,11 @@ def half_covered(rows: NDArray[np.void], *, radius_px: float) -> Flags:
         usual = left & (away_px < np.median(away_px[left]))
         sigma_px = max(float(np.median(away_px[left])) / _RAYLEIGH, math.sqrt(fit_px2), math.sqrt(2.0) * USUAL_PX)
         for begin, end in runs(left & (away_px > _QUIET * sigma_px)):
-            run = np.arange(begin, end)[away_px[begin:end] > _FAR * sigma_px]
+            run = np.arange(begin, end)[away_px[begin:end] > BY_CHANCE * sigma_px]
             for marker in (0, 1):
                 if len(run) and _looks_covered(rows, run, usual, marker, radius_px):
                     covered[begin:end, marker] = True
-        left &= (away_px > _FAR * sigma_px) & ~covered.any(axis=1)
+        left &= (away_px > BY_CHANCE * sigma_px) & ~covered.any(axis=1)
     return covered
 
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from torsight.core.series import BY_CHANCE
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Floats
 from torsight.core.words.wording import counted
@@ -22,7 +23,6 @@ from tracker.track import TrackResult
 _STICKS: Final = ("base", "moving")
 _ARC_RAD: Final = np.deg2rad(20.0)
 """Turn of the moving stick from which its markers' circles tell where the axis is."""
-_CLEAR_SIGMA: Final = 10.0
 _GONE: Final = 0.5
 """Share of frames without the base from which it is doubted."""
 _WANDERS: Final = 0.25
@@ -82,7 +82,7 @@ def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     if len(both) <= _FEW:
         return []
     turned = [np.abs(np.angle(np.exp(1j * (turn[both] - turn[both[0]])))) for turn, _ in sticks]
-    limit = max(MOVED_RAD, *(_CLEAR_SIGMA * float(np.median(np.sqrt(variance[both]))) for _, variance in sticks))
+    limit = max(MOVED_RAD, *(BY_CHANCE * float(np.median(np.sqrt(variance[both]))) for _, variance in sticks))
     against = int((turned[0] > limit + 3.0 * turned[1]).sum())
     if against < _FEW or (turned[1] > limit + 3.0 * turned[0]).any():
         return []
