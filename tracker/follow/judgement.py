@@ -91,7 +91,9 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
 def covers(scene: Scene, point: Point, index: int) -> bool:
     """Return whether the moving stick, as it is seen or expected, reaches into a base marker's window at a place."""
     i = 2 * scene.rig[0].moving
-    width = scene.markers[i].shape.window
+    shape = scene.markers[i].shape
+    # Where its edges are not seen it is at least as wide as what is compared with its dots.
+    width = shape.strip if math.isfinite(shape.strip) else shape.window
     away = to_strip(point, at(scene, i), at(scene, i + 1), BEYOND)
     return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
 
