@@ -21,7 +21,6 @@ from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.frames.frame import Frame, FrameSource
-from tracker.patches.initial_sticks import look_for_tags, sticks_of
 
 _BOTH: Final = 2
 """Pictures that prove a tag to be one, see :func:`tracker.detect.fiducials.tags_seen`."""
@@ -57,6 +56,8 @@ class Start:
         moving = None if motion_tells else self.moving
         if self.hints is None or self.kinds == ("dot", "dot"):
             return Follower([DotState(self.markers)], moving=moving)
+        from tracker.patches.initial_sticks import sticks_of
+
         return Follower(sticks_of(self.first, self.hints), moving=moving)
 
 
@@ -132,6 +133,8 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:
     """Return the start of sticks of which at least one has no dots, after a look at whether they are there."""
+    from tracker.patches.initial_sticks import look_for_tags, sticks_of
+
     first = first_frame(source)
     assert first.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
     # The frame's picture is only lent.

@@ -18,7 +18,6 @@ from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from torsight.core.words.shown import Shown
-from tracker.angle.partial_occlusion import cover_base
 from tracker.checkpoint import RowStore, source_key
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
@@ -188,8 +187,6 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]
-    sizes = follower.report()
-    cover_base(rows, radius_px=sizes["radius_px"])
     flat = rows["covariance_px2"]
     tracks = MarkerTracks(
         frame=np.arange(len(rows), dtype=np.int64),
@@ -206,7 +203,8 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             "given": start.moving is not None,
             **_tags(start, base=base),
             "first_frame": start.frame,
-            **sizes,
+            "faint": start.doubtful,
+            **follower.report(),
         },
     }
     return TrackResult(tracks, rows, list(source.damage.entries), report)

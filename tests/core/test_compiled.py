@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import os
 import pkgutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from torsight.core.compiled import FOLDERS, compiled, drop_outdated, inlined, lending, sources
+from torsight.core.compiled import FOLDERS, LOADING, compiled, drop_outdated, inlined, lending, sources
 
 IMPORT = "from torsight.core.compiled import compiled"
 PACKAGES = ("calibration", "sync", "torsight", "tracker")
@@ -79,6 +83,48 @@ def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(
 
     assert caller(2.0) == 28.0
     assert len(inner.signatures) == 1
+
+
+USER = """
+import sys
+import numpy as np
+from package.solver import solved, wave
+print(float(solved(np.array([[2.0, 1.0], [1.0, 3.0]]))), "numba.typed.typeddict" in sys.modules)
+print(wave(0.0) if len(sys.argv) > 1 else "")
+"""
+SOLVER = """
+import math
+import numpy as np
+from torsight.core.compiled import compiled, lending
+
+@lending
+def wave(x):
+    return math.sin(x) * abs(complex(x, 1.0))
+
+@compiled
+def solved(matrix):
+    product = np.dot(matrix, matrix)
+    return wave(product[0, 1]) + product.max() + np.log(product).sum()
+"""
+
+
+def test_kept_code_is_loaded_without_the_compiler_and_gives_the_same_digits(tmp_path: Path) -> None:
+    # A newer numba loads in its own way until somebody has run this with it and named it there.
+    assert numba.__version__.rpartition(".")[0] in LOADING
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "solver.py").write_text(SOLVER)
+    path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])
+
+    def run(*more: str) -> list[str]:
+        command = [sys.executable, "-c", USER, *more]
+        environment = {**os.environ, "PYTHONPATH": path}
+        return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.splitlines()
+
+    (value, compiler), _ = (line.split() for line in run())
+    assert compiler == "True"
+    # One that compiles after it has loaded sets the compiler up.
+    (again, compiler), after = (line.split() for line in run("compile"))
+    assert (again, compiler, after) == (value, "False", ["0.0"])
 
 
 @pytest.mark.parametrize("package", PACKAGES)

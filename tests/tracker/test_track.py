@@ -95,6 +95,29 @@ def test_markers_found_without_help_give_the_same_angles() -> None:
     np.testing.assert_allclose(outcome.error_deg, clean().error_deg, atol=4.0 * bound_deg(RIG))
 
 
+def test_a_base_dot_that_a_wide_stick_half_covers_is_not_taken() -> None:
+    # So faint that the dot fits as well as it usually does while the stick's edge slowly moves over it.
+    rig = Rig(
+        swing(40.0, 80.0, 8.0),
+        frames=130,
+        size=(420, 420),
+        base_px=(58.0, 150.0),
+        moving_px=(52.0, 138.0),
+        radius_px=8.0,
+        half_width_px=26.0,
+        stick=36.0,
+        dot=9.0,
+        ground=18.0,
+        texture=2.0,
+        noise=3.0,
+    )
+    outcome = run(rig, codec="libx264", crf=18)
+    assert outcome.valid.all()
+    # Noise of 3 on a step of 27 leaves little for compression to add.
+    assert outcome.rms_deg < 2.0 * bound_deg(rig)
+    assert outcome.ratio < 1.4
+
+
 def test_looking_for_markers_is_told_before_the_tracking(tmp_path: Path) -> None:
     told: list[tuple[str, float, float | None]] = []
     film = write_film(replace(RIG, frames=20), tmp_path / "film.mkv", codec="ffv1", crf=None)

@@ -25,9 +25,12 @@ from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, FileFin
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
+import numba
 from numba import njit, types
+from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
 from numba.core.options import DefaultOptions
+from numba.core.runtime.nrt import rtsys
 
 __all__ = ["compiled", "inlined", "lending", "njit"]
 
@@ -38,6 +41,34 @@ _KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "nu
 """Without what would let C call each function: nothing does, and it is made and optimised like the function itself."""
 _UNCOUNTED: Final = {**_KEPT, "_nrt": False} if hasattr(DefaultOptions, "_nrt") else _KEPT
 """With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
+
+
+LOADING: Final = ("0.68",)
+"""Versions of numba of which it is known what kept code needs to be loaded; any other one loads it in its own way."""
+
+
+class _Kept(FunctionCache):
+    """Machine code on the disk, loaded without all that numba needs to compile.
+
+    Before it looks whether there is anything to compile, numba sets up its compiler: how all of numpy and Python is
+    compiled, a sixth of the time that it takes to start following a film. Kept code needs numba's memory manager alone;
+    where there is none, what compiles sets up the compiler anyhow.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the code for a signature, or None."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            load: Any = self._load_overload
+            return load(sig, target_context)
+
+
+def _prepared(function: Any) -> Any:
+    """Return what numba made of a function with its lasting changes: how it is loaded, and for which types compiled."""
+    kept = vars(function).get("_cache") if isinstance(function, Dispatcher) else None
+    if type(kept) is FunctionCache and numba.__version__.rpartition(".")[0] in LOADING:
+        kept.__class__ = _Kept
+    return _for_types(function)
 
 
 def _for_types(function: Any) -> Any:
@@ -59,7 +90,7 @@ def compiled(function: F) -> F:
 
     A division by zero gives infinity, as in numpy.
     """
-    return cast("F", _for_types(njit(**_KEPT)(function)))
+    return cast("F", _prepared(njit(**_KEPT)(function)))
 
 
 def lending(function: F) -> F:
@@ -68,12 +99,12 @@ def lending(function: F) -> F:
     References to them are not counted. Counting is an atomic instruction at every call and every field of a tuple of
     arrays: it took two thirds of the stepping's time (benchmarks/actuator/speed.py).
     """
-    return cast("F", _for_types(njit(**_UNCOUNTED)(function)))
+    return cast("F", _prepared(njit(**_UNCOUNTED)(function)))
 
 
 def inlined(function: F) -> F:
     """Compile a small function, one that makes no array, into its callers."""
-    return cast("F", _for_types(njit(forceinline=True, **_UNCOUNTED)(function)))
+    return cast("F", _prepared(njit(forceinline=True, **_UNCOUNTED)(function)))
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]
@@ -105,19 +136,31 @@ def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
     ``root`` is where the packages lie that the sources import from.
     """
     folders = list(folders)
-    made_of = hashlib.sha256()
-    for path, content in sorted(sources(folders, root).items()):
-        made_of.update(path.name.encode() + b"\0" + content)
+    noted: list[str] = []
     with contextlib.suppress(OSError):
-        if stamp.read_text(encoding="ascii") == made_of.hexdigest():
-            return False
+        noted = stamp.read_text(encoding="utf-8").splitlines()
+    known, written, *imported = noted + [""] * (2 - len(noted))
+    # What is as it was written last needs no reading, which takes longer than to start without it.
+    if _written(folders, imported) == written:
+        return False
+    contents = sorted(sources(folders, root).items())
+    made_of = hashlib.sha256(b"\0".join(path.name.encode() + b"\0" + content for path, content in contents)).hexdigest()
+    imported = [str(path) for path, _ in contents if not any(path.is_relative_to(folder) for folder in folders)]
     # Where nothing can be written nothing was kept either. Another process may be doing the same.
     with contextlib.suppress(OSError):
-        for path in [path for folder in folders for path in folder.rglob("*.nb[ic]")]:
+        for path in [path for folder in folders for path in folder.rglob("*.nb[ic]")] if made_of != known else ():
             path.unlink(missing_ok=True)
         stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(made_of.hexdigest(), encoding="ascii")
-    return True
+        stamp.write_text("\n".join([made_of, _written(folders, imported), *imported]), encoding="utf-8")
+    return made_of != known
+
+
+def _written(folders: Iterable[Path], imported: Iterable[str]) -> str:
+    """Return in short when all sources below folders and what they import from were written, and their sizes."""
+    below = (path for folder in folders for path in folder.rglob("*.py"))
+    stats = {path: path.stat() for path in sorted([*below, *map(Path, imported)]) if path.is_file()}
+    seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in stats.items()]
+    return hashlib.sha256("\n".join(seen).encode()).hexdigest()
 
 
 def lend_blas() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
 from torsight.core.optics.hanging import USUAL_PX
-from torsight.core.series import runs
+from torsight.core.series import BY_CHANCE, runs
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import witness
@@ -33,8 +33,6 @@ _START: Final = 0.1
 _BUMP_PX: Final = 1.5 * SHAKE_PX
 """Step of the base's place from which the camera counts as moved: half as much again as the standard deviation of the
 shaking that is asked of the tracker."""
-_OFF: Final = 5.0
-"""Standard deviations off the averaged place from which a frame stands for itself: the instant of a bump."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,7 +218,8 @@ def _followed(away: Floats, noise: Floats) -> tuple[Floats, Floats]:
     smooth, variance = steady_direction(away, noise)
     known = np.isfinite(away)
     usual = float(np.median(noise[known]))
-    apart = known & ~(np.abs(away - smooth) < _OFF * np.sqrt(usual))
+    # Such a frame stands for itself: the instant of a bump.
+    apart = known & ~(np.abs(away - smooth) < BY_CHANCE * np.sqrt(usual))
     smooth, variance = np.where(apart, away, smooth), np.where(apart, noise, variance)
     return _bridged(smooth, variance)
 

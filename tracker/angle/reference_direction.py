@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import robust_sigma
+from torsight.core.series import BY_CHANCE, robust_sigma
 from torsight.core.units import Floats
 
 SIDE: Final = 8
@@ -55,8 +55,7 @@ def _segments(angle_rad: Floats, noise: float) -> list[tuple[int, int]]:
     if len(values) > 4 * SIDE:
         jump = np.abs(steps_of_mean(values, SIDE))
         at = 0
-        limit = 8.0 * np.sqrt(2.0 * max(noise, 1e-18) / SIDE)
-        limit = max(limit, 8.0 * robust_sigma(jump))
+        limit = BY_CHANCE * max(np.sqrt(2.0 * max(noise, 1e-18) / SIDE), robust_sigma(jump))
         while at < len(jump):
             if jump[at] > limit:
                 stop = min(len(jump), at + 2 * SIDE)

@@ -18,15 +18,15 @@ from torsight.core.optics.geometry import (
     triangulate,
 )
 from torsight.core.optics.sights import Sight
-from torsight.core.series import robust_sigma
+from torsight.core.series import BY_CHANCE, robust_sigma
 from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.length_noise import LEAST_FRAMES, in_motion
 from tracker.angle.plane import FLOOR_PX, Points, StickErrors, usual_of
 
-MISREAD: Final = 36.0
-"""χ², in the usual one, above which a marker was misread or is not the same point: six standard deviations."""
+MISREAD: Final = BY_CHANCE**2
+"""χ², in the usual one, above which a marker was misread or is not the same point."""
 _APART: Final = 0.2
 """Distance from the other film's line, over that of a stick's markers, at which two positions are not of one marker:
 exchanged markers are apart by about the stick's length, those of a badly calibrated pair by a few pixels."""

@@ -5,10 +5,10 @@ a scale, which do not change angles; planes parallel to it share it, so the base
 is fitted: a stretch (e1, e2), ψ²/4 for a tilt ψ, the perspective (l1, l2), and the lens's radial bending k, with the
 circles' centre, radii, and the angle between both markers.
 
-How much a camera is tilted nobody knows beforehand, so several priors of the tilt compete, from none that matters to
-30 degrees, and count by how well they explain the paths (the evidence in Laplace's form). The paths' errors hang
-together over many frames (see :mod:`torsight.core.optics.hanging`): over a short arc they look like an ellipse, and
-what is not known is in the covariance.
+How much a camera is tilted nobody knows beforehand, so a prior of a small tilt and one of a large tilt compete, and
+count by how well they explain the paths (the evidence in Laplace's form). The paths' errors hang together over many
+frames (see :mod:`torsight.core.optics.hanging`): over a short arc they look like an ellipse, and what is not known is
+in the covariance.
 
 Nothing is taken out but what the motion tells: a tilt that is no larger than what is not known of it stays in, and in
 the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
@@ -34,10 +34,11 @@ from tracker.angle.row_time import SHARE_PRIOR, Readout, circles
 
 Points = tuple[Floats, Floats]
 
-_STRETCHES: Final = (0.0002, 0.003, 0.01, 0.03, 0.08)
-_BELIEF: Final = (0.02, 0.08, 0.25, 0.4, 0.25)
-"""Priors of the stretch (tilts of 1.6, 6, 11, 20 and 32 degrees), and what is thought of each beforehand. Little
-is staked on a camera that is straight: a short arc hardly shows 10 degrees, and must not be sure of none."""
+_STRETCHES: Final = (0.003, 0.03)
+_BELIEF: Final = (0.3, 0.7)
+"""Priors of the stretch (tilts of 6 and 20 degrees), and what is thought of each beforehand. Less is staked on a camera
+that is nearly straight: a short arc hardly shows 10 degrees, and must not be sure of none. More priors, from 1.6 to 32
+degrees, make the same errors, and sigmas a tenth smaller (benchmarks/tracking/tilt.py)."""
 _PERSPECTIVE: Final = 0.8
 """Change of scale across half the picture, over the root of the stretch: both come from one tilt."""
 _BENDING: Final = 0.04

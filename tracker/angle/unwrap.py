@@ -14,11 +14,10 @@ import numpy as np
 
 from torsight.core.units import Flags, Floats, Ints
 
-_SIDE: Final = 8
-"""Frames on each side of a gap from which the speed is taken."""
-_SIDE_S: Final = 0.4
 _BASE_S: Final = 0.15
 """Time over which accelerations are looked at: shorter, and noise would be taken for motion."""
+_SIDE_S: Final = 2.0 * _BASE_S
+"""Time on each side of a gap from which the speed is taken: an acceleration's, from end to end."""
 _SAFETY: Final = 2.0
 _LEAST_RAD_S2: Final = math.radians(2.0)
 """Acceleration that is always allowed for."""
@@ -100,28 +99,31 @@ def _acceleration(time_s: Floats, runs: list[Ints], angles: list[Floats], typica
 
 def _speed_behind(time_s: Floats, whole: Floats, last: int) -> float | None:
     """Return the speed before a gap, from what is known up to frame ``last``."""
-    first = max(0, last - 4 * _SIDE)
+    first = int(np.searchsorted(time_s, time_s[last] - _SIDE_S))
     index = first + np.flatnonzero(np.isfinite(whole[first : last + 1]))
-    index = index[time_s[index] >= time_s[last] - _SIDE_S][-_SIDE:]
     return _slope(time_s[index], whole[index])
 
 
 def _speed_ahead(time_s: Floats, runs: list[Ints], angles: list[Floats], number: int) -> float | None:
     """Return the speed after a gap; runs that follow each other closely count together."""
-    times, values = list(time_s[runs[number]][:_SIDE]), list(angles[number][:_SIDE])
+    times: list[float] = []
+    values: list[float] = []
     step_s = float(np.median(np.diff(time_s)))
-    while len(times) < _SIDE and number + 1 < len(runs):
-        number += 1
-        t, a = float(time_s[runs[number][0]]), angles[number]
-        if t - times[-1] > 4.0 * step_s:
+    until_s = time_s[runs[number][0]] + _SIDE_S
+    for run, angle in zip(runs[number:], angles[number:], strict=True):
+        shift = 0.0
+        if times:
+            if time_s[run[0]] - times[-1] > 4.0 * step_s:
+                break
+            speed = 0.0 if len(values) < 2 else (values[-1] - values[-2]) / (times[-1] - times[-2])
+            expected = values[-1] + speed * (time_s[run[0]] - times[-1])
+            shift = 2.0 * np.pi * np.round((expected - angle[0]) / (2.0 * np.pi))
+        early = time_s[run] <= until_s
+        times += list(time_s[run][early])
+        values += list(angle[early] + shift)
+        if not early.all():
             break
-        speed = 0.0 if len(values) < 2 else (values[-1] - values[-2]) / (times[-1] - times[-2])
-        expected = values[-1] + speed * (t - times[-1])
-        shift = 2.0 * np.pi * np.round((expected - a[0]) / (2.0 * np.pi))
-        times += list(time_s[runs[number]][:_SIDE])
-        values += list(a[:_SIDE] + shift)
-    near = [i for i, t in enumerate(times[:_SIDE]) if t <= times[0] + _SIDE_S]
-    return _slope(np.array(times)[near], np.array(values)[near])
+    return _slope(np.array(times), np.array(values))
 
 
 def _slope(time_s: Floats, angle_rad: Floats) -> float | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
-from tracker.detect.dots import HUGE_PX, Refused, find_and_refuse, find_large_dots
+from tracker.detect.dots import HUGE_PX, Refused, find_and_refuse
 from tracker.detect.fiducials import tags_seen
 from tracker.detect.sticks import MOST, Stick, are_markers, choose_sticks, clearest, judge_pair, sticks_in
 
@@ -51,8 +51,6 @@ def look(luma: NDArray[np.uint8]) -> Sighting:
     """Look for markers in one picture (h, w) and keep account of every decision."""
     dots, refused = find_and_refuse(luma)
     sticks = sticks_in(luma, dots=dots)
-    if sticks is None or not are_markers(sticks):
-        dots = find_large_dots(luma, dots)
     found = sticks if sticks is not None and are_markers(sticks) else None
     taken = [] if found is None else [dot for stick in found for dot in (stick.inner, stick.outer)]
     others = [dot for dot in clearest(dots) if not any(_same(dot, marker) for marker in taken)]

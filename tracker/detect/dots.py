@@ -8,7 +8,6 @@ and the fit asks how much of what is seen in the window a dot explains.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,12 +18,8 @@ from numpy.typing import NDArray
 from tracker.appearance.dot_fit import Dot, fit_dot
 
 SMALLEST_PX: Final = 2.6
-LARGEST_PX: Final = 23.0
-"""Radius up to which dots are looked for at first: larger ones are mostly of the background."""
-HUGE_PX: Final = 2.0 * LARGEST_PX
-"""Radius of the largest dots that are found at all."""
-_LARGE: Final = (0.8 * LARGEST_PX, HUGE_PX)
-"""Radii of those that are looked for where smaller ones do not do."""
+HUGE_PX: Final = 46.0
+"""Radii of the smallest and the largest dots that are found."""
 _RATIO: Final = 1.22
 """From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
 _LIKELY: Final = 0.5
@@ -47,36 +42,28 @@ class Refused:
     reason: str
 
 
-def find_and_refuse(
-    luma: NDArray[np.uint8], *, radii_px: tuple[float, float] = (SMALLEST_PX, LARGEST_PX), known: Sequence[Dot] = ()
-) -> tuple[list[Dot], list[Refused]]:
-    """Return the dots of radii within bounds in a picture (h, w), the clearest first, with those that are ``known``.
+def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
+    """Return the dots in a picture (h, w), the clearest first.
 
     Also the places that look like a dot but are none, likeliest first.
     """
-    dots = list(known)
+    dots: list[Dot] = []
     refused: list[Refused] = []
-    smallest_px, largest_px = radii_px
-    for _, x, y, radius, light_dot in _places(luma, smallest_px, largest_px):
+    for _, x, y, radius, light_dot in _places(luma):
         if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
             continue
         dot = judge_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
         if isinstance(dot, str):
             refused.append(Refused(x, y, radius, dot))
             continue
-        if not smallest_px <= dot.radius_px <= largest_px:
-            limits = f"{smallest_px:g} to {largest_px:g} px are looked for"
+        if not SMALLEST_PX <= dot.radius_px <= HUGE_PX:
+            limits = f"{SMALLEST_PX:g} to {HUGE_PX:g} px are looked for"
             refused.append(Refused(x, y, radius, f"its radius is {dot.radius_px:.1f} px; {limits}"))
             continue
         if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
             continue
         dots.append(dot)
     return sorted(dots, key=lambda dot: -dot.explained), refused
-
-
-def find_large_dots(luma: NDArray[np.uint8], known: Sequence[Dot]) -> list[Dot]:
-    """Return known dots and those that are larger than are looked for at first, the clearest first."""
-    return find_and_refuse(luma, radii_px=_LARGE, known=known)[0]
 
 
 def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
@@ -108,23 +95,9 @@ def _unexplained(fit: Dot | None) -> str:
 
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
     """Return the dot whose centre is nearest to a place, within reach or within its own radius."""
-    near = _dot_near(luma, x_px, y_px, reach_px, (SMALLEST_PX, LARGEST_PX))
-    return near or _dot_near(luma, x_px, y_px, reach_px, _LARGE)
-
-
-def _dot_near(
-    luma: NDArray[np.uint8], x_px: float, y_px: float, reach_px: float, radii_px: tuple[float, float]
-) -> Dot | None:
     best: tuple[float, Dot] | None = None
-    half = math.ceil(reach_px + 2.5 * radii_px[1])
-    height, width = luma.shape
-    left, top = max(0, math.floor(x_px) - half), max(0, math.floor(y_px) - half)
-    right, bottom = min(width, math.floor(x_px) + half + 1), min(height, math.floor(y_px) + half + 1)
-    part = np.ascontiguousarray(luma[top:bottom, left:right])
-    for _, x, y, radius, light_dot in _places(part, *radii_px):
-        if math.hypot(x + left - x_px, y + top - y_px) > max(reach_px, 1.2 * radius) + 3.0:
-            continue
-        dot = judge_dot(luma, x + left, y + top, radius_px=radius, light_dot=light_dot)
+    for _, x, y, radius, light_dot in _places(luma, near=(x_px, y_px, reach_px)):
+        dot = judge_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
         if isinstance(dot, str):
             continue
         distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
@@ -174,12 +147,20 @@ Place = tuple[float, float, float, float, bool]
 """Merit, x, y, radius, whether the dot is the lighter one."""
 
 
-def _places(luma: NDArray[np.uint8], smallest_px: float, largest_px: float) -> list[Place]:
-    """Return places that look like a dot of some radius, the likeliest first."""
+def _places(luma: NDArray[np.uint8], *, near: tuple[float, float, float] | None = None) -> list[Place]:
+    """Return places that look like a dot of some radius, the likeliest first; ``near`` a place, within reach, or all.
+
+    One may lie as far off as the reach or the dot's own radius, and what the picture's coarse steps add.
+    """
     found: list[Place] = []
-    radius = smallest_px
-    while radius < largest_px:
-        found += places_of(luma, radius)
+    radius = SMALLEST_PX
+    while radius < HUGE_PX:
+        if near is None:
+            found += places_of(luma, radius)
+        else:
+            x, y, far = near[0], near[1], max(near[2], 1.2 * radius) + 3.0
+            box = (math.floor(x - far), math.floor(y - far), math.ceil(x + far), math.ceil(y + far))
+            found += [place for place in places_in(luma, radius, box) if math.hypot(place[1] - x, place[2] - y) <= far]
         radius *= _RATIO
     found.sort(key=lambda place: -place[0])
     kept: list[Place] = []
@@ -209,6 +190,15 @@ def _disc_picture(radius_px: float) -> NDArray[np.float32]:
     half = math.ceil(1.35 * radius_px + 0.5)
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
     return np.asarray(np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0), dtype=np.float32)
+
+
+def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, int, int]) -> list[Place]:
+    """Return the places in a part of a picture, its left, top, right and bottom, that look like a dot of a radius."""
+    # A dot at the rim has to be seen whole.
+    more, (height, width) = math.ceil(2.0 * radius_px), luma.shape
+    left, top = max(0, box[0] - more), max(0, box[1] - more)
+    part = luma[top : min(height, box[3] + more), left : min(width, box[2] + more)]
+    return [(merit, x + left, y + top, radius, light) for merit, x, y, radius, light in places_of(part, radius_px)]
 
 
 def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:

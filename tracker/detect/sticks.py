@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.dot_fit import Dot
-from tracker.detect.dots import find_and_refuse, find_large_dots
+from tracker.detect.dots import find_and_refuse
 
 CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
@@ -54,10 +54,6 @@ def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> 
     ``dots`` are those of :func:`tracker.detect.dots.find_and_refuse`, where they were found already.
     """
     dots = find_and_refuse(luma)[0] if dots is None else dots
-    found = choose_sticks(luma, dots)
-    if found is not None and min(stick.score for stick in found) > CLEAR:
-        return found
-    dots = find_large_dots(luma, dots)
     found = choose_sticks(luma, dots)
     if found is None or min(stick.score for stick in found) > CLEAR:
         return found

@@ -26,9 +26,6 @@ SHAKE_PX: Final = 2.0
 """Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of its step from one frame to the next, where both are independent."""
-_STANDS_PX: Final = 0.8
-"""Standard deviation of a base marker against where it stood, and of the difference of both markers' steps: noise, and
-an edge of the moving stick nearby."""
 TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
@@ -49,7 +46,7 @@ base's last direction, by which its dots cannot be the base's."""
 KNOWN: Final = 2
 MOST_VOTES: Final = 20
 """Votes from which it is known which stick lies above, and how many are kept at most."""
-SOON: Final = KEPT - 1
+SOON: Final = KEPT
 """Frames after which a lost marker is no longer taken to be next to where it is expected: its readings reach back no
 further."""
 _OFF_CIRCLE: Final = 0.1
@@ -92,9 +89,12 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
 def covers(scene: Scene, point: Point, index: int) -> bool:
     """Return whether the moving stick, as it is seen or expected, reaches into a base marker's window at a place."""
     i = 2 * scene.rig[0].moving
-    width = scene.markers[i].shape.window
-    away = to_strip(point, at(scene, i), at(scene, i + 1), BEYOND)
-    return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
+    own, shape = scene.markers[i].shape, scene.markers[index].shape
+    # Up to where its blurred edges are seen; it is at least as wide as what is compared with its dots.
+    width = own.window + _ROOM_PX
+    if math.isfinite(own.strip):
+        width = max(width, own.strip + 2.0 * own.edge)
+    return to_strip(point, at(scene, i), at(scene, i + 1), BEYOND) < shape.radius + width  # type: ignore[no-any-return]
 
 
 # --- one rigid stick ------------------------------------------------------------------------------------------------
@@ -105,9 +105,13 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     """Return by how many standard deviations a distance of a stick's markers is off.
 
     Seen from aside its length changes as it turns: by more, the longer the stick was not seen, but within the bounds
-    that it has shown.
+    that it has shown. That of one that stands still may change slowly, as a lens that focuses anew makes it, and stays
+    near what it was at the start.
     """
     off = abs(length - own.length)
+    if own.still:
+        drift = abs(length - own.shortest) / (_OFF_CIRCLE * own.shortest + _OFF_CIRCLE_PX)
+        return SIGMAS * max(off / (_LENGTH_PX + _LENGTH * own.length), drift)  # type: ignore[no-any-return]
     if lost > 0:
         off = min(off, max(length - own.longest, own.shortest - length, 0.0))
     share = _LENGTH * (1.0 + 0.5 * min(lost, STALE))
@@ -147,7 +151,7 @@ def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expe
     """
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     off = _length_misfit(own, length, lost)
-    if lost == 0:
+    if lost == 0 and not own.still:
         # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
         off = min(off, _length_misfit(own, own.length + length - expected_px, 0))
     found, freedom = off * off, 1
@@ -182,13 +186,6 @@ def judge_pair(scene: Scene, stick: int) -> None:
     lost = scene.markers[i].lost + scene.markers[j].lost
     expected_px = math.hypot(q[0] - p[0], q[1] - p[1])
     found, freedom = rigid_misfit(scene.sticks[stick], rig.shift_now, a, b, lost, expected_px)
-    if is_base(rig, stick):
-        # The camera takes both along.
-        one, two = scene.markers[i], scene.markers[j]
-        apart = (a[0] - one.x - b[0] + two.x) ** 2 + (a[1] - one.y - b[1] + two.y) ** 2
-        found, freedom = found + apart / _STANDS_PX**2, freedom + 2
-        if rig.anchored:
-            found, freedom = found + sure_misfit(rig, a, b) ** 2, freedom + 1
     if passes(found, freedom):
         return
     off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])
@@ -229,29 +226,14 @@ def vote(rig: Record, evidence: int) -> None:
 
 @compiled
 def judge_base(scene: Scene) -> bool:
-    """Judge the base; return whether it has to be looked for.
-
-    While the moving stick is not seen it may lie anywhere, even over the base: then only the base's own direction will
-    do, and one dot alone has to be where the base was when the moving stick was last seen elsewhere.
-    """
+    """Judge the base; return whether it has to be looked for."""
     rig, base = scene.rig[0], 1 - scene.rig[0].moving
     i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving
     vote(rig, _cover(scene, i) + _cover(scene, j))
-    elsewhere = seen(scene, k) and seen(scene, k + 1)
-    if not elsewhere and not rig.anchored:
-        rig.anchor[:] = rig.shift
-    rig.anchored = not elsewhere
     judge_pair(scene, base)
-    if seen(scene, i) and seen(scene, j):
-        if elsewhere:
-            (ax, ay), (bx, by) = at(scene, i), at(scene, j)
-            rig.last_rad = math.atan2(by - ay, bx - ax)
-    elif not elsewhere:
-        for end in range(2):
-            (x, y), zero = at(scene, i + end), rig.zero[end]
-            off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / _STANDS_PX**2
-            if seen(scene, i + end) and not passes(off, 2):
-                scene.readings[i + end].state = LOST
+    if seen(scene, i) and seen(scene, j) and seen(scene, k) and seen(scene, k + 1):
+        (ax, ay), (bx, by) = at(scene, i), at(scene, j)
+        rig.last_rad = math.atan2(by - ay, bx - ax)
     return _gone(scene, i) and _gone(scene, j)
 
 
@@ -289,8 +271,8 @@ def find_shift(scene: Scene) -> bool:
         return True
     off = np.empty((2, 2))
     # Under the base, or not known to be above it, what is seen of the moving stick may be the base's own dots.
-    if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):
-        x, y = 0.5 * (off[0, 0] + off[1, 0]) - rig.offset[0], 0.5 * (off[0, 1] + off[1, 1]) - rig.offset[1]
+    if rig.above >= KNOWN and circles_off(scene, off):
+        x, y = 0.5 * (off[0, 0] + off[1, 0]), 0.5 * (off[0, 1] + off[1, 1])
         away = (x - rig.shift[0]) ** 2 + (y - rig.shift[1]) ** 2
         if passes(away / (_STEP_PX2 * (2 + rig.unknown)), 2):
             rig.shift_now[0], rig.shift_now[1] = x, y

@@ -14,14 +14,14 @@ import math
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
-from tracker.detect.dots import places_of
+from tracker.detect.dots import places_in
 from tracker.follow.frame_step import stick_at
 from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.judgement import (
@@ -56,8 +56,7 @@ _EAGER, SELDOM = 20, 3
 """Frames for which a lost stick is looked for in each, and then in every so many, for what that costs."""
 
 
-@dataclass(frozen=True, slots=True)
-class Region:
+class Region(NamedTuple):
     """Part of the picture in which to look, px."""
 
     left: int
@@ -112,7 +111,9 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
         return
     # A shake is of one frame: what is next to the place of a marker that was lost before may be another one.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
-    since = 1 if (readings["state"] == SEEN).any() else 1 + int(markers["lost"].min())
+    # A base goes with the picture, which the moving stick tells while that lies over it.
+    unseen = int(scene.rig[0]["unknown"]) if is_base(scene.rig[0], stick) else int(markers["lost"].min())
+    since = 1 if (readings["state"] == SEEN).any() else 1 + unseen
     found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, jump_px(since))
     if len(found) == 1:
         for index, reading in zip((2 * stick, 2 * stick + 1), found[0][1:], strict=True):
@@ -196,12 +197,8 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Po
 def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Point]:
     """Return the places in a region that look most like a dot of the marker's radius, the likeliest first."""
     radius, light_dot = float(marker["shape"]["radius"]), marker["shape"]["contrast"] > 0.0
-    # A dot at the region's rim has to be seen whole.
-    more, (height, width) = math.ceil(2.0 * radius), luma.shape
-    left, top = max(0, region.left - more), max(0, region.top - more)
-    right, bottom = min(width, region.right + more), min(height, region.bottom + more)
-    places = [place for place in places_of(luma[top:bottom, left:right], radius) if place[4] == light_dot]
-    return [(x + left, y + top) for _, x, y, _, _ in sorted(places, key=lambda place: -place[0])[:_MOST]]
+    places = [place for place in places_in(luma, radius, region) if place[4] == light_dot]
+    return [(x, y) for _, x, y, _, _ in sorted(places, key=lambda place: -place[0])[:_MOST]]
 
 
 def _both_seen(scene: Scene, stick: int) -> bool:

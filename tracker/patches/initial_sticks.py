@@ -189,7 +189,7 @@ def _not_found(
         return NoResultError(
             what,
             where=where,
-            value=f"of this family {in_words(others)} {'is' if len(others) == 1 else 'are'} seen",
+            value=f"of this family {in_words(others)}",
             do="mend base_id and moving_id",
         )
     family, seen = _other_family(kept, but=hints.family)

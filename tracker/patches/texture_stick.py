@@ -114,9 +114,10 @@ class TextureStick:
             one, two = (place(track.warp) for track in self._tracks)
             own, length = self._own[0], math.dist(one, two)
             own["length"] = length
-            own["shortest"], own["longest"] = min(own["shortest"], length), max(own["longest"], length)
-            (x1, y1), (x2, y2) = (np.array([one, two]) - shift).tolist()
-            learn_axis(own["axis"], (x1, y1), (x2, y2))
+            if not own["still"]:
+                own["shortest"], own["longest"] = min(own["shortest"], length), max(own["longest"], length)
+                (x1, y1), (x2, y2) = (np.array([one, two]) - shift).tolist()
+                learn_axis(own["axis"], (x1, y1), (x2, y2))
         return readings
 
     def miss(self, time_s: float) -> None:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from torsight.core.series import BY_CHANCE
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Floats
 from torsight.core.words.wording import counted
@@ -22,7 +23,6 @@ from tracker.track import TrackResult
 _STICKS: Final = ("base", "moving")
 _ARC_RAD: Final = np.deg2rad(20.0)
 """Turn of the moving stick from which its markers' circles tell where the axis is."""
-_CLEAR_SIGMA: Final = 10.0
 _GONE: Final = 0.5
 """Share of frames without the base from which it is doubted."""
 _WANDERS: Final = 0.25
@@ -36,7 +36,7 @@ _FEW: Final = 2
 def doubts(result: TrackResult) -> list[str]:
     """Return sentences that a person has to read before the angles are used; most tracks have none."""
     given = bool(result.report["markers"]["given"])
-    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else []
+    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else _faint_markers(result)
     # Circles of a stick that rests tell nothing of the axis.
     kind = result.report["markers"]["kind"]
     if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
@@ -66,6 +66,15 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
     return [words]
 
 
+def _faint_markers(result: TrackResult) -> list[str]:
+    """Tell that what was taken for the markers hardly stands out."""
+    words = (
+        "The dots that were taken for the markers hardly stand out: they may be something else. Look in track.png "
+        "whether they are the markers, and pick these with 'torsight markers' if not."
+    )
+    return [words] if result.report["markers"].get("faint") else []
+
+
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     """Tell that the stick given as base turns while the one given as moving rests."""
     sticks = [_direction(tracks, first) for first in (0, 2)]
@@ -73,7 +82,7 @@ def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     if len(both) <= _FEW:
         return []
     turned = [np.abs(np.angle(np.exp(1j * (turn[both] - turn[both[0]])))) for turn, _ in sticks]
-    limit = max(MOVED_RAD, *(_CLEAR_SIGMA * float(np.median(np.sqrt(variance[both]))) for _, variance in sticks))
+    limit = max(MOVED_RAD, *(BY_CHANCE * float(np.median(np.sqrt(variance[both]))) for _, variance in sticks))
     against = int((turned[0] > limit + 3.0 * turned[1]).sum())
     if against < _FEW or (turned[1] > limit + 3.0 * turned[0]).any():
         return []

@@ -125,3 +125,23 @@ def test_a_marker_that_slides_off_its_circle_while_its_partner_is_hidden(left: i
     assert (states[:15] == CODE["seen"]).all()
     assert (states[15 + int((0.1 * arm + 5.0) / 2.0) + 2 :] != CODE["seen"]).all()
     assert (states[15:18] == CODE["seen"]).all()
+
+
+def test_a_base_marker_that_slides_along_its_stick() -> None:
+    # So slowly that no step is a large one.
+    scenes, step_px = turning(160), 0.1
+    for number, scene in enumerate(scenes):
+        scene[1] = scene[1] + step_px * number
+    states = np.array([row["state"][:2] for row in followed(scenes)])
+    # Three standard deviations of a distance that a lens may change: a tenth, and 5 px.
+    allowed = int((0.1 * abs(BASE[1] - BASE[0]) + 5.0) / step_px)
+    assert (states[:90] == CODE["seen"]).all()
+    assert not (states[allowed + 2 :] == CODE["seen"]).all(axis=1).any()
+
+
+def test_a_lens_that_focuses_anew() -> None:
+    scenes = turning(40)
+    middle = 220.0 + 200.0j
+    # By 4 % over a second.
+    scenes = [[middle + (1.0 + 0.001 * k) * (dot - middle) for dot in scene] for k, scene in enumerate(scenes)]
+    check(followed(scenes)[-1], scenes[-1])

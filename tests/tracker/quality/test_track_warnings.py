@@ -13,6 +13,7 @@ from films import Cover, Rig, write_film, write_pictures
 
 from torsight.cli.track import track_to_folder
 from torsight.core.tracks import MarkerTracks, StickAngles
+from tracker import track
 from tracker.quality.gaps import find_causes, gap_advice, smear_around_gaps_px
 from tracker.rows import ROW
 from tracker.track import TrackResult
@@ -40,6 +41,17 @@ def test_a_track_that_is_right_raises_no_doubt(film: Path, tmp_path: Path, capsy
     base, moving = positions()
     assert not [text for text in advice_of(film, tmp_path, markers={"base": base, "moving": moving}) if "exch" in text]
     assert "warning" not in capsys.readouterr().err
+
+
+def test_markers_that_hardly_stand_out_are_told(
+    film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not [text for text in advice_of(film, tmp_path / "clear") if "stand out" in text]
+    seen = track.find_start
+    monkeypatch.setattr(track, "find_start", lambda *given, **named: replace(seen(*given, **named), doubtful=True))
+    first = advice_of(film, tmp_path / "faint")[0]
+    assert "hardly stand out" in first
+    assert first in capsys.readouterr().err
 
 
 def test_a_tilt_that_the_motion_does_not_show_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
