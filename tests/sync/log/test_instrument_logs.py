@@ -165,6 +165,9 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
         ("Time,Temp A (°F),Temp B", {"units": {"a": "°C"}}, "said to be in °F and in °C"),
         ("Time (ms),Temp A,Temp B", {"units": {"time": "s"}}, "said to be in ms and in s"),
         ("time_s,temp_a_c (K),temp_b_c", {}, "said to be in °C and in K"),
+        # Parted by blanks, these would name all three: time, A and B.
+        ("Time (s),Temp A (ms),Temp B (°C)", {}, "no column 'temp_a_c'"),
+        ("Time (K),Temp A (ms),Temp B (K)", {}, "'Time .K.' is in K, and that is no unit of the time"),
         ("Time,Temp A Last,Temp A Ave.,Temp B", {}, "more than one column may be the temperature of spring A"),
     ],
 )
@@ -185,7 +188,7 @@ def test_a_row_of_units_that_contradicts_the_names(tmp_path):
 
 def test_kelvin_without_a_word_of_it_is_refused(tmp_path):
     line = lambda i: [f"{i}", f"{297 + 0.5 * i:g}", "297.5"]  # noqa: E731
-    with pytest.raises(InputError, match="not in kelvin"):
+    with pytest.raises(InputError, match=r"not in kelvin.*--units"):
         read(tmp_path, made_up("Time,Temp A,Temp B", line=line))
 
 

@@ -87,6 +87,6 @@ def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]
             where=place,
             value=f"{values[row]:g}",
             limit="-275 to 225",
-            do="give temperatures in °C; 'torsight sync' takes single spikes out",
+            do="give °C, or say the unit: --units \"a=K,b=K\"; 'torsight sync' takes single spikes out",
         )
     return np.asarray(values)
