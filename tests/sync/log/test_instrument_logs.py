@@ -157,6 +157,12 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
     ("header", "said", "message"),
     [
         ("Time,Temp A,Temp B", {"columns": {"a": "Tempe A"}}, "no column 'Tempe A'.*did you mean 'Temp A'"),
+        # Chan 102, in whatever spelling, is B's already.
+        (
+            "Time,Chan 101 (C),Chan 102 (C)",
+            {"columns": {"a": "Chan 10", "b": "Chan 102"}},
+            r"no column 'Chan 10'.*did you mean 'Chan 101 \(C\)'",
+        ),
         ("Time,Temp A,Temp A", {}, "'Temp A'|two columns have one name"),
         ("Time,T1,T1", {"columns": {"a": "T1", "b": "T2"}}, "two columns have one name.*'T1'"),
         ("Time,Temp A (ms),Temp B", {"columns": {"a": "Temp A (ms)"}}, "in ms, and that is no unit of the temperature"),
