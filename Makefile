@@ -24,12 +24,9 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(PIP_INSTALL) --editable .
 	touch $@
 
-$(VENV)/.installed-dev: $(VENV)/.installed
-	$(PIP_INSTALL) --editable ".[dev]"
-	touch $@
-
-$(VENV)/.installed-docs: $(VENV)/.installed
-	$(PIP_INSTALL) --editable ".[docs]"
+# By its name: what is installed stays as it is, where a path would have it built once more. Only what it asks for is added.
+$(VENV)/.installed-%: $(VENV)/.installed
+	$(PIP_INSTALL) "torsight[$*]"
 	touch $@
 
 demo: $(VENV)/.installed
@@ -45,10 +42,9 @@ style: $(VENV)/.installed-dev
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy
 
-# Needs what the product needs, and so begins while the tools of development are still installed: for a moment the
-# packages are then found by PYTHONPATH alone.
+# Needs what the product needs, and so begins while the tools of development are still installed.
 compiled: $(VENV)/.installed
-	PYTHONPATH=$(CURDIR) $(BIN)/python tests/compile_ahead.py
+	$(BIN)/python tests/compile_ahead.py
 
 pytest: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
