@@ -46,13 +46,12 @@ types: $(VENV)/.installed-dev
 compiled: $(VENV)/.installed
 	$(BIN)/python tests/compile_ahead.py
 
-pytest: $(VENV)/.installed-dev
+pytest: $(VENV)/.installed-dev | compiled
 	$(BIN)/python -m pytest
 
-# The types are checked while tests wait for browsers, pipes and processes.
+# Style and types are checked while code is compiled, and while tests wait for browsers, pipes and processes.
 test:
-	$(MAKE) --no-print-directory -j 2 style compiled
-	$(MAKE) --no-print-directory -j 2 types pytest
+	$(MAKE) --no-print-directory -j 2 style types pytest
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build
