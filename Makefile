@@ -24,12 +24,9 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(PIP_INSTALL) --editable .
 	touch $@
 
-$(VENV)/.installed-dev: $(VENV)/.installed
-	$(PIP_INSTALL) --editable ".[dev]"
-	touch $@
-
-$(VENV)/.installed-docs: $(VENV)/.installed
-	$(PIP_INSTALL) --editable ".[docs]"
+# By its name: what is installed stays as it is, where a path would have it built once more. Only what it asks for is added.
+$(VENV)/.installed-%: $(VENV)/.installed
+	$(PIP_INSTALL) "torsight[$*]"
 	touch $@
 
 demo: $(VENV)/.installed
@@ -45,18 +42,16 @@ style: $(VENV)/.installed-dev
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy
 
-# Needs what the product needs, and so begins while the tools of development are still installed: for a moment the
-# packages are then found by PYTHONPATH alone.
+# Needs what the product needs, and so begins while the tools of development are still installed.
 compiled: $(VENV)/.installed
-	PYTHONPATH=$(CURDIR) $(BIN)/python tests/compile_ahead.py
+	$(BIN)/python tests/compile_ahead.py
 
-pytest: $(VENV)/.installed-dev
+pytest: $(VENV)/.installed-dev | compiled
 	$(BIN)/python -m pytest
 
-# The types are checked while tests wait for browsers, pipes and processes.
+# Style and types are checked while code is compiled, and while tests wait for browsers, pipes and processes.
 test:
-	$(MAKE) --no-print-directory -j 2 style compiled
-	$(MAKE) --no-print-directory -j 2 types pytest
+	$(MAKE) --no-print-directory -j 2 style types pytest
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build

@@ -305,8 +305,8 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
     name = chosen.names.get(role, CONTRACT.get(role, role))
     shown = ", ".join(header[:12])[:200]
     if role in chosen.names:
-        free = [one for one in header if one not in chosen.names.values()]
-        folded = {_folded(one): one for one in free}
+        taken = {place for other in chosen.names if other != role for place in _named(other, header, chosen)}
+        folded = {_folded(one): one for place, one in enumerate(header) if place not in taken}
         near = difflib.get_close_matches(_folded(name), folded, n=1, cutoff=0.4)
         hint = f"did you mean '{folded[near[0]]}'?" if near else "name a column of the header"
         return InputError(f"has no column '{name}'", where=where, value=shown, do=f"it is named for {role}: {hint}")

@@ -50,18 +50,15 @@ def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> H
         if words in looked_at:
             continue
         looked_at.add(words)
-        delimiter, names, columns = find_columns(line, chosen)
+        delimiter, names, columns = find_columns(line, chosen, lines[index + 1 : index + 3])
         count = _count(columns, chosen)
-        if delimiter == BLANKS and not _fits(names, lines[index + 1 : index + 3]):
-            # A sentence, or names that hold blanks themselves.
-            count = 0
         if count == len(chosen.required):
             found = require_columns(columns, where=f"{path}, line {index + 1}")
             return Header(index, delimiter, _distinct_names(names), found)
         if count > best[0] or best[1] < 0:
             best = (count, index)
     where = f"{path}, line {best[1] + 1}"
-    _, names, columns = find_columns(lines[best[1]], chosen)
+    _, names, columns = find_columns(lines[best[1]], chosen, lines[best[1] + 1 : best[1] + 3])
     require_columns(columns, where=where)
     missing = next(role for role in chosen.required if role not in columns)
     raise missing_column(names, chosen, missing, where=where)
@@ -118,13 +115,21 @@ def header_names(line: str, delimiter: str) -> list[str]:
     return names
 
 
-def find_columns(line: str, chosen: ChosenColumns) -> tuple[str, list[str], dict[str, LogColumn | InputError]]:
-    """Return the delimiter by which a line names most of the columns that are needed, its names, and the columns."""
+def find_columns(
+    line: str, chosen: ChosenColumns, rows: Sequence[str] | None = None
+) -> tuple[str, list[str], dict[str, LogColumn | InputError]]:
+    """Return the delimiter by which a line names most of the columns that are needed, its names, and the columns.
+
+    Blanks part a line's names only where they part the rows below it, if these are known, into as many fields: they may
+    as well be those of a sentence, or of names that hold blanks themselves.
+    """
     best: tuple[str, list[str], dict[str, LogColumn | InputError]] = (",", [line], {})
     for delimiter in (*_DELIMITERS, BLANKS):
         if delimiter not in line:
             continue
         names = header_names(line, delimiter)
+        if delimiter == BLANKS and rows is not None and not _fits(names, rows):
+            continue
         columns = resolve(names, chosen)
         if _count(columns, chosen) > _count(best[2], chosen):
             best = (delimiter, names, columns)

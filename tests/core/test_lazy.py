@@ -20,6 +20,9 @@ def test_every_name_of_the_stub_is_there(package: str) -> None:
     # Nothing else stands in a stub: what is spelled otherwise would be known to editors and not to Python.
     assert len(told) == text.count("import ") > 0
     assert sorted(name for _, name in told) == dir(module)
+    given: dict[str, object] = {}
+    exec(f"from {package} import *", given)  # noqa: S102 - as people do in a notebook
+    assert set(given) - {"__builtins__"} == set(dir(module))
     for home, name in told:
         assert getattr(module, name) is getattr(importlib.import_module(home), name)
 

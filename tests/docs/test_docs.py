@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import re
 import runpy
 import shlex
@@ -83,11 +84,16 @@ def test_the_readme_fits_one_screen() -> None:
 
 
 def test_the_site_is_built_from_notebooks_that_run_and_fetches_nothing(tmp_path: Path) -> None:
-    """One build, as ``make docs`` makes it: a page of a notebook is what its cells gave."""
-    site = tmp_path / "site"
+    """One build, as ``make docs`` makes it: a page of a notebook is what its cells gave, and nothing else is left."""
+    site, temporary = tmp_path / "site", tmp_path / "temporary"
+    temporary.mkdir()
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(tmp_path / "trees")]
-    done = subprocess.run([*command, str(DOCS), str(site)], capture_output=True, text=True, check=False, cwd=ROOT)
+    paths = os.environ | {"TMPDIR": str(temporary)}
+    done = subprocess.run(
+        [*command, str(DOCS), str(site)], capture_output=True, text=True, check=False, cwd=ROOT, env=paths
+    )
     assert done.returncode == 0, done.stderr
+    assert list(temporary.iterdir()) == []
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert not re.findall(r"""(?:src|<link[^>]*href)=["']https?://[^"']+""", text), page.name

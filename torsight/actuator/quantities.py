@@ -85,7 +85,17 @@ def quantity(name: str) -> Quantity:
 
 def plain_symbol(name: str) -> str:
     """Return a quantity's symbol where only plain letters can stand, or its name in words without the unit."""
+    law, at, place = name.partition("@")
+    if at and place.isdecimal():
+        return f"{candidate_name(law)}, coefficient {int(place) + 1}"
     return quantity(name).symbol or effect_name(_SUFFIXES.sub("", name))
+
+
+def candidate_name(identifier: str) -> str:
+    """Return an effect's name, or a law's title: ``sensor lag``, ``spring B's torque over its winding``."""
+    from torsight.actuator.laws import FAMILIES
+
+    return FAMILIES[identifier].title if identifier in FAMILIES else effect_name(identifier)
 
 
 def with_title(name: str) -> str:

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 import typer
 
+from torsight.cli.checkup.install import own_packages
 from torsight.core.errors import TorsightError
 from torsight.core.files.storage import SCHEMA, json_text
 
@@ -46,7 +47,8 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
 
         @functools.wraps(command)
         def plain(*arguments: Any, **options: Any) -> int:
-            command(*arguments, **options)
+            with own_packages():
+                command(*arguments, **options)
             return 0
 
         return plain
@@ -54,7 +56,8 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
     @functools.wraps(command)
     def answered(*arguments: Any, as_json: bool, **options: Any) -> int:
         try:
-            answer = command(*arguments, **options)
+            with own_packages():
+                answer = command(*arguments, **options)
         except TorsightError as error:
             if as_json:
                 _put(name, exit_code=error.exit_code, error=_told(error))

@@ -23,6 +23,8 @@ def lazily(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         return {name: home for home, name in re.findall(r"^from (\S+) import (\w+) as \2$", stub, flags=re.MULTILINE)}
 
     def attribute(name: str) -> Any:
+        if name == "__all__":  # what ``from package import *`` asks for
+            return sorted(homes())
         if name not in homes():
             msg = f"module {package!r} has no attribute {name!r}"
             raise AttributeError(msg)

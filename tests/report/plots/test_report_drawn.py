@@ -120,16 +120,23 @@ def opened(browser: Any, page: Path, **options: Any) -> tuple[Any, list[str], li
     return tab, trouble, [one for one in asked if not one.startswith("data:")]
 
 
-@pytest.mark.browser
-def test_the_plots_are_drawn_without_a_network_or_a_word_of_trouble(browser: Any, page: Path) -> None:
-    before = sorted(page.parent.iterdir())
+@pytest.fixture(scope="module")
+def drawn(browser: Any, page: Path) -> tuple[Any, list[str], list[str], list[Path]]:
+    """Return the page with all of its plots drawn, which takes seconds, what it said and asked for, and its folder."""
+    left = sorted(page.parent.iterdir())
     tab, trouble, asked = opened(browser, page)
     tab.wait_for_selector("html.drawn")
+    return tab, trouble, asked, left
+
+
+@pytest.mark.browser
+def test_the_plots_are_drawn_without_a_network_or_a_word_of_trouble(drawn: Any, page: Path) -> None:
+    tab, trouble, asked, left = drawn
     assert tab.locator(".plot canvas").count() >= 15
     assert not tab.locator(".still").first.is_visible()
     assert trouble == []
     assert asked == [page.as_uri()]
-    assert sorted(page.parent.iterdir()) == before
+    assert sorted(page.parent.iterdir()) == left
     stands_on_paper(tab)
 
 
@@ -140,35 +147,12 @@ def stands_on_paper(tab: Any) -> None:
     assert not tab.locator("#before_after .plot").is_visible()
     paper = tab.evaluate("getComputedStyle(document.body).backgroundColor")
     assert paper == "rgb(255, 255, 255)"
+    tab.emulate_media(media="screen")
 
 
 @pytest.mark.browser
-def test_time_axes_move_together_and_the_keyboard_zooms(browser: Any, page: Path) -> None:
-    tab, _, _ = opened(browser, page)
-    tab.wait_for_selector("html.drawn")
-    ranges = """() => {
-        const found = {};
-        for (const root of Bokeh.documents[0].roots())
-            for (const plot of root.children ? root.children.map((cell) => cell[0]) : [root])
-                found[plot.id] = [plot.x_range.start, plot.x_range.end, plot.x_range.id, plot.xaxis?.[0]?.axis_label];
-        return Object.values(found);
-    }"""
-    before = tab.evaluate(ranges)
-    tab.locator("#before_after [title='Zoom In']").first.focus()
-    tab.keyboard.press("Enter")
-    after = tab.evaluate(ranges)
-    spans = [(b[2], (a[1] - a[0]) / (b[1] - b[0])) for b, a in zip(before, after, strict=True)]
-    moved = {identifier for identifier, share in spans if share < 0.99}
-    assert len(moved) == 1
-    # The angle over time, the temperatures, the residual, sigma and the clocks follow, the others stay.
-    assert sum(identifier in moved for identifier, _ in spans) >= 7
-    assert sum(identifier not in moved for identifier, _ in spans) >= 7
-
-
-@pytest.mark.browser
-def test_the_keyboard_reaches_everything_sees_where_it_is_and_gets_past_a_plot(browser: Any, page: Path) -> None:
-    tab, _, _ = opened(browser, page)
-    tab.wait_for_selector("html.drawn")
+def test_the_keyboard_reaches_everything_sees_where_it_is_and_gets_past_a_plot(drawn: Any) -> None:
+    tab, trouble, _, _ = drawn
     focused = """() => {
         let one = document.activeElement;
         while (one.shadowRoot?.activeElement) one = one.shadowRoot.activeElement;
@@ -199,6 +183,30 @@ def test_the_keyboard_reaches_everything_sees_where_it_is_and_gets_past_a_plot(b
     names = [name for name, _ in walk(14, past=False)]
     assert "Zoom In" in names
     assert "#past-angle_temperature_a" in names[names.index("Zoom In") :]
+    assert trouble == []
+
+
+@pytest.mark.browser
+def test_time_axes_move_together_and_the_keyboard_zooms(drawn: Any) -> None:
+    tab, trouble, _, _ = drawn
+    ranges = """() => {
+        const found = {};
+        for (const root of Bokeh.documents[0].roots())
+            for (const plot of root.children ? root.children.map((cell) => cell[0]) : [root])
+                found[plot.id] = [plot.x_range.start, plot.x_range.end, plot.x_range.id, plot.xaxis?.[0]?.axis_label];
+        return Object.values(found);
+    }"""
+    before = tab.evaluate(ranges)
+    tab.locator("#before_after [title='Zoom In']").first.focus()
+    tab.keyboard.press("Enter")
+    after = tab.evaluate(ranges)
+    spans = [(b[2], (a[1] - a[0]) / (b[1] - b[0])) for b, a in zip(before, after, strict=True)]
+    moved = {identifier for identifier, share in spans if share < 0.99}
+    assert len(moved) == 1
+    # The angle over time, the temperatures, the residual, sigma and the clocks follow, the others stay.
+    assert sum(identifier in moved for identifier, _ in spans) >= 7
+    assert sum(identifier not in moved for identifier, _ in spans) >= 7
+    assert trouble == []
 
 
 @pytest.mark.browser

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from torsight.actuator.effects import load_effects
-from torsight.actuator.quantities import OF_THE_ACTUATOR, for_people, plain_symbol
+from torsight.actuator.quantities import OF_THE_ACTUATOR, candidate_name, for_people, plain_symbol
 from torsight.actuator.spec import reference_spec
 from torsight.report.plots.formulas import equation, equation_picture, symbol, with_symbols
 
@@ -27,12 +27,19 @@ def test_every_characterised_value_has_its_symbol() -> None:
         ("zero_deg_2", "φ_z", "<i>φ</i><sub>z</sub>"),
         ("someones_lag_s", "someones lag", "someones lag"),
         ("someones_mnm_per_rad3", "someones", "someones"),
+        ("friction_angle_deg@01", *2 * ("friction over the angle, coefficient 2",)),
         ("<b>_deg", "<b>", "&lt;b&gt;"),
     ],
 )
 def test_a_name_becomes_its_symbol_or_its_words(name: str, plain: str, page: str) -> None:
     assert plain_symbol(name) == plain
     assert symbol(name) == page
+
+
+def test_candidates_are_named_as_people_say_them() -> None:
+    named = [candidate_name(name) for name in ("sensor_lag", "loading_b_winding_deg", "phase_half_cycle", "someones")]
+    said = ["spring B's loading curve over the winding", "the recoverable angle over the half-cycles"]
+    assert named == ["sensor lag", *said, "someones"]
 
 
 def test_a_sentence_gets_symbols_and_no_markup_of_its_own() -> None:

@@ -157,6 +157,12 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
     ("header", "said", "message"),
     [
         ("Time,Temp A,Temp B", {"columns": {"a": "Tempe A"}}, "no column 'Tempe A'.*did you mean 'Temp A'"),
+        # Chan 102, in whatever spelling, is B's already.
+        (
+            "Time,Chan 101 (C),Chan 102 (C)",
+            {"columns": {"a": "Chan 10", "b": "Chan 102"}},
+            r"no column 'Chan 10'.*did you mean 'Chan 101 \(C\)'",
+        ),
         ("Time,Temp A,Temp A", {}, "'Temp A'|two columns have one name"),
         ("Time,T1,T1", {"columns": {"a": "T1", "b": "T2"}}, "two columns have one name.*'T1'"),
         ("Time,Temp A (ms),Temp B", {"columns": {"a": "Temp A (ms)"}}, "in ms, and that is no unit of the temperature"),
@@ -165,6 +171,9 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
         ("Time,Temp A (°F),Temp B", {"units": {"a": "°C"}}, "said to be in °F and in °C"),
         ("Time (ms),Temp A,Temp B", {"units": {"time": "s"}}, "said to be in ms and in s"),
         ("time_s,temp_a_c (K),temp_b_c", {}, "said to be in °C and in K"),
+        # Parted by blanks, these would name all three: time, A and B.
+        ("Time (s),Temp A (ms),Temp B (°C)", {}, "no column 'temp_a_c'"),
+        ("Time (K),Temp A (ms),Temp B (K)", {}, "'Time .K.' is in K, and that is no unit of the time"),
         ("Time,Temp A Last,Temp A Ave.,Temp B", {}, "more than one column may be the temperature of spring A"),
     ],
 )
@@ -185,7 +194,7 @@ def test_a_row_of_units_that_contradicts_the_names(tmp_path):
 
 def test_kelvin_without_a_word_of_it_is_refused(tmp_path):
     line = lambda i: [f"{i}", f"{297 + 0.5 * i:g}", "297.5"]  # noqa: E731
-    with pytest.raises(InputError, match="not in kelvin"):
+    with pytest.raises(InputError, match=r"not in kelvin.*--units"):
         read(tmp_path, made_up("Time,Temp A,Temp B", line=line))
 
 

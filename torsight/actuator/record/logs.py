@@ -90,6 +90,6 @@ def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]
             where=place,
             value=f"{values[row]:g}",
             limit=f"{_RANGE_C[0]:g} to {_RANGE_C[1]:g}",
-            do="give temperatures in °C; 'torsight sync' takes single spikes out",
+            do="give °C, or say the unit: --units \"a=K,b=K\"; 'torsight sync' takes single spikes out",
         )
     return np.asarray(values)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 from torsight.cli.checkup.finding import Finding
+from torsight.core.errors import InputError
 from torsight.core.words.wording import listed
 
 OWN: Final = "torsight"
@@ -36,3 +38,22 @@ def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[F
             )
             findings.append(Finding("installation", "limits", text, advice))
     return findings
+
+
+@contextmanager
+def own_packages() -> Iterator[None]:
+    """Refuse what cannot be imported with the distribution that stands in its place, where there is one.
+
+    Raises
+    ------
+    InputError
+        For an ``ImportError`` where another distribution has a package of ours.
+    """
+    try:
+        yield
+    except ImportError as error:
+        findings = check_install()
+        if not findings:
+            raise
+        found = findings[0]
+        raise InputError(found.text.rstrip("."), where=found.about, value=str(error), do=found.do) from error

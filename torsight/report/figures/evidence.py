@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from torsight.actuator.quantities import plain_symbol
+from torsight.actuator.quantities import candidate_name, plain_symbol
 from torsight.core.files.results import column
 from torsight.core.units import Floats
-from torsight.core.words.wording import effect_name, number
+from torsight.core.words.wording import number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
@@ -64,12 +65,13 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
     places = list(range(len(ranked), 0, -1))
     plot = Panel(
-        Axis("explained alone (% of the best one's)", 0.0, 118.0),
+        # Beyond 100 %, room for what stands beside the longest bar.
+        Axis("explained alone (% of the best one's)", 0.0, 140.0),
         Axis("", 0.4, len(ranked) + 0.6),
         width=520,
         height=70.0 + 26.0 * len(ranked),
         x_names=[(float(value), str(value)) for value in (0, 25, 50, 75, 100)],
-        y_names=[(float(k), effect_name(name)) for k, (name, _) in zip(places, ranked, strict=True)],
+        y_names=[(float(k), _on_an_axis(candidate_name(name))) for k, (name, _) in zip(places, ranked, strict=True)],
     )
     for place, (name, gain) in zip(places, ranked, strict=True):
         share = 100.0 * max(gain, 0.0) / best
@@ -92,12 +94,18 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     )
 
 
+def _on_an_axis(words: str) -> str:
+    """Return a name that leaves room for the bars beside it: 48 letters take half of the plot."""
+    return textwrap.shorten(words, 48, placeholder=" …")
+
+
 def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:
     """Say how far behind the next one is, where one effect alone was named."""
     if len(named) != 1 or len(ranked) < 2 or ranked[0][0] not in named:
         return ""
     behind = ranked[0][1] - ranked[1][1]
-    return f"{effect_name(ranked[1][0]).capitalize()} comes next, behind by {number(behind)} (12 tell two apart)."
+    second = candidate_name(ranked[1][0])
+    return f"{second[:1].upper()}{second[1:]} comes next, behind by {number(behind)} (12 tell two apart)."
 
 
 def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:

@@ -93,7 +93,7 @@ def _noise(results: RunResults, floor: float) -> str:
     if film**2 < 0.5 * floor**2:
         return (
             f"{begin}; the rest comes from the temperatures' readings. Log them more often, or with less noise: "
-            "four readings for each one of today halve their part."
+            "four times as many readings halve their part."
         )
     advice = (results.track or {}).get("advice") or []
     first = advice if isinstance(advice, str) else str(advice[0]) if advice else ""
