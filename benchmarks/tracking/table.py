@@ -99,7 +99,6 @@ def drawn(frames: int) -> Iterator[tuple[str, FlatFilm, dict[str, Any]]]:
             "exposure": 0.5,
         },
         "seen from 25° aside": {"angle_deg": lambda t: 160.0 + 80.0 * np.cos(1.5 * t), "tilt_deg": 25.0},
-        "out of focus by 1.5 px": {"angle_deg": lambda t: 160.0 + 60.0 * np.cos(0.8 * t), "blur_px": 1.5},
         "a hand for 20 frames": {
             "angle_deg": lambda t: 60.0 + 60.0 * t,
             "hands": [Hand(40, 60, "moving", radius_mm=70.0)],

@@ -45,13 +45,13 @@ class PatchTrack:
     """
 
     def __init__(self, patch: Patch, points: Floats, warp: Floats) -> None:
-        self.patch, self.warp = patch, warp
-        self.points = np.vstack([points.T, np.ones(len(points))])
+        self.warp = warp
         self.lost = 0
         self.usual = 1.0
         self._history: list[tuple[float, Floats]] = []
         self._seen: NDArray[np.uint8] | None = None
         self._corner = (0, 0)
+        self.replace(patch, points, 1.0)
 
     def predict(self, time_s: float) -> Floats:
         """Return where its last motion carries it."""
@@ -126,6 +126,14 @@ class PatchTrack:
         x, y = (round(value) for value in place(fit.warp))
         self._corner = (x - half, y - half)
         self._seen = cut_out(luma, x, y, half).copy()
+
+    def replace(self, patch: Patch, points: Floats, size: float) -> None:
+        """Take a template of the same thing that is ``size`` times as large."""
+        self.patch = patch
+        self.points = np.vstack([np.asarray(points, dtype=np.float64).T, np.ones(len(points))])
+        smaller = np.diag([1.0 / size, 1.0 / size, 1.0])
+        self.warp = self.warp @ smaller
+        self._history = [(time_s, warp @ smaller) for time_s, warp in self._history]
 
     def miss(self) -> None:
         """Note that it was not seen."""

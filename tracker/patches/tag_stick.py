@@ -25,6 +25,8 @@ _ITS_BITS: Final = 0.75
 """Least correlation of the modules inside the black border (smeared as above: 0.85). Another number has about 0."""
 _STEP: Final = 8.0
 """Least grey levels from black to white: below it H.264 flattens a tag."""
+_GREW: Final = 1.25
+"""Change of size from which a tag's template is made anew."""
 
 
 class TagStick:
@@ -66,7 +68,13 @@ class TagStick:
             return nothing(CODE[why or "lost"])
         tag, track = self._found
         track.take(luma, time_s, fit)
-        return _of_plane(fit, track.patch, tag.ends())
+        readings = _of_plane(fit, track.patch, tag.ends())
+        size = size_of(track.warp)
+        if not 1.0 / _GREW < size < _GREW:
+            tag = Tag(self.family, self.number, tag.side_px * size, tag.soft)
+            track.replace(tag.patch(), tag.corners(), size)
+            self._found = tag, track
+        return readings
 
     def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""
@@ -85,7 +93,7 @@ class TagStick:
         if not found:
             return None, ""
         if self._found is None:
-            tag = Tag.of(self.family, found[0])
+            tag = Tag.of(self.family, found[0], luma)
             self._found = tag, PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found[0]))
         tag, track = self._found
         last_px = place(track.warp)
@@ -99,13 +107,13 @@ class TagStick:
         if self._found is None:
             return {}
         tag, track = self._found
-        return {"side_px": tag.side_px, "track": track.to_state()}
+        return {"side_px": tag.side_px, "soft": tag.soft, "track": track.to_state()}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a noted state, exactly."""
         self._found = None
         if state:
-            tag = Tag(self.family, self.number, float(state["side_px"]))
+            tag = Tag(self.family, self.number, float(state["side_px"]), float(state["soft"]))
             self._found = tag, PatchTrack(tag.patch(), tag.corners(), np.eye(3))
             self._found[1].restore(state["track"])
 

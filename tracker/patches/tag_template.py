@@ -15,10 +15,9 @@ from tracker.patches.align import Look, Patch
 
 _FINE: Final = 8
 """Steps per module of the drawing from which a tag's template is taken."""
-_SOFT: Final = 1.0
-"""Blur of the template, in steps of the grid. The sharpest picture has 0.7: a pixel's own width (0.3) and the sampling
-(0.65). The fit lets the sharpness free: up to a blur of 1.5 px errors are as small as with the picture's own
-(benchmarks/tracking/table.py), and where it is 2.5 px OpenCV finds no tag with modules of 8 px."""
+_SOFT: Final = (0.7, 1.0, 1.3, 1.7, 2.2, 3.0)
+"""Blurs of the template that are tried where a tag is found first, in steps of the grid. The sharpest picture has 0.7:
+a pixel's own width (0.3) and the sampling (0.65). Between them the fit lets the sharpness free."""
 _QUIET: Final = 0.5
 """Share of a module of white around the tag that is compared with it: the blurred rim of the paper, one module away,
 would be taken for the tag's."""
@@ -28,7 +27,7 @@ _MOST_SIDE: Final = 48
 
 @dataclass(frozen=True, slots=True)
 class Tag:
-    """One tag: its family, its number, and its side in px where it was found.
+    """One tag: its family, its number, its side in px where it was found, and how much the picture blurs it.
 
     The plane of its template has its origin in the tag's middle, x along its top edge to the right as printed
     upright, y down; the unit is a pixel.
@@ -37,12 +36,16 @@ class Tag:
     family: str
     number: int
     side_px: float
+    soft: float = _SOFT[1]
 
     @classmethod
-    def of(cls, family: str, found: FoundTag) -> Tag:
-        """Return the tag that was found, with the mean length of its edges."""
+    def of(cls, family: str, found: FoundTag, luma: NDArray[np.uint8]) -> Tag:
+        """Return the tag that was found, with the mean length of its edges and the blur that explains it best."""
         edges = found.corners_px - np.roll(found.corners_px, 1, axis=0)
-        return cls(family, found.number, float(np.hypot(edges[:, 0], edges[:, 1]).mean()))
+        side_px = float(np.hypot(edges[:, 0], edges[:, 1]).mean())
+        tags = [cls(family, found.number, side_px, soft) for soft in _SOFT]
+        fits = [tag.patch().align(luma, tag.warp_of(found)) for tag in tags]
+        return max(zip(tags, fits, strict=True), key=lambda one: one[1].likeness if one[1] else -1.0)[0]
 
     @property
     def spacing_px(self) -> float:
@@ -69,7 +72,7 @@ class Tag:
         step = _FINE / module_px
         drawn = np.repeat(np.repeat(bits, _FINE, axis=0), _FINE, axis=1).astype(np.float32)
         fine: NDArray[np.float32] = np.asarray(
-            cv2.GaussianBlur(drawn, (0, 0), _SOFT * self.spacing_px * step), dtype=np.float32
+            cv2.GaussianBlur(drawn, (0, 0), self.soft * self.spacing_px * step), dtype=np.float32
         )
         middle = 0.5 * (len(fine) - 1)
 
