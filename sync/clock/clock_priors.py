@@ -36,6 +36,8 @@ class Priors:
     start_sigma_c_per_deg : float
         How much a threshold depends on the angle at which its stroke began, through the stress: E_M · d / (2 L_s) / C_M
         per radian, which for the reference rig is 20 GPa · 0.0039 / (32 MPa/K) · π/180 = 0.04 °C per degree.
+    far_scatter_c_per_deg : float
+        Scatter of the thresholds of strokes that begin far from the others.
     near_deg : float
         Up to so far from a usual start the way there matters: how far a heating had come.
     near_scatter_c_per_deg : (float, float)
@@ -85,6 +87,7 @@ class Priors:
     crossing_temper: float = 0.2
     curve_sigma_c: float = 60.0
     start_sigma_c_per_deg: float = 0.04
+    far_scatter_c_per_deg: float = 0.003
     near_deg: float = 3.0
     near_scatter_c_per_deg: tuple[float, float] = (0.2, 0.03)
     farthest_deg: float = 40.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM, Flags, Floats
+
+_STARTS: Final = 4
+"""Local answers that are refined in one range of offsets, at least three steps of its scan apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,26 +242,25 @@ def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussia
 def _delays(
     inputs: _Inputs, crossings: ThresholdCrossings, offset_range: OffsetRange, wide: Gaussian, *, lag_s: float
 ) -> list[Gaussian]:
-    """Return the maxima of the thresholds' likelihood that matter, more than a sigma apart, from a scan of offsets."""
+    """Return the distinct maxima of the thresholds' likelihood in a range of offsets, from a scan over it."""
     step_s = max(0.5, (offset_range.high_s - offset_range.low_s) / 100.0)
     offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
     log_likelihood = scan(crossings, inputs.signals, offset_s=offset_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
     if not np.isfinite(log_likelihood).any():
         return []
-    beside = np.pad(log_likelihood, 1, constant_values=-np.inf)
-    highest = (log_likelihood >= beside[:-2]) & (log_likelihood >= beside[2:])
-    matters = log_likelihood > log_likelihood.max() - NEGLIGIBLE_LOG / PRIORS.crossing_temper
-    starts = np.flatnonzero(highest & matters)
+    order = np.argsort(log_likelihood)[::-1]
+    starts: list[float] = []
+    for index in order[: max(20, len(order) // 4)]:
+        if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < _STARTS:
+            starts.append(float(offset_s[index]))
     found: list[Gaussian] = []
-
-    def new(at_s: float) -> bool:
-        return all(abs(other.mean[0] - at_s) > np.sqrt(other.covariance[0, 0]) for other in found)
-
-    for start_s in offset_s[starts[np.argsort(-log_likelihood[starts])]].tolist():
-        if not new(start_s):
-            continue
+    for start_s in starts:
         delay = refine(crossings, inputs.signals, start_s=start_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
-        if delay is not None and new(float(delay.mean[0])):
+        if delay is None:
+            continue
+        sigma = float(np.sqrt(delay.covariance[0, 0]))
+        same = [other for other in found if abs(other.mean[0] - delay.mean[0]) < max(0.3 * sigma, 0.02)]
+        if not same:
             found.append(delay)
     return found
 

@@ -124,7 +124,7 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
         stroke=stroke,
         kind=kind,
         cell=cell,
-        common_c2=common,
+        common_c2=common + PRIORS.far_scatter_c_per_deg**2 * far_both * scatter,
         # A spring that ages moves all its thresholds one way with time: as likely as scatter from stroke to stroke.
         scatter=scatter + trend,
         middle_s=float(0.5 * (time_s.min() + time_s.max())),

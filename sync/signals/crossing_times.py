@@ -19,6 +19,10 @@ _POWERS: Final = 2
 _FEWEST: Final = _POWERS + 2
 _MOST: Final = _FEWEST * 2**4
 """Frames that are taken together: one more than the coefficients need, doubled at most four times."""
+_NOISE_PER_STEP: Final = 0.05
+"""More frames are taken together until noise moves the crossing by less than this share of the time between frames."""
+_STAMP_SHARE: Final = 0.02
+"""Stamps of frames are not better than this share of the time between frames."""
 
 
 def crossing_time(
@@ -44,16 +48,16 @@ def crossing_time(
         found = _with(time_s, travel_rad, level_rad, near_s=near_s, noise_rad=noise_rad, count=count)
         if found is None:
             return float("nan"), float("nan")
-        at_s, noise_s, unseen_s = found
-        if noise_s <= unseen_s or count >= _MOST or 2 * count > len(time_s):
-            return at_s, float(np.hypot(noise_s, unseen_s))
+        at_s, noise_s, unseen_s, step_s = found
+        if noise_s <= max(_NOISE_PER_STEP * step_s, unseen_s) or count >= _MOST or 2 * count > len(time_s):
+            return at_s, float(np.linalg.norm([noise_s, unseen_s, _STAMP_SHARE * step_s]))
         count *= 2
 
 
 def _with(
     time_s: Floats, travel_rad: Floats, level_rad: float, *, near_s: float, noise_rad: float, count: int
-) -> tuple[float, float, float] | None:
-    """Return instant, its error from noise, and its error from what lies between frames.
+) -> tuple[float, float, float, float] | None:
+    """Return instant, its error from noise, its error from what lies between frames, and the frames' distance.
 
     What the frames do not show is half of the difference between a straight line and a parabola through them.
     """
@@ -75,7 +79,7 @@ def _with(
         return None
     straight_s = float(np.clip(-line[1] / line[0], -reach_s, reach_s))
     gain = float(np.sqrt((np.linalg.inv(powers.T @ powers))[0, 0]))
-    return near_s + root_s, noise_rad * gain / speed, 0.5 * abs(straight_s - root_s)
+    return near_s + root_s, noise_rad * gain / speed, 0.5 * abs(straight_s - root_s), step_s
 
 
 def _root(coefficient: NDArray[np.floating[Any]], reach: float) -> float:
