@@ -33,13 +33,13 @@ FILMS = (
 )
 CONSTANTS = {
     "appearance/lucas_kanade": ("SHARP_PX",),
-    "appearance/motion_blur": ("_RATE", "_CLEAR", "_SELDOM", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
+    "appearance/motion_blur": ("_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/judgement": (
-        "SHAKE_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OFF_CIRCLE",
+        "SHAKE_PX", "_STANDS_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OFF_CIRCLE",
     ),
     "follow/learning": ("RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE",),
-    "follow/reading": ("_DEVIATIONS", "_LEAST_SPREAD"),
+    "follow/reading": ("_DEVIATIONS", "_NEVER"),
     "follow/redetect": ("JUMP_PX", "_GROWTH", "_SLACK"),
 }  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 A pixel sums up the light over its square, which is not the same as a wider blur: taken at its middle alone, a sharp rim
 would shift the dot by up to 0.015 px, depending on how it lies on the pixels. Near the rim the mean over the square is
-taken at Gauss–Legendre points. ``pixels`` (2, n) int64 are a window's offsets x and y from its middle.
+taken at Gauss–Legendre points. ``pixels`` (3, n) int64 are a window's offsets x and y from its middle, and the sector.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ the width of the stick that carries it; radius of the window in which it is comp
 
 MOST_STRETCH: Final = 0.45
 """Stretch up to which it is a dot's: that of a plane seen from 67 degrees aside."""
+SECTORS: Final = 8
+"""Parts of a window over which residuals are averaged: a wire over a dot fills most of one or two."""
 COLUMNS: Final = 7
 """Unknowns of a dot that is not smeared: light, step, place (2), radius, stretch (2)."""
 
@@ -111,12 +113,14 @@ def smear_count(length: float, edge: float) -> int:
 def window_pixels(radius_px: float) -> Ints:
     """Return the pixels in a disc around the middle of a square patch, row by row."""
     half = math.ceil(radius_px)
-    pixels = np.empty((2, (2 * half + 1) ** 2), np.int64)
+    pixels = np.empty((3, (2 * half + 1) ** 2), np.int64)
     count = 0
     for y in range(-half, half + 1):
         for x in range(-half, half + 1):
             if x * x + y * y <= radius_px * radius_px:
+                turn = math.atan2(float(y), float(x)) / (2.0 * math.pi)
                 pixels[0, count], pixels[1, count] = x, y
+                pixels[2, count] = min(int((turn % 1.0) * SECTORS), SECTORS - 1)
                 count += 1
     return pixels[:, :count].copy()
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, lending
 from torsight.core.units import Floats, Ints
-from tracker.appearance.disc import COLUMNS, Record, fill_columns, window_pixels
+from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, window_pixels
 
 Luma = NDArray[np.uint8]
 Point = tuple[float, float]
@@ -37,6 +37,7 @@ READING: Final = np.dtype(
         ("step", "f8"),
         ("contrast", "f8"),
         ("residual", "f8"),
+        ("patch", "f8"),
         ("change", "f8", (3,)),
         ("slope", "f8", (2,)),
         ("converged", "i8"),
@@ -47,7 +48,7 @@ READING: Final = np.dtype(
 )
 """A marker as read in one picture. x, y: px. covariance: xx, xy, yy for white noise of the size of ``residual``, px².
 light: brightness around the dot (mean brightness for texture), step: of the dot, residual: root mean square of what the
-model leaves, all grey levels.
+model leaves, patch: the largest mean of that over a sector of the window (something lies over it), all grey levels.
 contrast: step over the template's (gain for texture). change: how radius (px) and stretch differ from the template's.
 slope: of the light, as seen in this frame alone, relative change per pixel. predicted: where it was expected, path: how
 far it was expected to move since the last frame, px. state: see :data:`tracker.follow.rows.STATES`."""
@@ -176,6 +177,19 @@ def take_away(values: Floats, row: Floats, weight: float) -> None:
         values[i] -= weight * row[i]
 
 
+@compiled
+def worst_sector(left: Floats, pixels: Ints) -> float:
+    """Return the largest mean over a sector of a window."""
+    sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
+    for i in range(len(left)):
+        sums[pixels[2, i]] += left[i]
+        numbers[pixels[2, i]] += 1.0
+    worst = 0.0
+    for k in range(SECTORS):
+        worst = max(worst, abs(sums[k]) / max(numbers[k], 1.0))
+    return worst
+
+
 @lending
 def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, found: Floats) -> None:
     """Find the coefficients of a window's columns by one linear step, the marker's slopes of the light taken out."""
@@ -187,7 +201,9 @@ def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, fo
 
 
 @compiled
-def take_reading(values: Floats, found: Floats, model: Floats, extra: Floats, marker: Record, out: Record) -> None:
+def take_reading(
+    values: Floats, found: Floats, model: Floats, extra: Floats, pixels: Ints, marker: Record, out: Record
+) -> None:
     """Take all but the place from the coefficients of a window, and from what they leave of it."""
     columns = len(found)
     scale, last = max(found[0], 1.0), 2 * columns
@@ -197,6 +213,7 @@ def take_reading(values: Floats, found: Floats, model: Floats, extra: Floats, ma
     take_away(left, model[last + 1], marker.slope[1] * scale)
     for k in range(columns):
         take_away(left, model[columns + k], found[k])
+    out.patch = worst_sector(left, pixels)
     light, step = found[0], found[1]
     variance = inner(left, left) / max(1, len(values) - columns)
     for k in range(3):
@@ -271,7 +288,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         near = abs(dx) <= _NEAR_PX and abs(dy) <= _NEAR_PX
         if near or round_ == _ROUNDS - 1 or not math.isfinite(out.x) or not math.isfinite(out.y):
             out.converged = abs(dx) < _CONVERGED and abs(dy) < _CONVERGED
-            take_reading(values, found, models[slot], extras[slot], marker, out)
+            take_reading(values, found, models[slot], extras[slot], pixels, marker, out)
             break
         limit = 0.5 * shape.radius
         x_px += min(max(out.x - x_px, -limit), limit)

@@ -26,6 +26,8 @@ SHAKE_PX: Final = 2.0
 """Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of its step from one frame to the next, where both are independent."""
+_STANDS_PX: Final = 0.8
+"""Standard deviation of a base marker against where it stood: noise, and an edge of the moving stick nearby."""
 TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
@@ -46,7 +48,7 @@ base's last direction, by which its dots cannot be the base's."""
 KNOWN: Final = 2
 MOST_VOTES: Final = 20
 """Votes from which it is known which stick lies above, and how many are kept at most."""
-SOON: Final = KEPT
+SOON: Final = KEPT - 1
 """Frames after which a lost marker is no longer taken to be next to where it is expected: its readings reach back no
 further."""
 _OFF_CIRCLE: Final = 0.1
@@ -89,12 +91,11 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
 def covers(scene: Scene, point: Point, index: int) -> bool:
     """Return whether the moving stick, as it is seen or expected, reaches into a base marker's window at a place."""
     i = 2 * scene.rig[0].moving
-    own, shape = scene.markers[i].shape, scene.markers[index].shape
-    # Up to where its blurred edges are seen; it is at least as wide as what is compared with its dots.
-    width = own.window + _ROOM_PX
-    if math.isfinite(own.strip):
-        width = max(width, own.strip + 2.0 * own.edge)
-    return to_strip(point, at(scene, i), at(scene, i + 1), BEYOND) < shape.radius + width  # type: ignore[no-any-return]
+    shape = scene.markers[i].shape
+    # Where its edges are not seen it is at least as wide as what is compared with its dots.
+    width = shape.strip if math.isfinite(shape.strip) else shape.window
+    away = to_strip(point, at(scene, i), at(scene, i + 1), BEYOND)
+    return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
 
 
 # --- one rigid stick ------------------------------------------------------------------------------------------------
@@ -186,6 +187,8 @@ def judge_pair(scene: Scene, stick: int) -> None:
     lost = scene.markers[i].lost + scene.markers[j].lost
     expected_px = math.hypot(q[0] - p[0], q[1] - p[1])
     found, freedom = rigid_misfit(scene.sticks[stick], rig.shift_now, a, b, lost, expected_px)
+    if is_base(rig, stick) and rig.anchored:
+        found, freedom = found + sure_misfit(rig, a, b) ** 2, freedom + 1
     if passes(found, freedom):
         return
     off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])
@@ -226,14 +229,29 @@ def vote(rig: Record, evidence: int) -> None:
 
 @compiled
 def judge_base(scene: Scene) -> bool:
-    """Judge the base; return whether it has to be looked for."""
+    """Judge the base; return whether it has to be looked for.
+
+    While the moving stick is not seen it may lie anywhere, even over the base: then only the base's own direction will
+    do, and one dot alone has to be where the base was when the moving stick was last seen elsewhere.
+    """
     rig, base = scene.rig[0], 1 - scene.rig[0].moving
     i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving
     vote(rig, _cover(scene, i) + _cover(scene, j))
+    elsewhere = seen(scene, k) and seen(scene, k + 1)
+    if not elsewhere and not rig.anchored:
+        rig.anchor[:] = rig.shift
+    rig.anchored = not elsewhere
     judge_pair(scene, base)
-    if seen(scene, i) and seen(scene, j) and seen(scene, k) and seen(scene, k + 1):
-        (ax, ay), (bx, by) = at(scene, i), at(scene, j)
-        rig.last_rad = math.atan2(by - ay, bx - ax)
+    if seen(scene, i) and seen(scene, j):
+        if elsewhere:
+            (ax, ay), (bx, by) = at(scene, i), at(scene, j)
+            rig.last_rad = math.atan2(by - ay, bx - ax)
+    elif not elsewhere:
+        for end in range(2):
+            (x, y), zero = at(scene, i + end), rig.zero[end]
+            off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / _STANDS_PX**2
+            if seen(scene, i + end) and not passes(off, 2):
+                scene.readings[i + end].state = LOST
     return _gone(scene, i) and _gone(scene, j)
 
 
@@ -271,8 +289,8 @@ def find_shift(scene: Scene) -> bool:
         return True
     off = np.empty((2, 2))
     # Under the base, or not known to be above it, what is seen of the moving stick may be the base's own dots.
-    if rig.above >= KNOWN and circles_off(scene, off):
-        x, y = 0.5 * (off[0, 0] + off[1, 0]), 0.5 * (off[0, 1] + off[1, 1])
+    if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):
+        x, y = 0.5 * (off[0, 0] + off[1, 0]) - rig.offset[0], 0.5 * (off[0, 1] + off[1, 1]) - rig.offset[1]
         away = (x - rig.shift[0]) ** 2 + (y - rig.shift[1]) ** 2
         if passes(away / (_STEP_PX2 * (2 + rig.unknown)), 2):
             rig.shift_now[0], rig.shift_now[1] = x, y

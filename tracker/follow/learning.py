@@ -17,16 +17,16 @@ from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
-from tracker.follow.judgement import SOON, at, seen
-from tracker.follow.motion_model import STALE, is_base, predict
+from tracker.follow.judgement import SOON, at, circles_off, seen
+from tracker.follow.motion_model import STALE, is_base, predict, ways
 from tracker.follow.reading import share_of_step
 from tracker.follow.rotation_axis import learn_axis
 from tracker.follow.state import KEPT, Scene
 from tracker.rows import SEEN
 
 RATE: Final = 0.1
-"""Share of the new in averages of shape, fit, length and light (also that of the picture): ten frames, over which noise
-averages to a quarter."""
+"""Share of the new in averages of shape, fit, length, light (also that of the picture) and misses: ten frames, over
+which noise averages to a quarter."""
 _CHANGE_PX: Final = 0.15
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
@@ -36,9 +36,10 @@ _RADIUS_RANGE: Final = (0.7, 1.4)
 @compiled
 def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     """Take in how well a sharp reading fits, and follow slow changes of shape and light."""
-    off = share_of_step(reading.residual, reading.step) - marker.residual[0]
-    marker.residual[0] += RATE * off
-    marker.residual[1] += RATE * (abs(off) - marker.residual[1])
+    for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
+        off = share_of_step(value, reading.step) - kept[0]
+        kept[0] += RATE * off
+        kept[1] += RATE * (abs(off) - kept[1])
     marker.change[:] += RATE * (reading.change - marker.change)
     marker.slope[:] += RATE * (reading.slope - marker.slope)
     shape = marker.shape
@@ -66,6 +67,10 @@ def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
             h[0, :] = h[count - 1, :]
         count = kept
     elif count == KEPT:
+        guesses = ways(marker, time_s)
+        for way in range(len(guesses)):
+            miss = (x - guesses[way, 0]) ** 2 + (y - guesses[way, 1]) ** 2
+            marker.miss[way] += RATE * (miss - marker.miss[way])
         for k in range(KEPT - 1):
             h[k, :] = h[k + 1, :]
         count = KEPT - 1
@@ -119,6 +124,8 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
         else:
             miss(marker, reading.predicted[0], reading.predicted[1])
         return
+    marker.light += RATE * (reading.light - marker.light)
+    marker.step += RATE * (abs(reading.step) - marker.step)
     if is_sharp(rig, math.hypot(reading.path[0], reading.path[1])):
         learn_look(marker, scene.looks[index][2], reading)
     take(marker, time_s, reading, rig.shift)
@@ -140,6 +147,10 @@ def _note_stick(scene: Scene, stick: int) -> None:
         return
     dx, dy = rig.shift[0], rig.shift[1]
     learn_axis(own.axis, (ax - dx, ay - dy), (bx - dx, by - dy))
+    off = np.empty((2, 2))
+    if rig.moving >= 0 and circles_off(scene, off):
+        rig.offset_known = 1
+        rig.offset[0], rig.offset[1] = 0.5 * (off[0, 0] + off[1, 0]) - dx, 0.5 * (off[0, 1] + off[1, 1]) - dy
 
 
 @lending

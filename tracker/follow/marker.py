@@ -22,7 +22,9 @@ from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15
 """Spread of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07, and
-no noise is white."""
+no noise is white; the worst sector twice as much."""
+_MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
+"""Misses at the start: the steady way is taken until another one has proved better."""
 
 
 class Marker:
@@ -34,6 +36,7 @@ class Marker:
         own["radius"], own["edge"], own["stretch"] = dot.radius_px, dot.edge_px, dot.stretch
         own["contrast"], own["strip"], own["window"] = dot.contrast, strip_px, dot.window_px
         self.record["first_radius"] = dot.radius_px
+        self.record["miss"] = _MISSES_PX2
         pixels = window_pixels(dot.window_px)
         slots, rows = PHASES * PHASES, 2 * COLUMNS + 4
         self.look: Look = (pixels, np.empty((slots, rows, pixels.shape[1])), np.zeros((slots, rows)))
@@ -47,8 +50,11 @@ class Marker:
 
     def begin(self, reading: NDArray[np.void]) -> None:
         """Begin with the first reading, which is known to be of the marker."""
-        self.record["x"], self.record["y"] = reading["x"], reading["y"]
-        self.record["residual"] = share_of_step(float(reading["residual"]), float(reading["step"])), _FIT_SPREAD
+        for name in ("x", "y", "light"):
+            self.record[name] = reading[name]
+        self.record["step"] = abs(reading["step"])
+        for name, spread in (("residual", _FIT_SPREAD), ("patch", 2.0 * _FIT_SPREAD)):
+            self.record[name] = (share_of_step(float(reading[name]), float(reading["step"])), spread)
 
     @property
     def x_px(self) -> float:

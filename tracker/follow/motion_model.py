@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 from torsight.core.compiled import compiled, lending
+from torsight.core.units import Floats
 from tracker.appearance.disc import Record
-from tracker.appearance.lucas_kanade import Point
 from tracker.follow.rotation_axis import direction_from, folded, on_circle
 from tracker.follow.state import Scene
 
 STALE: Final = 15
 """Frames for which a lost marker is carried on along its last motion: half a second at 30 frames a second."""
+STEADY: Final = 1
+"""Which way to predict is the steady one."""
 
 
 @lending
@@ -20,25 +24,32 @@ def is_base(rig: Record, stick: int) -> bool:
     return rig.moving >= 0 and stick != rig.moving  # type: ignore[no-any-return]
 
 
-@lending
-def carried_on(marker: Record, time_s: float) -> Point:
-    """Return where a marker's last readings carry it: along a parabola through three, a line through two, or at rest.
+@compiled
+def ways(marker: Record, time_s: float) -> Floats:
+    """Return where a marker's last readings carry it (4, 2): at rest, steady, averaged over three steps, curved.
 
-    One that is lost goes on along a line.
+    A smooth fast motion wants the curved way, a shaking camera the averaged one.
     """
+    out = np.empty((4, 2))
     count, h = marker.count, marker.history
-    last, second, third = count - 1, max(count - 2, 0), max(count - 3, 0)
-    a, b, c = 1.0, 0.0, 0.0
-    t1, t2, t3 = h[last, 0], h[second, 0], h[third, 0]
-    if count > 2 and marker.lost == 0:
-        # Lagrange's parabola, whatever the spacing of the readings.
-        a = (time_s - t2) * (time_s - t3) / ((t1 - t2) * (t1 - t3))
-        b = (time_s - t1) * (time_s - t3) / ((t2 - t1) * (t2 - t3))
-        c = (time_s - t1) * (time_s - t2) / ((t3 - t1) * (t3 - t2))
-    elif count > 1:
-        a, b = (time_s - t2) / (t1 - t2), (t1 - time_s) / (t1 - t2)
-    x = a * h[last, 1] + b * h[second, 1] + c * h[third, 1]
-    return x, a * h[last, 2] + b * h[second, 2] + c * h[third, 2]
+    for axis in (1, 2):
+        out[:, axis - 1] = h[count - 1, axis]
+    if count < 2:
+        return out
+    t1, t2, t0 = h[count - 1, 0], h[count - 2, 0], h[0, 0]
+    for axis in (1, 2):
+        out[1:, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t2) * (h[count - 1, axis] - h[count - 2, axis])
+    if count < 3:
+        return out
+    t3 = h[count - 3, 0]
+    # Lagrange's parabola through the last three readings, whatever their spacing.
+    a = (time_s - t2) * (time_s - t3) / ((t1 - t2) * (t1 - t3))
+    b = (time_s - t1) * (time_s - t3) / ((t2 - t1) * (t2 - t3))
+    c = (time_s - t1) * (time_s - t2) / ((t3 - t1) * (t3 - t2))
+    for axis in (1, 2):
+        out[2, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t0) * (h[count - 1, axis] - h[0, axis])
+        out[3, axis - 1] = a * h[count - 1, axis] + b * h[count - 2, axis] + c * h[count - 3, axis]
+    return out
 
 
 @compiled
@@ -50,8 +61,9 @@ def predict(scene: Scene, time_s: float) -> None:
         reading.predicted[0], reading.predicted[1] = marker.x, marker.y
         reading.path[:] = 0.0
         if not is_base(rig, index // 2) and marker.count > 0:
-            x, y = carried_on(marker, time_s)
-            reading.predicted[0], reading.predicted[1] = x + rig.shift[0], y + rig.shift[1]
+            way = STEADY if marker.lost > 0 else int(np.argmin(marker.miss))
+            place = ways(marker, time_s)[way]
+            reading.predicted[:] = place + rig.shift
     for stick in range(len(scene.sticks)):
         if is_base(rig, stick):
             continue

@@ -1,7 +1,7 @@
 """Reading one marker and judging it by itself: where it was predicted, and fitting as it usually does.
 
-Compiled. The fit is judged against what the marker has shown so far: the residual, as the logarithm of its share of the
-step, may be five mean deviations above its mean (four standard deviations of a normal variable).
+Compiled. The fit is judged against what the marker has shown so far: residual and worst sector, as logarithms of their
+share of the step, may be five mean deviations above their means (four standard deviations of a normal variable).
 """
 
 from __future__ import annotations
@@ -22,8 +22,12 @@ LEAST_STEP: Final = 4.0
 _CONTRAST: Final = (0.45, 1.8)
 """Contrast over the template's outside of which it is not this dot: a factor of two, and a little."""
 _DEVIATIONS: Final = 5.0
-_LEAST_SPREAD: Final = 0.35
-"""Least allowance for the residual, logarithm: a factor of 1.4."""
+_LEAST_SPREAD: Final = (0.35, 0.7)
+"""Least allowance for residual and worst sector, logarithms: factors of 1.4 and 2."""
+_NEVER: Final = 0.3
+"""What is left above the marker's usual noise, in quadrature, is not of a dot from this share of the step."""
+_ALWAYS: Final = 0.015
+"""A residual below this share of the step hides nothing: it is rounding for a step of 20 grey levels."""
 
 
 @lending
@@ -43,8 +47,14 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
         return False
     if not _CONTRAST[0] < reading.contrast < _CONTRAST[1]:
         return False
-    limit = math.exp(marker.residual[0] + max(_DEVIATIONS * marker.residual[1], _LEAST_SPREAD)) + slack
-    return bool(reading.residual <= limit * step)
+    limit = math.exp(marker.residual[0] + max(_DEVIATIONS * marker.residual[1], _LEAST_SPREAD[0])) + slack
+    patch_limit = math.exp(marker.patch[0] + max(_DEVIATIONS * marker.patch[1], _LEAST_SPREAD[1])) + slack
+    share, patch = reading.residual / step, reading.patch / step
+    # In little light the noise alone may be a quarter of the step.
+    noise = math.exp(marker.residual[0]) * marker.step
+    if reading.residual**2 > noise**2 + (_NEVER * step) ** 2:
+        return False
+    return bool(share <= max(limit, _ALWAYS) and patch <= max(patch_limit, _ALWAYS))
 
 
 @compiled

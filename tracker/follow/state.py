@@ -12,8 +12,8 @@ from tracker.appearance.lucas_kanade import Look
 from tracker.appearance.motion_blur import SHARES
 from tracker.follow.rotation_axis import AXIS
 
-KEPT: Final = 3
-"""Readings that are kept of each marker: a parabola takes three."""
+KEPT: Final = 4
+"""Readings that are kept of each marker: a parabola takes three, the mean speed over three steps four."""
 
 MARKER: Final = np.dtype(
     [
@@ -22,7 +22,11 @@ MARKER: Final = np.dtype(
         ("lost", "i8"),
         ("count", "i8"),
         ("history", "f8", (KEPT, 3)),
+        ("miss", "f8", (4,)),
+        ("light", "f8"),
+        ("step", "f8"),
         ("residual", "f8", (2,)),
+        ("patch", "f8", (2,)),
         ("slope", "f8", (2,)),
         ("change", "f8", (3,)),
         ("first_radius", "f8"),
@@ -30,9 +34,10 @@ MARKER: Final = np.dtype(
     ]
 )
 """A marker. x, y: where it is, or is taken to be while it is not seen, px. lost: frames since it was read. history:
-(time_s, x, y) of the last ``count`` readings less the shift of the camera, the newest last. residual: of the fit,
-logarithm of its share of the step, running mean and mean deviation. slope: of the light. change: of radius and stretch
-against ``shape``, running means."""
+(time_s, x, y) of the last ``count`` readings less the shift of the camera, the newest last. miss: running mean square
+errors of the ways to predict it, px². light, step: running means, grey levels. residual, patch: of the fit, logarithms
+of their share of the step, running mean and mean deviation. slope: of the light. change: of radius and stretch against
+``shape``, running means."""
 
 STICK: Final = np.dtype(
     [("length", "f8"), ("shortest", "f8"), ("longest", "f8"), ("start_rad", "f8"), ("still", "i8"), ("axis", AXIS)]
@@ -50,15 +55,21 @@ RIG: Final = np.dtype(
         ("unknown", "i8"),
         ("zero", "f8", (2, 2)),
         ("last_rad", "f8"),
+        ("anchor", "f8", (2,)),
+        ("anchored", "i8"),
+        ("offset", "f8", (2,)),
+        ("offset_known", "i8"),
         ("shutter_share", "f8"),
         ("shutter_cost", "f8", (len(SHARES),)),
         ("fast", "i8"),
     ]
 )
 """Both sticks and the camera. moving: which stick moves, −1 while that is not known. above: votes that the moving stick
-lies above the base. shift: of the picture since the start, px, and as this frame tells it; unknown: frames since it was
-last told. zero: the base's markers at the start. last_rad: direction of the base when last seen. The rest is for
-:mod:`tracker.appearance.motion_blur`."""
+lies above the base. shift: of the picture
+since the start, px, and as this frame tells it; unknown: frames since it was last told. zero: the base's markers at the
+start. last_rad: direction of the base when last seen. anchor: the shift when the
+moving stick was last seen, while it is not. offset: how far the moving stick's circles are off where the base says.
+The rest is for :mod:`tracker.appearance.motion_blur`."""
 
 
 class Scene(NamedTuple):

@@ -7,12 +7,12 @@ import pytest
 from scipy import stats
 
 from tracker.follow.innovation import passes
-from tracker.follow.motion_model import carried_on
+from tracker.follow.motion_model import ways
 from tracker.follow.redetect import direction
 from tracker.follow.rotation_axis import AXIS, direction_from, learn_axis, on_circle
 from tracker.follow.state import KEPT, MARKER
 
-TIMES_S = np.array([0.03, 0.07, 0.1])
+TIMES_S = np.array([0.0, 0.03, 0.07, 0.1])
 
 
 def marker_on(motion: np.ndarray, count: int) -> np.ndarray:
@@ -28,15 +28,18 @@ def marker_on(motion: np.ndarray, count: int) -> np.ndarray:
 def test_a_motion_is_carried_on_as_far_as_its_readings_tell(count: int) -> None:
     motion = np.array([[80.0, -30.0, 200.0], [-50.0, 90.0, 120.0]])
     time_s = 0.14
+    rest, steady, averaged, curved = ways(marker_on(motion, count), time_s)
     known = TIMES_S[KEPT - count :]
     places = np.array([[np.polyval(axis, t) for axis in motion] for t in known])
-    # A parabola through three, a line through two; of one that is lost the line through the last two.
-    for lost in (0, 2):
-        marker = marker_on(motion, count)
-        marker["lost"] = lost
-        used = slice(-2 if lost else -3, None)
-        fitted = [np.polyfit(known[used], places[used, axis], len(known[used]) - 1) for axis in (0, 1)]
-        assert carried_on(marker, time_s) == pytest.approx([np.polyval(one, time_s) for one in fitted])
+    assert rest == pytest.approx(places[-1])
+    # A line through the last two, a line through the first and the last, a parabola through the last three.
+    steady_on, averaged_on, curved_on = [-2, -1], ([0, -1] if count > 2 else [-2, -1]), [-3, -2, -1][-count:]
+    for way, used in ((steady, steady_on), (averaged, averaged_on), (curved, curved_on)):
+        if count == 1:
+            assert way == pytest.approx(places[-1])
+            continue
+        fitted = [np.polyfit(known[used], places[used, axis], len(used) - 1) for axis in (0, 1)]
+        assert way == pytest.approx([np.polyval(one, time_s) for one in fitted])
 
 
 @pytest.mark.parametrize("freedom", range(1, 7))
