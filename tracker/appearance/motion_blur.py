@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
-from torsight.core.units import Flags, Floats
+from torsight.core.units import Floats
 from tracker.appearance.disc import Record, fill_beside, smear_count, smeared_point, window_pixels
 from tracker.appearance.lucas_kanade import (
     SHARP_PX,
@@ -27,14 +27,17 @@ from tracker.appearance.lucas_kanade import (
 
 SHARES: Final = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
 """Shares of the frame interval that are tried."""
-_RATE: Final = 0.1
-"""Share of a new look in the account once that many (its inverse) are in it; up to then it is their plain mean."""
+_RATE: Final = 0.15
+"""Share of a new look in the account; of a path below ``_LONG_PX``, whose smears hardly differ, half of it."""
+_LONG_PX: Final = 4.0
 _CLEAR: Final = 0.15
 """By how much (of the logarithm of the residual) a smear has to fit better than none: compression softens moving dots,
 and that looks a little like a smear."""
-_SELDOM: Final = 200
-"""Every so many fast readings are looked at in the end: a look costs as much as several frames, and a shutter seldom
-changes. Up to there the looks get rarer as there are more of them."""
+_LEARNED: Final = 12
+"""Fast readings after which the shutter counts as known: by then a first look has a weight below 0.15."""
+_OFTEN, _SELDOM = 4, 200
+"""Every so many fast readings are looked at once the shutter is known, and well known: a look costs as much as several
+frames, and a shutter seldom changes."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
 """Allowance for smear, before and after the shutter is known: share of the step, per root of the speed in px. While it
@@ -45,7 +48,7 @@ stays below a tenth of the step times the root of the length."""
 @lending
 def shutter_known(rig: Record) -> bool:
     """Return whether enough fast readings have been seen."""
-    return bool(rig.fast * _RATE >= 1.0)
+    return bool(rig.fast >= _LEARNED)
 
 
 @lending
@@ -66,23 +69,13 @@ def smear_slack(rig: Record, length: float) -> float:
 def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
     """Take in a fast marker; every now and then compare how well smears of several lengths fit its picture."""
     rig.fast += 1
-    learned = rig.fast * _RATE > 2.0
-    if rig.fast % min(max(int(0.5 * _RATE * rig.fast), 1), _SELDOM):
-        return
-    # One that is known does not jump: the shares next to it tell whether it changes.
-    best = int(np.argmin(rig.shutter_cost))
-    wanted = np.ones(len(SHARES), np.bool_)
-    if learned:
-        wanted[1 : max(best - 1, 1)] = wanted[best + 2 :] = False
+    every = 1 if rig.fast <= 2 * _LEARNED else (_OFTEN if rig.fast <= 8 * _LEARNED else _SELDOM)
     costs = np.empty(len(SHARES))
-    if not smear_misfits(luma, place, shape, path, wanted, costs):
+    if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
         return
     costs = np.log(costs + 1e-3)
-    least = costs[wanted].min()
-    for k in range(len(SHARES)):
-        if wanted[k]:
-            more = min(costs[k] - least, 2.0)
-            rig.shutter_cost[k] += max(_RATE, 1.0 / rig.fast) * (more - rig.shutter_cost[k])
+    weight = _RATE if math.hypot(path[0], path[1]) > _LONG_PX else 0.5 * _RATE
+    rig.shutter_cost[:] += weight * (np.minimum(costs - costs.min(), 2.0) - rig.shutter_cost)
     rig.shutter_share = best_share(rig.shutter_cost)
 
 
@@ -113,10 +106,8 @@ def residual_share(rows: Floats, values: Floats) -> float:
 
 
 @compiled
-def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, wanted: Flags, out: Floats) -> bool:
-    """Find how well smears along the wanted ``SHARES`` of a path fit: the residual over the step.
-
-    The others are 1. False where it is not told.
+def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: Floats, out: Floats) -> bool:
+    """Find how well smears along several shares of a path fit: the residual over the step; False where it is not told.
 
     Window and columns are the same for all shares, and the shape is taken as known: a stretched dot looks much like a
     short smear.
@@ -130,17 +121,14 @@ def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, wanted: 
     cx, cy = math.floor(x_px + 0.5), math.floor(y_px + 0.5)
     if not take_values(luma, cx, cy, pixels, math.ceil(radius), values):
         return False
-    out[:] = 1.0
-    for k in range(len(SHARES)):
-        if not wanted[k]:
-            continue
-        smear_x, smear_y = SHARES[k] * path_x, SHARES[k] * path_y
+    for k in range(len(shares)):
+        smear_x, smear_y = shares[k] * path_x, shares[k] * path_y
         count = smear_count(math.hypot(smear_x, smear_y), shape.edge)
         for i in range(n):
             x, y = pixels[0, i] - (x_px - cx), pixels[1, i] - (y_px - cy)
             d, along_x, along_y = smeared_point(x, y, shape, smear_x, smear_y, count)
             rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, d, -along_x, -along_y
-        ramp = max(1.0, SHARES[k] * length)
+        ramp = max(1.0, shares[k] * length)
         columns = fill_beside(rows, 4, pixels, x_px - cx, y_px - cy, shape.strip, (path_x, path_y), ramp)
         out[k] = residual_share(rows[:columns], values)
         if out[k] < 0.0:
