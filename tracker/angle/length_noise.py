@@ -16,13 +16,14 @@ from typing import Final
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from torsight.core.series import BY_CHANCE, robust_sigma
+from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
 
 LEAST_FRAMES: Final = 30
 """Frames of a kind that tell how large its errors are: to an eighth."""
 _FEW_FRAMES: Final = 8
 """Frames of a kind that at least tell how far the kind may be off."""
+_CLIP: Final = 4.0
 _STILL_FRAMES: Final = 11
 _STILL_PX: Final = 0.2
 """A stick rests while its markers keep within so many pixels over so many frames."""
@@ -92,13 +93,13 @@ def witness(
         left = length[known] - _smooth(angle, length[known], weight * use)
         spreads = [robust_sigma(left[kind & use]) for kind in kinds]
         for kind, spread in zip(kinds, spreads, strict=True):
-            use[kind] = np.abs(left[kind]) < max(BY_CHANCE * spread, 1e-9)
+            use[kind] = np.abs(left[kind]) < max(_CLIP * spread, 1e-9)
             if not use[kind].any():
                 use[kind] = True
     residual[known] = left
     # Rest does not show how large an error may be, nor do a few frames.
     told = [spread for kind, spread in zip(kinds, spreads, strict=True) if kind.sum() >= _FEW_FRAMES]
-    outlier[known] = np.abs(left) > BY_CHANCE * max(*told, float(np.sqrt(np.median(variance[known]))))
+    outlier[known] = np.abs(left) > max(8.0 * max(told), 6.0 * float(np.sqrt(np.median(variance[known]))))
     scale, still = _scales(left**2, variance[known], use, moves[known])
     return LengthWitness(float(np.mean(length[known][use])), residual, scale, still, outlier)
 
