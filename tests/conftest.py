@@ -18,7 +18,7 @@ from xdist.scheduler.loadscope import LoadScopeScheduling
 from torsight.core.lazy import collect_seldom
 from torsight.core.threads import VARIABLES
 
-# Before anything loads numpy: threads of linear algebra that wait for each other beside two workers take the engine's
+# Before anything loads numpy: threads of linear algebra that wait for each other beside other workers take the engine's
 # tests five times as long, and every stage of the product computes with one.
 os.environ.update(dict.fromkeys(VARIABLES, "1"))
 

@@ -101,17 +101,19 @@ def _blocks(time_s: Floats) -> Ints:
     usual_s = usual_step(time_s)
     # Where stamps are negative a clock that begins at zero again jumps forward, and would pass for a pause.
     to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
+    backs = np.append(np.flatnonzero(step < 0) + 1, len(time_s))
     for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
         if at < begin + 2:
             continue
-        before, behind = time_s[begin:at], time_s[at:]
+        behind = time_s[at:]
         if to_zero[at - 1]:
             restarted = True
         elif step[at - 1] > 0:
             # A lone wild stamp jumps too; a clock that was set goes on from there.
             restarted = len(behind) >= 3 and bool(np.all(np.abs(behind[:3] - behind[0]) < _CLOCK_SET_S))
         else:
-            restarted = _runs_over(before, behind)
+            until = int(backs[np.searchsorted(backs, at, side="right")])
+            restarted = _runs_over(time_s[begin:at], time_s[at:until])
         if restarted:
             block[at:] += 1
             begin = int(at)
@@ -119,11 +121,10 @@ def _blocks(time_s: Floats) -> Ints:
 
 
 def _runs_over(before: Floats, behind: Floats) -> bool:
-    """Tell whether the rows behind a step back cover time that was there already."""
+    """Tell whether the rows behind a step back, up to the next one, cover time that was there already."""
     last_s = float(np.median(before[-3:]))
-    # The rows that run on from there, up to the next step back or to where they have passed the last stamp.
-    ends = np.append((behind[1:] >= last_s) | (np.diff(behind) < 0), True)
-    back = behind[: int(np.argmax(ends)) + 1]
+    # Those of them that come before the last stamp was passed.
+    back = behind[: int(np.searchsorted(behind[1:], last_s)) + 1]
     if len(back) < 3 or back[0] >= last_s:
         return False
     # Those of them that lie within what was there.

@@ -42,13 +42,12 @@ class Answer:
 
 def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[..., int]:
     """Return the command with the option ``--json`` where it returns an :class:`Answer`, else as it is."""
-    signature = inspect.signature(command, eval_str=True)
+    signature, run = inspect.signature(command, eval_str=True), own_packages()(command)
     if signature.return_annotation is not Answer:
 
         @functools.wraps(command)
         def plain(*arguments: Any, **options: Any) -> int:
-            with own_packages():
-                command(*arguments, **options)
+            run(*arguments, **options)
             return 0
 
         return plain
@@ -56,8 +55,7 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
     @functools.wraps(command)
     def answered(*arguments: Any, as_json: bool, **options: Any) -> int:
         try:
-            with own_packages():
-                answer = command(*arguments, **options)
+            answer = run(*arguments, **options)
         except TorsightError as error:
             if as_json:
                 _put(name, exit_code=error.exit_code, error=_told(error))

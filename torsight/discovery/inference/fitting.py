@@ -169,10 +169,15 @@ class Fitter:
 
     def known(self, effects: EffectSet, x: Floats, prediction: Floats, derivative: Floats) -> Fit:
         """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""
-        observed = np.where(self.weight.each > 0.0, self.problem.observed, 0.0)
-        cost = objective(observed - prediction, x, weight=self.weight, space=self.space(effects))
+        cost = self._costs(effects)(x, prediction)
         solution = Solution(x, prediction, derivative, cost, converged=False)
         return Fit(effects, self.parameters(effects), solution)
+
+    def _costs(self, effects: EffectSet, weight: Weight | None = None) -> Callable[[Floats, Floats], float]:
+        """Return the objective of a set of effects as a function of a point (m,) and the prediction there (n,)."""
+        used, space = self.weight if weight is None else weight, self.space(effects)
+        observed = np.where(used.each > 0.0, self.problem.observed, 0.0)
+        return lambda x, prediction: objective(observed - prediction, x, weight=used, space=space)
 
     def base(self) -> Fit:
         """Fit the base model alone, from the priors' means."""
@@ -227,8 +232,7 @@ class Fitter:
         if not own:
             return found
         space, model = self.space(found.effects), self._model(found.effects)
-        used = self.weight if weight is None else weight
-        observed = np.where(used.each > 0.0, self.problem.observed, 0.0)
+        costs = self._costs(found.effects, weight)
         least = _FINEST * space.scale[own]
 
         def at(logarithms: Floats) -> Floats:
@@ -238,7 +242,7 @@ class Fitter:
 
         def cost(logarithms: Floats) -> float:
             x = at(logarithms)
-            return objective(observed - model(x), x, weight=used, space=space)
+            return costs(x, model(x))
 
         while True:
             start = np.log(np.maximum(found.solution.x[own], least))
@@ -259,12 +263,11 @@ class Fitter:
 
         Only a place that is better already, everything else left as it is, is followed.
         """
-        model, space = self._model(fit.effects), self.space(fit.effects)
-        observed = np.where(self.weight.each > 0.0, self.problem.observed, 0.0)
+        model, costs = self._model(fit.effects), self._costs(fit.effects)
 
         def cost(values: Mapping[str, float]) -> float:
             x = np.array([values[p.name] for p in fit.parameters])
-            return objective(observed - model(x), x, weight=self.weight, space=space)
+            return costs(x, model(x))
 
         places = [{**fit.values, **place} for place in self.problem.elsewhere]
         least, best = min(((cost(place), i) for i, place in enumerate(places)), default=(np.inf, 0))
