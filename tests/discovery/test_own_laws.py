@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from torsight.core.errors import InputError
+from torsight.core.errors import ConfigError, InputError
 from torsight.discovery import Candidate, Findings, Reading, candidate, find_missing, law, model_problem, parameter
 from torsight.discovery.own.answer.laws import beyond, widened
 from torsight.discovery.own.answer.saved import SavedModel
@@ -63,6 +63,17 @@ def test_candidates_that_do_the_same_are_both_told() -> None:
     assert found.verdict == "ambiguous"
     assert {found.effects, *found.alternatives} == {("slope",), ("twin",)}
     assert "this record cannot tell them apart" in str(found)
+    # Both are 0.3 u but for 0.3e-3 w: nothing on this record, three noises of a reading where w is 500 times as large.
+    later = waves(seed=8, slope=0.3)
+    differ = {}
+    for times in (1.0, 500.0):
+        planned = later | {"w": times * later["w"]}
+        slope, twin = (found.predict(planned, effects=[name])["y"] for name in ("slope", "twin"))
+        differ[times] = np.std(slope - twin) / NOISE
+    assert differ[1.0] < 0.1
+    assert differ[500.0] == pytest.approx(3.0, rel=0.1)
+    with pytest.raises(ConfigError, match=r"was not fitted; found ripple; allowed none.*slope"):
+        found.predict(later, effects=["ripple"])
 
 
 @pytest.mark.parametrize("names", [(), ("bow", "drift")])

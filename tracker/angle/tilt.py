@@ -252,12 +252,11 @@ class _Found:
         between = self.covariance[np.ix_(kept, out)]
         own = self.covariance[np.ix_(out, out)]
         back = np.linalg.solve(own, np.column_stack([self.values[out], between.T]))
+        carried = between @ back
         evidence = self.evidence - 0.5 * float(self.values[out] @ back[:, 0] + np.linalg.slogdet(own)[1])
-        return _Found(
-            evidence + len(out) * float(np.log(SHARE_PRIOR)),
-            self.values[kept] - between @ back[:, 0],
-            self.covariance[np.ix_(kept, kept)] - between @ back[:, 1:],
-        )
+        values = self.values[kept] - carried[:, 0]
+        covariance = self.covariance[np.ix_(kept, kept)] - carried[:, 1:]
+        return _Found(evidence + len(out) * float(np.log(SHARE_PRIOR)), values, covariance)
 
 
 def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.errors import InputError
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.parameter import Estimate
 from torsight.core.series import rms
 from torsight.core.units import Ints
@@ -333,11 +333,18 @@ class Findings(Shown):
 
         return overview(self)
 
-    def model(self) -> SavedModel:
+    def model(self, effects: Iterable[str] | None = None) -> SavedModel:
         """Return the extended model, ready to predict other records and to be saved.
+
+        Parameters
+        ----------
+        effects : ids, optional
+            One of :attr:`alternatives`, or another set that was fitted, in place of the answer.
 
         Raises
         ------
+        ConfigError
+            When this set was not fitted.
         InputError
             When the problem was not made by ``model_problem``.
         """
@@ -350,11 +357,30 @@ class Findings(Shown):
                 where=type(problem).__name__,
                 do="make the problem with model_problem(…), whose predict takes any record",
             )
-        chosen = self._chosen
-        noise = tuple(after.known for _, after in self.errors.values())
+        chosen, unseen = self._chosen, self.after
+        if effects is not None:
+            chosen = self._fitted_with(effects)
+            unseen = None if self.before is None else chosen.held_out
+        noise = tuple(self._errors_of(chosen, unseen, k).known for k in range(len(self.outputs)))
         return SavedModel.of(problem, chosen, covariance=predictive_covariance(chosen), noise=noise)
 
-    def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> PredictedOutputs:
+    def _fitted_with(self, effects: Iterable[str]) -> Explanation:
+        """Return the fit with these effects and laws, in any order."""
+        wanted = tuple(sorted(effects))
+        found = self.field.explanations.get(wanted)
+        if found is None:
+            raise ConfigError(
+                "this set of effects and laws was not fitted",
+                where="effects",
+                value=" and ".join(wanted) or "none",
+                limit=", or ".join(" and ".join(one.effects) or "none" for one in self.best_fits),
+                do="give one of alternatives or best_fits",
+            )
+        return found
+
+    def predict(
+        self, record: Table, *, initial: Mapping[str, float] | None = None, effects: Iterable[str] | None = None
+    ) -> PredictedOutputs:
         """Return the extended model's outputs for another record, with their standard deviations.
 
         Parameters
@@ -364,13 +390,16 @@ class Findings(Shown):
         initial : mapping, optional
             How it begins: values of the parameters that every record has for itself. Without it they are fitted to
             the record's own outputs where it has those, else taken from the first record.
+        effects : ids, optional
+            One of :attr:`alternatives`, or another set that was fitted, in place of the answer: where two sets predict
+            a planned record differently, it tells them apart.
 
         Returns
         -------
         PredictedOutputs
             Time, then ``<output>`` and ``<output>_sigma`` for each output, (rows,) each, by name.
         """
-        return self.model().predict(record, initial=initial)
+        return self.model(effects).predict(record, initial=initial)
 
     def curves(self) -> dict[str, NDArray[Any]]:
         """Return a table: per record and row time, and measured, plain and extended for each output."""
