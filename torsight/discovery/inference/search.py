@@ -285,13 +285,20 @@ class Search:
         return Explanation(fitter, fit, laws, likelihood, evidence, self._progress)
 
     def _look_again(self, size: int) -> None:
-        """Fit the best sets once more from where the others have led the base values, and the smaller ones, too."""
+        """Fit the best sets once more from where the others have led the base values, and the smaller ones, too.
+
+        And from each effect's own starts: with everything else where the set is, another of them may lead further.
+        """
         best = self._ranked(size)[: 2 * self._settings.beam]
         if not best:
             return
         names = [p.name for p in self._problem.parameters]
         led = [{name: one.fit.values[name] for name in names} for one in best[: self._settings.beam]]
         work = [(one, base) for one in (*best, *self._ranked(size - 1)[:1]) for base in led]
+        offered = {candidate.id: candidate for candidate in self._problem.candidates}
+        for one in best:
+            effects = [offered[name] for name in one.members if name in offered]
+            work += [(one, point) for effect in effects for point in effect.starting_points()]
         found: list[Explanation] = in_parallel(work, self._from_elsewhere, step="other starts", progress=self._progress)
         self._keep(found)
 
