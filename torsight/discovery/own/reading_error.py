@@ -47,8 +47,8 @@ _WIDEST: Final = 64
 noise."""
 _WINDOW: Final = 8
 """Rows before in which a filter is looked for, among readings and in the driver's own past, where what it keeps for
-longer shows. With 4 rows a fifth of the filters up to fourth order are missed, and causes are taken for some; with more
-no more are seen, and short records are too short for them (benchmarks/discovery/readings.py)."""
+longer shows. From 6 on no more filters are seen and no cause is taken for one; each further row asks for a longer
+record (benchmarks/discovery/readings.py)."""
 _SURE_OF_ANY: Final = NormalDist().inv_cdf(1.0 - 0.5e-3 / (_WINDOW + 1))
 """Standard deviations that the largest of ``_WINDOW`` + 1 correlations exceeds by chance once in a thousand times."""
 _FORM_SHARE: Final = Settings().form_share
