@@ -39,7 +39,8 @@ from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NextExperiment, next_experiment
 from torsight.discovery.discover import discover
-from torsight.discovery.inference.engine import Findings, find_missing
+from torsight.discovery.inference.engine import Findings
+from torsight.discovery.own.find import find_missing
 from torsight.discovery.settings import Settings
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.plots.still import still
@@ -128,7 +129,7 @@ def run(pair: Pair, spec: ActuatorSpec, figures: Path | None) -> dict[str, Any]:
     """Run one pair."""
     first = record(pair, {pair.true: pair.effect}, cycles(pair.rates_c_per_s))
     problem = ActuatorProblem(ActuatorModel(spec).prepare(first), spec)
-    findings = find_missing(problem)
+    findings = find_missing(problem).found
     decision, started = findings.decision, time.process_time()
     found = propose(findings, problem, pair)
     seconds = time.process_time() - started

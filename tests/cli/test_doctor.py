@@ -126,7 +126,7 @@ def clock_told(log: Path, settings: dict[str, object], **about: object) -> tuple
 
 
 @pytest.mark.parametrize(("scene", "level"), [(demo_scene(), "fine"), ({"motion": {"kind": "rig"}}, "limits")])
-def test_the_clock_is_foretold_as_well_as_sync_finds_it_on_the_rig_of_another_integrator(
+def test_the_clock_is_predicted_as_well_as_sync_finds_it_on_the_rig_of_another_integrator(
     scene: Any, level: str
 ) -> None:
     record = make_record(scene, rate_hz=15.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -380,6 +381,19 @@ def test_what_progress_prints_is_printed_and_not_laid_to_the_model(capsys: pytes
     found = find_missing(sensor(sensor_record()), progress=lambda step, *_: print(step))  # noqa: T201
     assert {"starts", "unseen blocks"} <= set(capsys.readouterr().out.splitlines())
     assert not found.warnings
+
+
+def test_what_a_model_prints_while_progress_is_shown_is_kept_from_the_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def predict(p: Any, record: Any) -> np.ndarray:
+        print("called")  # noqa: T201
+        return read_sensor(p, record)
+
+    slowly = model_problem(predict, sensor_record(), sensor_parameters(), sensor_candidates(), output="y")
+    found = find_missing(slowly, progress=lambda *_: time.sleep(0.02))
+    assert capsys.readouterr().out == ""
+    assert [one for one in found.warnings if "the model prints ('called', …)" in one]
 
 
 def test_the_same_question_has_the_same_answer() -> None:

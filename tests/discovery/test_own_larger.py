@@ -45,8 +45,8 @@ def test_a_larger_set_that_predicts_better_is_told_and_no_other(seed: int, *, la
     assert both.rmse_held_out == pytest.approx(larger, rel=0.01)
 
 
-@pytest.mark.parametrize(("per_s", "foretold"), [(0.9, False), (0.5, True)])
-def test_a_law_over_time_that_foretells_no_block_is_told(per_s: float, *, foretold: bool) -> None:
+@pytest.mark.parametrize(("per_s", "predicted"), [(0.9, False), (0.5, True)])
+def test_a_law_over_time_that_predicts_no_block_is_told(per_s: float, *, predicted: bool) -> None:
     """A wave over time has to be continued over each block that is left out: of a quick one that is lost."""
     rng = np.random.default_rng(1)
     t, u = 0.1 * np.arange(400), np.repeat(rng.uniform(-1.0, 1.0, 20), 20)
@@ -60,12 +60,12 @@ def test_a_law_over_time_that_foretells_no_block_is_told(per_s: float, *, foreto
     before, after = found.errors["y"]
     assert found.verdict == "unknown"
     assert found.decision.chosen.members == ("y(time_s)",)
-    assert (after.rmse_held_out < before.rmse_held_out) is foretold
-    assert ("foretells unseen blocks no better" in str(found)) is not foretold
+    assert (after.rmse_held_out < before.rmse_held_out) is predicted
+    assert ("predicts unseen blocks no better" in str(found)) is not predicted
 
 
-def test_a_law_over_time_beside_a_name_is_told_and_that_it_foretells_nothing() -> None:
-    """A bow, and a wave over time that no block foretells: both are there, and without the wave less is missed."""
+def test_a_law_over_time_beside_a_name_is_told_and_that_it_predicts_nothing() -> None:
+    """A bow, and a wave over time that no block predicts: both are there, and without the wave less is missed."""
     rng = np.random.default_rng(1)
     t, u = 0.1 * np.arange(400), np.repeat(rng.uniform(-1.0, 1.0, 20), 20)
     y = 2.0 * u + 1.2 * u**2 + 0.3 * np.sin(0.9 * t) + rng.normal(0.0, 0.05, 400)
@@ -81,5 +81,5 @@ def test_a_law_over_time_beside_a_name_is_told_and_that_it_foretells_nothing() -
     )
     assert (found.verdict, found.decision.chosen.members) == ("unknown", ("bow", "y(time_s)"))
     assert abs(found.values["bow"] - 1.2) < 0.06
-    assert "y(time_s) describes what was recorded, but unseen blocks are foretold no better with it" in str(found)
+    assert "y(time_s) describes what was recorded, but unseen blocks are predicted no better with it" in str(found)
     assert [law["share"] for law in found.to_json()["laws"]] == [1.0]

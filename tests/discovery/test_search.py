@@ -11,6 +11,7 @@ from linear_cases import LENGTH, machine, noise, signals
 
 from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
+from torsight.discovery.inference.explanation import curvature_spread
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import decide
@@ -79,6 +80,20 @@ class _Warmed(LinearProblem):
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
         return np.full(len(self.observed), 0.3 * abs(values["warmth_n"]) if "warmth" in effects else 0.0)
+
+
+@pytest.mark.parametrize(("sigmas", "followed"), [(0.5, False), (3.0, True)])
+def test_a_start_where_a_set_would_lose_nothing_is_not_followed(
+    monkeypatch: pytest.MonkeyPatch, *, sigmas: float, followed: bool
+) -> None:
+    search = Search(machine(0.0), settings=Settings(), progress=silent)
+    plain, asked = search.plain(), []
+    name = plain.fit.parameters[0].name
+    away = plain.fit.values[name] + sigmas * curvature_spread(plain)[0, 0] ** 0.5
+    predict = LinearProblem.predict
+    monkeypatch.setattr(LinearProblem, "predict", lambda *given: asked.append(1) or predict(*given))
+    again = search._from_elsewhere((plain, {name: away}))
+    assert (len(asked) > 0, again is not plain) == (followed, followed)
 
 
 def test_what_errors_of_the_inputs_do_is_each_set_s_own() -> None:

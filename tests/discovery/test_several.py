@@ -141,7 +141,7 @@ def test_every_record_has_a_zero_of_its_own(answer: dict[str, Any]) -> None:
     assert answer["parameters"]["zero_deg_2"] == answer["records"][1]["parameters"]["zero_deg"]
 
 
-def test_each_record_is_foretold_from_the_other(answer: dict[str, Any]) -> None:
+def test_each_record_is_predicted_from_the_other(answer: dict[str, Any]) -> None:
     assert answer["held_out"] == [0, 1, 2, 3]
     for one in answer["records"]:
         floor = one["noise_floor_deg"]

@@ -132,7 +132,7 @@ class ActuatorProblem(OptionalMembers):
         return tuple(p.name for effect in always_fitted() if effect.family == "start" for p in effect.parameters)
 
     @property
-    def first_halves(self) -> tuple[int, ...]:
+    def opening_blocks(self) -> tuple[int, ...]:
         """The half-cycle with which the record opens, where it is not known how the springs were wound before."""
         return (int(self.block[0]),) if self.history.unwound_rad is None else ()
 

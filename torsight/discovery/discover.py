@@ -27,7 +27,7 @@ from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.inference.engine import Findings, law_shares
-from torsight.discovery.inference.explanation import Explanation, covariance, predictive_covariance
+from torsight.discovery.inference.explanation import Explanation, covariance, estimates, predictive_covariance
 from torsight.discovery.inference.fitting import less
 from torsight.discovery.inference.likelihood import MOTION, REST
 from torsight.discovery.inference.noise import Stretches, reading_noise
@@ -35,7 +35,7 @@ from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.find import find_missing
-from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull, estimates_of
+from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull
 
 CONTRADICTED_SIGMAS: Final = 4.0
 """A characterised value that the record moves by more than this is named."""
@@ -140,8 +140,8 @@ def decided(
         "effects": found_effects(findings, seed=seed, effect_of=effect_of),
         "alternatives": tuple(tuple(effect_of(name) for name in rival.members) for rival in decision.rivals),
         "drivers": findings.drivers,
-        "parameters": fitted_values(chosen) | fixed,
-        "plain_parameters": fitted_values(base) | fixed,
+        "parameters": estimates(chosen) | fixed,
+        "plain_parameters": estimates(base) | fixed,
         "pulls": pulls,
         "plain_pulls": plain_pulls,
         "notes": notes_of(findings, *(characterised(record.spec, listed) for listed in (pulls, plain_pulls))),
@@ -149,12 +149,6 @@ def decided(
         "covariance": covariance(chosen),
         "laws": measured_laws(record, chosen, law_shares(field, chosen), names),
     }
-
-
-def fitted_values(explanation: Explanation) -> dict[str, Estimate]:
-    """Return the free parameters' estimates."""
-    fit = explanation.fit
-    return estimates_of(fit.parameters, fit.solution.x, np.sqrt(np.diag(covariance(explanation))))
 
 
 def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -> NextExperiment | None:
@@ -322,10 +316,10 @@ def own_parameters(
     effect: Effect, parameters: Sequence[Parameter], where: Explanation, *, seed: int
 ) -> dict[str, Estimate]:
     """Return an effect's parameters as the set gives them in which it was fitted, and what follows from them."""
-    spread, x, estimates = covariance(where), where.fit.solution.x, fitted_values(where)
+    spread, x, known = covariance(where), where.fit.solution.x, estimates(where)
     names = [p.name for p in where.fit.parameters]
     draws = _drawn(x, spread, np.random.default_rng(seed))
-    own = {p.name: estimates[p.name] for p in parameters}
+    own = {p.name: known[p.name] for p in parameters}
     columns = {p.name: draws[:, names.index(p.name)] for p in parameters}
     for item in effect.derived:
         value = item.value(where.fit.values)

@@ -5,10 +5,11 @@ known beforehand with an error (their priors), and *candidates*: effects that th
 of its own and a null value at which it vanishes. The record falls into *blocks* (half-cycles, cycles, runs) that can be
 held out whole, and into stretches of motion and of rest.
 
-Anything that offers :class:`Problem` can be handed to :func:`torsight.discovery.inference.engine.find_missing`: the
-torsion actuator (:mod:`torsight.discovery.actuator_problem`), a function and a table (:mod:`torsight.discovery.own`), a
-model that is linear in its parameters (:mod:`torsight.discovery.linear_problem`). A class of one's own derives from
-:class:`OptionalMembers`, has :class:`NeededMembers`, and leaves out of the rest what it has nothing to say of.
+Anything that offers :class:`Problem` can be handed to :func:`torsight.discovery.find_missing`, the one way to the
+engine: the torsion actuator (:mod:`torsight.discovery.actuator_problem`), a function and a table
+(:mod:`torsight.discovery.own`), a model that is linear in its parameters (:mod:`torsight.discovery.linear_problem`). A
+class of one's own derives from :class:`OptionalMembers`, has :class:`NeededMembers`, and leaves out of the rest what it
+has nothing to say of.
 """
 
 from __future__ import annotations
@@ -154,7 +155,7 @@ class OptionalMembers(Protocol):
         return ()
 
     @cached_property
-    def first_halves(self) -> tuple[int, ...]:
+    def opening_blocks(self) -> tuple[int, ...]:
         """Blocks that a record opens with, where what came before it is not known.
 
         How far the model is off there says nothing of the others.

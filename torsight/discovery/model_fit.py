@@ -19,8 +19,8 @@ from torsight.core.series import correlation_time, share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.discover import errors_of, fitted_values, fixed_values, own_parameters
-from torsight.discovery.inference.explanation import Explanation, covariance
+from torsight.discovery.discover import errors_of, fixed_values, own_parameters
+from torsight.discovery.inference.explanation import Explanation, covariance, estimates
 from torsight.discovery.own.find import KnownFit, fit_known
 
 
@@ -72,7 +72,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     return FitResult(
         model=model,
         values=values,
-        estimates=fitted_values(found) | _derived(model, found) | fixed_values(problem),
+        estimates=estimates(found) | _derived(model, found) | fixed_values(problem),
         free=tuple(p.name for p in fit.parameters),
         covariance=spread,
         simulation=simulation,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.quantities import effect_values
 from torsight.core.frozen import Frozen
-from torsight.core.parameter import Estimate, Parameter
+from torsight.core.parameter import Estimate
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import effect_name, number, verdict_sentence
@@ -201,11 +201,3 @@ class DiscoveryReport(Frozen, Shown):
 
 def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     return {name: value.to_json() for name, value in estimates.items()}
-
-
-def estimates_of(parameters: Sequence[Parameter], values: Floats, sigmas: Floats) -> dict[str, Estimate]:
-    """Return estimates with 95 % intervals within the bounds."""
-    return {
-        p.name: Estimate.normal(float(value), float(sigma), p.unit, lower=p.lower, upper=p.upper)
-        for p, value, sigma in zip(parameters, values, sigmas, strict=True)
-    }

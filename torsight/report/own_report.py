@@ -34,7 +34,7 @@ def contents(found: Findings) -> dict[str, Any]:
             (name, *(number(value) for both in zip(astuple(before), astuple(after), strict=True) for value in both))
             for name, (before, after) in found.errors.items()
         ],
-        "not_foretold": words.not_foretold(found),
+        "not_predicted": words.not_predicted(found),
         "effects": [
             (name, [(p.name, estimate(found.parameters[p.name].to_json())) for p in candidates[name].parameters])
             for name in found.effects

@@ -199,11 +199,11 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def block(self) -> Ints:
         """Half-cycle of each row, counted through all records."""
-        firsts = self.first_halves
+        firsts = self.opening_blocks
         return np.concatenate([part.block + first for part, first in zip(self.parts, firsts, strict=True)])
 
     @cached_property
-    def first_halves(self) -> tuple[int, ...]:
+    def opening_blocks(self) -> tuple[int, ...]:
         """Number of each record's first half-cycle."""
         counts = [len(part.drive.cycles.springs) for part in self.parts]
         return tuple(int(first) for first in np.cumsum([0, *counts[:-1]]))

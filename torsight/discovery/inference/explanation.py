@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
@@ -40,7 +41,7 @@ class Explanation:
     laws : tuple of Measured
         The laws of the set.
     likelihood : Likelihood
-        What its residual is worth: what errors of the inputs do to the angle depends on the model.
+        What its residual is worth: what errors of the inputs do depends on the model.
     log_evidence : float
         Comparable among explanations of one field.
     """
@@ -139,6 +140,16 @@ def covariance(explanation: Explanation) -> Floats:
     plain = np.diag(found)
     widened = np.sqrt((plain + np.diag(_between_blocks(explanation))) / plain)
     return np.asarray(found * np.outer(widened, widened))
+
+
+def estimates(explanation: Explanation) -> dict[str, Estimate]:
+    """Return every value with its standard deviation and a 95 % interval within its bounds."""
+    fit = explanation.fit
+    spread = np.sqrt(np.maximum(np.diag(covariance(explanation)), 0.0))
+    return {
+        p.name: Estimate.normal(float(value), float(sigma), p.unit, lower=p.lower, upper=p.upper)
+        for p, value, sigma in zip(fit.parameters, fit.solution.x, spread, strict=True)
+    }
 
 
 def predictive_covariance(explanation: Explanation) -> Floats:

@@ -160,12 +160,13 @@ class Fitter:
         """The base model at the priors' means, not fitted."""
         return self.at((), {p.name: p.value for p in self.problem.parameters})
 
-    def at(self, effects: EffectSet, values: Mapping[str, float]) -> Fit:
-        """Return a set of effects at given values, not fitted, with its derivatives there."""
+    def at(self, effects: EffectSet, values: Mapping[str, float], *, near: Fit | None = None) -> Fit:
+        """Return a set of effects at given values, not fitted, with its derivatives there, or those of a fit near."""
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         x = np.array([values[p.name] for p in parameters])
         at_x = model(x)
-        return self.known(effects, x, at_x, jacobian(model, x, at_x=at_x, space=space))
+        guess = None if near is None else _columns(near, parameters)
+        return self.known(effects, x, at_x, jacobian(model, x, at_x=at_x, space=space, guess=guess))
 
     def known(self, effects: EffectSet, x: Floats, prediction: Floats, derivative: Floats) -> Fit:
         """Return a set of effects at a point (m,) at which prediction (n,) and derivatives (n, m) are known."""

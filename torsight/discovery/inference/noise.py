@@ -57,7 +57,7 @@ class Stretches:
         edges = np.flatnonzero(cut)
         start, stop = edges[:-1], edges[1:]
         keep = valid[start]
-        opening = np.isin(problem.block[start[keep]], problem.first_halves)
+        opening = np.isin(problem.block[start[keep]], problem.opening_blocks)
         share = np.asarray(problem.share, np.float64)
         return cls(start[keep], stop[keep], rest[start[keep]], opening, share)
 

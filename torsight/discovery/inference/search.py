@@ -17,7 +17,7 @@ import numpy as np
 from torsight.core.law import Law
 from torsight.core.progress import Progress
 from torsight.core.units import Floats
-from torsight.discovery.inference.explanation import Explanation, Field, Places, places_of
+from torsight.discovery.inference.explanation import Explanation, Field, Places, curvature_spread, places_of
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.measure import Measured, log_evidence, measure_law
@@ -102,7 +102,12 @@ class Search:
         best = self._best()
         if parent is best and len(best.members) == 1:
             return True
-        most = parent.log_evidence + self.promise(parent) - self.needed * (len(parent.members) + 1)
+        return self._may_be_told(parent, size=len(parent.members) + 1)
+
+    def _may_be_told(self, one: Explanation, *, size: int) -> bool:
+        """Return whether a set of this size that leaves nothing but noise where one does would be told."""
+        best = self._best()
+        most = one.log_evidence + self.promise(one) - self.needed * size
         return most > best.log_evidence - self.needed * len(best.members) - 0.5 * self._settings.apart
 
     def promise(self, explanation: Explanation) -> float:
@@ -208,7 +213,7 @@ class Search:
         The valley of a pair may lie by one of its parts and not by the other. Another form of a law is tried where the
         law has led everything else: with what the set says of its other members, and not with what they are alone.
         """
-        best = [one.members for one in self._ranked(size)[: 2 * self._settings.beam]]
+        best = [one.members for one in self._leading(size)]
         self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
         work = [
@@ -226,7 +231,7 @@ class Search:
         """Return a set with another member in the place of one, fitted from where the set is."""
         best, members = self._explanations[item[0]], less(item[0], item[1])
         fitter, laws = _fitter_of(best, members)
-        fit = fitter.at(fitter.ordered(members), best.fit.values)
+        fit = fitter.at(fitter.ordered(members), best.fit.values, near=best.fit)
         without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
         return self._extended_by(without, item[2])
 
@@ -289,7 +294,7 @@ class Search:
 
         And from each effect's own starts: with everything else where the set is, another of them may lead further.
         """
-        best = self._ranked(size)[: 2 * self._settings.beam]
+        best = self._leading(size)
         if not best:
             return
         names = [p.name for p in self._problem.parameters]
@@ -321,9 +326,9 @@ class Search:
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
-        values = {**one.fit.values, **base}
-        if values == one.fit.values:
+        if _loss(one, base) < _SETTLED:
             return one
+        values = {**one.fit.values, **base}
         if one.laws and one.laws[-1].law.id in one.members:
             last = one.laws[-1]
             without = one.fitter.problem.with_laws(
@@ -368,6 +373,10 @@ class Search:
         found = [one for one in self._explanations.values() if len(one.members) == size]
         return sorted(found, key=lambda one: (-one.log_evidence, one.members))
 
+    def _leading(self, size: int) -> list[Explanation]:
+        """Return the best sets of so many members of which another optimum, or another form, could yet be told."""
+        return [one for one in self._ranked(size)[: 2 * self._settings.beam] if self._may_be_told(one, size=size)]
+
     def _best(self) -> Explanation:
         """Return the most probable set."""
         return max(
@@ -395,6 +404,13 @@ def _weighted(likelihood: Likelihood, problem: Problem, prediction: Floats) -> F
 def _banks(laws: Sequence[Measured]) -> float:
     """Return by how much the evidence of laws' families differs from that of the forms that were fitted."""
     return sum(law.bank for law in laws)
+
+
+def _loss(one: Explanation, base: Mapping[str, float]) -> float:
+    """Return what a set would lose with other base values, in log units, as its curvature has it."""
+    places = [i for i, p in enumerate(one.fit.parameters) if p.name in base]
+    off = one.fit.solution.x[places] - np.array([base[one.fit.parameters[i].name] for i in places])
+    return 0.5 * float(off @ np.linalg.solve(curvature_spread(one)[np.ix_(places, places)], off))
 
 
 def _value(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:

@@ -3,9 +3,9 @@
 A block (half-cycle, cycle, run) is left out whole: the model still runs through it, since what happens there is the
 history of what follows, but its samples do not count in the fit, and only they count in the score.
 
-What happens once in a record (a bump, or what came before it) cannot be foretold from blocks that do not show it: there
-its values stay as the whole record gave them, and what is asked is whether all else, fitted without the block, agrees
-with them.
+What happens once in a record (a bump, or what came before it) cannot be predicted from blocks that do not show it:
+there its values stay as the whole record gave them, and what is asked is whether all else, fitted without the block,
+agrees with them.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, pr
 
     def without(label: int) -> tuple[Fit, Floats]:
         weight = fitter.weight.only(block != label)
-        kept = _unforetold(fitter, fit, weight)
+        kept = _unpredicted(fitter, fit, weight)
         spread = _spread(fit, weight, kept, base=len(problem.parameters))
         return fitter.refit(fit, weight=weight, kept=kept, rough=True), spread
 
@@ -92,7 +92,7 @@ def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
     return np.asarray(solve_triangular(np.linalg.cholesky(information), derivative.T, lower=True).T)
 
 
-def _unforetold(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
+def _unpredicted(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
     """Return the values of what happens once about which the samples that are left say nothing."""
     events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None]
     once = {p.name for event in events for p in event.parameters} | set(fitter.problem.once)

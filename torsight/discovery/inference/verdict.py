@@ -159,7 +159,7 @@ class _Judge:
         return chosen
 
     def _once(self, one: Explanation, name: str) -> bool:
-        """Return whether a member is an event: it happened once, so that no other block can foretell it."""
+        """Return whether a member is an event: it happened once, so that no other block can predict it."""
         return one.fitter.candidates[name].propose is not None
 
     def _score(self, one: Explanation) -> float:

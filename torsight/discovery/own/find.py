@@ -158,7 +158,7 @@ def _search(
     notes += [*_missed(declared, found), *_at_bounds(found), *_noise_given(problem, found), *beyond(called, curves)]
     notes += bend_within(problem, found.decision.chosen, findings.price)
     # What the findings show of other sets is predicted while the processes are there.
-    _ = findings.best_fits, findings.parameters
+    _ = findings.best_fits, findings.parameters, findings.laws
     failures, failed = evaluator.failures[looked:], evaluator.failed - before
     if failures:
         notes.append(

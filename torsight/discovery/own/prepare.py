@@ -223,7 +223,7 @@ def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProble
             found.append(p.name)
             told.append(
                 f"only block {labels[shares[:, j].argmax()]} tells '{p.name}': it is taken as an initial state, whose "
-                "value the other blocks need not foretell; say so with initial=… (one for each record), or fix it"
+                "value the other blocks need not predict; say so with initial=… (one for each record), or fix it"
             )
     return replace(problem, once=tuple(found)), told
 

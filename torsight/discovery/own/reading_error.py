@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Final, Literal
 
 import numpy as np
@@ -44,14 +45,12 @@ _REACH: Final = 4
 _WIDEST: Final = 64
 """Rows to each side of the widest smoothing that is looked for: the mean of as many leaves less than a tenth of the
 noise."""
-_BEFORE: Final = 24
-"""Rows before that a filter is looked for in. What it keeps for longer shows in its own past ..."""
-_PAST: Final = 8
-"""... of so many rows: those of a filter of fourth order, twice."""
-_LEAST: Final = 4 * (_PAST + 2 * _BEFORE)
-"""Rows from which as many values as these make can be told from chance, four for each."""
-_SURE_OF_ANY: Final = 4.1
-"""Standard deviations that the largest of ``_BEFORE`` + 1 correlations exceeds by chance once in a thousand times."""
+_WINDOW: Final = 8
+"""Rows before in which a filter is looked for, among readings and in the driver's own past, where what it keeps for
+longer shows. From 6 on no more filters are seen and no cause is taken for one; each further row asks for a longer
+record (benchmarks/discovery/readings.py)."""
+_SURE_OF_ANY: Final = NormalDist().inv_cdf(1.0 - 0.5e-3 / (_WINDOW + 1))
+"""Standard deviations that the largest of ``_WINDOW`` + 1 correlations exceeds by chance once in a thousand times."""
 _FORM_SHARE: Final = Settings().form_share
 """Share that readings must do of what prediction and residual do, each by itself: a filter that is longer than the
 window leaves some of it."""
@@ -133,12 +132,12 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
     """
     size = float(np.std(np.concatenate(list(driver))))
     three = zip(driver, predicted, residual, strict=True)
-    pieces = [_Window.of(d / size, m, r) for d, m, r in three if size > 0.0 and len(d) > 2 * (_BEFORE + _PAST)]
+    pieces = [_Window.of(d / size, m, r) for d, m, r in three if size > 0.0 and len(d) > 4 * _WINDOW]
     if not pieces:
         return False
     at = _Window(*(np.concatenate(some) for some in zip(*(one.members for one in pieces), strict=True)))
-    count, price = len(at.driver), (_BEFORE + 1) * math.log(max(len(at.driver), 2))
-    if count < _LEAST:
+    count, price = len(at.driver), (_WINDOW + 1) * math.log(max(len(at.driver), 2))
+    if count <= 3 * (_WINDOW + 1):  # so many values could make anything
         return False
     new, *others = (
         left_beside(np.hstack([at.past, *columns]), at.driver)
@@ -175,13 +174,13 @@ class _Window:
     @staticmethod
     def of(driver: Floats, predicted: Floats, residual: Floats) -> _Window:
         """Return the rows before which everything is known."""
-        before, past = np.arange(_BEFORE + 1), np.arange(1, _PAST + 1)
-        own = np.arange(_PAST, len(driver))[:, None]
+        before, past = np.arange(_WINDOW + 1), np.arange(1, _WINDOW + 1)
+        own = np.arange(_WINDOW, len(driver))[:, None]
         columns, new = residual[own - past], np.full(len(driver), np.nan)
         known = np.isfinite(columns).all(axis=1) & np.isfinite(residual[own[:, 0]])
-        if np.sum(known) > 2 * _PAST:
+        if np.sum(known) > 2 * _WINDOW:
             new[own[known, 0]] = left_beside(columns[known], residual[own[known, 0]])
-        rows = np.arange(_BEFORE + _PAST, len(driver))[:, None]
+        rows = np.arange(2 * _WINDOW, len(driver))[:, None]
         rows = rows[np.isfinite(new[rows - before]).all(axis=1)]
         return _Window(
             driver[rows[:, 0]], driver[rows - past], *(one[rows - before] for one in (predicted, residual, new))

@@ -17,7 +17,7 @@ from torsight.core.series import rms
 from torsight.core.units import Ints
 from torsight.core.words.shown import Shown
 from torsight.discovery.inference import engine
-from torsight.discovery.inference.explanation import Explanation, Field, covariance, predictive_covariance
+from torsight.discovery.inference.explanation import Explanation, Field, estimates, predictive_covariance
 from torsight.discovery.inference.fitting import EffectSet, less
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
@@ -26,7 +26,6 @@ from torsight.discovery.own.answer.laws import MeasuredCurve, measured_curves
 from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.own_records import Table
-from torsight.discovery.report import estimates_of
 from torsight.discovery.settings import Settings
 
 if TYPE_CHECKING:
@@ -204,10 +203,8 @@ class Findings(Shown):
         return self.problem.ports if isinstance(self.problem, ModelProblem) else ()
 
     def _estimates(self, one: Explanation) -> dict[str, Estimate]:
-        spread = np.sqrt(np.maximum(np.diag(covariance(one)), 0.0))
         coefficients = {name for item in one.laws for name in item.form.names}
-        found = estimates_of(one.fit.parameters, one.fit.solution.x, spread)
-        return {name: value for name, value in found.items() if name not in coefficients}
+        return {name: value for name, value in estimates(one).items() if name not in coefficients}
 
     def gain_of(self, name: str) -> float:
         """Return the log evidence that is lost without one of the answer's effects or laws."""

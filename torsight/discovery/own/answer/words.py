@@ -71,7 +71,7 @@ def lines(found: Findings) -> list[tuple[str, str]]:
     made = [("Missing", verdict_words(found))]
     for name, (before, after) in found.errors.items():
         made.append((f"Error of {name}", _errors(before, after)))
-    made += [("", text) for text in (*not_foretold(found), *_noise(found))]
+    made += [("", text) for text in (*not_predicted(found), *_noise(found))]
     for name in found.effects:
         own = found.field.base.fitter.candidates[name].parameters
         made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
@@ -104,17 +104,17 @@ def _errors(before: Errors, after: Errors) -> str:
     return f"{number(before.rmse_held_out)} → {number(after.rmse_held_out)} rms on blocks that the fit did not see"
 
 
-def not_foretold(found: Findings) -> list[str]:
-    """Return a doubt for every output whose unseen blocks the answer foretells no better than the model as it is.
+def not_predicted(found: Findings) -> list[str]:
+    """Return a doubt for every output whose unseen blocks the answer predicts no better than the model as it is.
 
-    And for every law over time without which it foretells them as well. The answer is more probable all the same where
+    And for every law over time without which it predicts them as well. The answer is more probable all the same where
     it says of itself how little is known there.
     """
     chosen = found.decision.chosen
     if not chosen.members:
         return []
     told = [
-        f"of {name}, {' and '.join(chosen.members)} describes what was recorded, but foretells unseen "
+        f"of {name}, {' and '.join(chosen.members)} describes what was recorded, but predicts unseen "
         "blocks no better: something changes there, and what it changes with is not known"
         for name, (before, after) in found.errors.items()
         if after.rmse_held_out >= before.rmse_held_out
@@ -124,7 +124,7 @@ def not_foretold(found: Findings) -> list[str]:
     beside = [item.law.id for item in chosen.laws if item.law.time_like and len(chosen.members) > 1]
     parts = {name: found.field.explanations.get(less(chosen.members, name)) for name in beside}
     return [
-        f"{name} describes what was recorded, but unseen blocks are foretold no better with it: something changes "
+        f"{name} describes what was recorded, but unseen blocks are predicted no better with it: something changes "
         "there, and what it changes with is not known"
         for name, part in parts.items()
         if part is not None and part.held_out.rms <= chosen.held_out.rms

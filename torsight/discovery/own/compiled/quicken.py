@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 
 from torsight.discovery.own.follow import anew, shortest_s
-from torsight.discovery.own.model.evaluate import CompiledPredict, Model, Predict, call, place_of
+from torsight.discovery.own.model.evaluate import CompiledPredict, Failure, Model, Predict, call, place_of
 from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
 
 _WORTH_S: Final = 2e-3
-"""Seconds of one call from which a model is compiled: that takes 2 to 5 s, and a search 1,000 to 2,300 calls
+"""Seconds of one call from which a model is compiled: that takes 2 to 5 s, and a search 1,000 to 3,500 calls
 (benchmarks/discovery/own_model.py)."""
 _SAME: Final = 1e-4
 """Share of an output's spread by which the compiled model may differ: two integrators with a tolerance of 1e-7 do by
@@ -84,8 +84,6 @@ def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, flo
 
     If not, then why, where the compiled one fails or gives something else.
     """
-    from torsight.discovery.own.compiled.functions import reason_in
-
     if isinstance(quick.predict, CompiledPredict):
         quick = replace(quick, predict=quick.predict.alone)
     for k, values in enumerate(asked):
@@ -94,7 +92,7 @@ def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, flo
         if one.outputs is None:
             return False, ""
         if other.outputs is None:
-            return False, "" if other.failure is None else f"numba says: {reason_in(other.failure.message)}"
+            return False, "" if other.failure is None else _why(other.failure)
         spread = np.nanstd(np.column_stack([plain.records[record][name] for name in plain.outputs]), axis=0)
         if np.any(np.abs(one.outputs - other.outputs) > _SAME * spread):
             return False, "compiled it gives something else, as where it keeps or reads what changes outside of it"
@@ -103,3 +101,13 @@ def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, flo
         if time.thread_time() - begun > _QUICKER * one.seconds:
             return False, ""
     return True, ""
+
+
+def _why(failure: Failure) -> str:
+    """Return why a compiled model fails where the plain one does not: numba refuses it, or it goes another way."""
+    from numba.core import errors
+
+    from torsight.discovery.own.compiled.functions import reason_in
+
+    numba = not failure.kind or hasattr(errors, failure.kind)
+    return f"{'numba says' if numba else 'compiled it fails'}: {reason_in(failure.message)}"

@@ -16,7 +16,7 @@ from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import laws_called_with
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
-_MEMBERS: Final = tuple(name for base in (NeededMembers, OptionalMembers) for name in vars(base) if name[0] != "_")
+_NEEDED, _OPTIONAL = (tuple(name for name in vars(one) if name[0] != "_") for one in (NeededMembers, OptionalMembers))
 _NULL_SHARE: Final = 1e-6
 """Share of the measurement's spread by which a prediction may differ that should be the same: a solver's tolerance."""
 _ELSEWHERE: Final = 0.3
@@ -32,14 +32,14 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
         Naming the member that is missing or of a wrong shape, what is declared twice or out of bounds, and a model
         that raises, gives no numbers, is not deterministic or whose null values are none.
     """
-    missing = [name for name in _MEMBERS if not hasattr(problem, name)]
-    if len(missing) == len(_MEMBERS) or isinstance(problem, type):
+    needed, further = ([name for name in some if not hasattr(problem, name)] for some in (_NEEDED, _OPTIONAL))
+    missing = needed or further  # what may be left out is made of what is needed
+    if len(needed) == len(_NEEDED) or isinstance(problem, type):
         raise InputError("is no problem", where="find_missing", value=repr(problem), do="make it with model_problem(…)")
     if missing:
         raise InputError(
             f"lacks {', '.join(missing)}",
             where=type(problem).__name__,
-            limit=f"all of {', '.join(_MEMBERS)}",
             do="add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)",
         )
     where = type(problem).__name__
@@ -57,7 +57,7 @@ def _check_rows(problem: Problem, where: str) -> None:
     for name in _ROWS:
         if np.shape(getattr(problem, name)) != (n,):
             raise InputError(
-                "has a wrong shape", where=f"{where}.{name}", value=getattr(problem, name).shape, limit=f"({n},)"
+                "has a wrong shape", where=f"{where}.{name}", value=np.shape(getattr(problem, name)), limit=f"({n},)"
             )
     for name, values in problem.drivers.items():
         if np.shape(values) != (n,) or not np.isfinite(values).all():
@@ -97,12 +97,13 @@ def _check_model(problem: ModelProblem) -> list[str]:
     start, place = {p.name: p.value for p in problem.parameters}, place_of(problem.model.predict)
     before = [{name: values.copy() for name, values in record.items()} for record in problem.model.records]
     plain = problem.outputs(start, (), where=place)
+    _check_unchanged(problem, before)
     least = np.asarray(_NULL_SHARE * np.nanstd(np.concatenate(problem.measured()), axis=0))
     told = []
     for one in problem.candidates:
         told += _check_candidate(problem, one, start, plain, least)
-    check_same(problem, start, plain)
     _check_unchanged(problem, before)
+    check_same(problem, start, plain)
     _check_laws(problem, start)
     told += _unheard(problem, start, plain, least)
     return told

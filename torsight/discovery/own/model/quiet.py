@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import sys
+import threading
 from collections.abc import Iterator
 from typing import Final
 
@@ -14,6 +15,9 @@ _KEPT: Final = 500
 """Characters of it that are told."""
 
 
+_progress = threading.local()
+
+
 class Heard(io.TextIOBase):
     """A text stream that counts lines and keeps the first of them."""
 
@@ -21,9 +25,12 @@ class Heard(io.TextIOBase):
         super().__init__()
         self.lines = 0
         self.beginning = ""
+        self._before = sys.stdout
 
     def write(self, text: str) -> int:
-        """Take a text."""
+        """Take a text; what progress prints goes on."""
+        if getattr(_progress, "tells", False):
+            return self._before.write(text)
         self.lines += text.count("\n")
         if len(self.beginning) < _KEPT:
             self.beginning += text[: _KEPT - len(self.beginning)]
@@ -48,10 +55,13 @@ def heard() -> Iterator[Heard]:
 
 def aloud(progress: Progress) -> Progress:
     """Return a progress callable that prints where printing went before."""
-    before = sys.stdout
 
     def told(step: str, done: float, total: float | None) -> None:
-        with contextlib.redirect_stdout(before):
+        # Of this thread alone: the model may print in others meanwhile.
+        _progress.tells = True
+        try:
             progress(step, done, total)
+        finally:
+            _progress.tells = False
 
     return told
