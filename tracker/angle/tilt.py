@@ -189,7 +189,8 @@ class _Paths:
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
         white = float(np.sqrt(0.5 * np.median(np.trace(self.covariance, axis1=2, axis2=3))))
-        whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white)
+        onwards = self.lead_rad.sum(axis=1) > 0.0
+        whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white, onwards=onwards)
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
         factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))
         return lambda left: np.asarray(factor @ left)
