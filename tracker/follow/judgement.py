@@ -231,8 +231,9 @@ def vote(rig: Record, evidence: int) -> None:
 def judge_base(scene: Scene) -> bool:
     """Judge the base; return whether it has to be looked for.
 
-    While the moving stick is not seen it may lie anywhere, even over the base: then only the base's own direction will
-    do, and one dot alone has to be where the base was when the moving stick was last seen elsewhere.
+    While the moving stick is seen, the picture has to have moved as its circles say. While it is not, it may lie
+    anywhere, even over the base: then only the base's own direction will do, and one dot alone has to be where the base
+    was when the moving stick was last seen elsewhere.
     """
     rig, base = scene.rig[0], 1 - scene.rig[0].moving
     i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving
@@ -242,6 +243,11 @@ def judge_base(scene: Scene) -> bool:
         rig.anchor[:] = rig.shift
     rig.anchored = not elsewhere
     judge_pair(scene, base)
+    shift = np.empty(2)
+    if elsewhere and base_shift(scene.readings[i : j + 1], rig.zero, shift) and not goes_with_picture(scene, shift):
+        for index in (i, j):
+            if seen(scene, index):
+                scene.readings[index].state = HIDDEN
     if seen(scene, i) and seen(scene, j):
         if elsewhere:
             (ax, ay), (bx, by) = at(scene, i), at(scene, j)
@@ -311,6 +317,25 @@ def circles_off(scene: Scene, out: Floats) -> bool:
         x, y = on_circle(axis, direction, end)
         out[end, 0], out[end, 1] = scene.readings[i + end].x - x, scene.readings[i + end].y - y
     return True
+
+
+@compiled
+def goes_with_picture(scene: Scene, shift: Floats) -> bool:
+    """Return whether the moving stick's circles allow a shift (2,) of the picture that the base tells.
+
+    The picture moves as one: what went elsewhere alone is no base. A camera that is rolled shifts both sticks by what
+    their distance makes of the turn. True while the circles are not known.
+    """
+    rig, own, off = scene.rig[0], scene.sticks[scene.rig[0].moving], np.empty((2, 2))
+    if not circles_off(scene, off):
+        return True
+    x, y = 0.5 * (rig.zero[0, 0] + rig.zero[1, 0]), 0.5 * (rig.zero[0, 1] + rig.zero[1, 1])
+    rolled_px = TURN_RAD * math.hypot(x - own.axis.centre[0], y - own.axis.centre[1])
+    found = 0.0
+    for end in range(2):
+        apart = (off[end, 0] - shift[0]) ** 2 + (off[end, 1] - shift[1]) ** 2
+        found += apart / (circle_sigma_px(own, end) ** 2 + rolled_px**2)
+    return passes(found, 4)
 
 
 # --- the moving stick -----------------------------------------------------------------------------------------------
