@@ -37,14 +37,7 @@ _MOST_ROWS: Final = 160
 _BIN_RAD: Final = np.deg2rad(2.0)
 
 
-def whitening(
-    direction_rad: Floats,
-    misfit: Callable[[Floats], Floats],
-    values: Floats,
-    *,
-    usual: float,
-    onwards: Flags | None = None,
-) -> Floats:
+def whitening(direction_rad: Floats, misfit: Callable[[Floats], Floats], values: Floats, *, usual: float) -> Floats:
     """Return the matrix (n, n) that takes a fit's residuals, in units of white noise, to independent ones of unit size.
 
     Parameters
@@ -57,9 +50,6 @@ def whitening(
         What was fitted.
     usual : float
         Usual size of correlated errors, in units of white noise.
-    onwards : (n,) bool, optional
-        Which way round the stick turns. Given, half of the correlated errors is taken to be alike both ways, and half
-        to be of each way alone: a codec carries on what moves, each way in its own direction.
     """
     error = misfit(values)
     n, q = error.shape
@@ -67,11 +57,10 @@ def whitening(
     # Columns of equal length: what is fitted may be in any unit.
     slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=(0, 1)), 1e-300)
     apart = np.abs(np.angle(np.exp(1j * (direction_rad[:, None] - direction_rad[None, :]))))
-    alike = 1.0 if onwards is None else np.where(onwards[:, None] == onwards[None, :], 1.0, 0.5)
     found: list[tuple[float, float, Floats]] = []
     for length in _LENGTHS_RAD:
         # In its own directions the covariance is diagonal for every ratio.
-        share, ways = np.linalg.eigh(alike * np.exp(-apart / length))
+        share, ways = np.linalg.eigh(np.exp(-apart / length))
         error_along, slopes_along = ways.T @ error, (ways.T @ slopes.reshape(n, -1)).reshape(slopes.shape)
         for ratio in _RATIOS:
             variance = 1.0 + (ratio * usual) ** 2 * np.maximum(share, 0.0)
