@@ -194,7 +194,8 @@ class _Paths:
 
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
-        white = float(np.sqrt(0.5 * np.median(np.trace(self.covariance, axis1=2, axis2=3))))
+        # Frames whose place is hardly known, since the base was hidden, tell little, and count as little here.
+        white = float(np.sqrt(0.5 / np.mean(1.0 / np.trace(self.covariance, axis1=2, axis2=3))))
         whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white)
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
         factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))

@@ -174,6 +174,12 @@ def sure_misfit(rig: Record, a: Point, b: Point) -> float:
     return turned(math.atan2(b[1] - a[1], b[0] - a[0]), rig.last_rad) / SURE_RAD
 
 
+@lending
+def further(off_px: float, other_px: float) -> bool:
+    """Return whether one marker is clearly further from its prediction than the other of its stick."""
+    return off_px > 2.0 * other_px + 0.5
+
+
 @compiled
 def judge_pair(scene: Scene, stick: int) -> None:
     """Refuse the marker that is further from its prediction where both are not of one rigid stick; of the base both.
@@ -192,9 +198,9 @@ def judge_pair(scene: Scene, stick: int) -> None:
     if passes(found, freedom):
         return
     off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])
-    if not is_base(rig, stick) and off_a > 2.0 * off_b + 0.5:
+    if not is_base(rig, stick) and further(off_a, off_b):
         scene.readings[i].state = HIDDEN
-    elif not is_base(rig, stick) and off_b > 2.0 * off_a + 0.5:
+    elif not is_base(rig, stick) and further(off_b, off_a):
         scene.readings[j].state = HIDDEN
     else:
         scene.readings[i].state = scene.readings[j].state = HIDDEN

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.follow.innovation import passes
-from tracker.follow.judgement import circle_misfit, rigid_misfit
+from tracker.follow.judgement import SHAKE_PX, circle_misfit, further, rigid_misfit
 from tracker.follow.redetect import SELDOM, Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
@@ -91,7 +91,7 @@ class TextureStick:
             partner = fits[seen]
             if whys[lost] and partner is not None:
                 fits[lost], whys[lost] = self._beside(luma, lost, partner, whys[lost])
-        self._judge_together(fits, whys, math.dist(*ahead))
+        self._judge_together(fits, whys, ahead)
         if all(whys):
             again = self._find(luma, ahead)
             if again is not None:
@@ -142,7 +142,7 @@ class TextureStick:
         reason = why if fit is None else self._judge(fit)
         return (None, reason) if reason else (fit, "")
 
-    def _judge_together(self, fits: list[Fit | None], whys: list[str], expected_px: float) -> None:
+    def _judge_together(self, fits: list[Fit | None], whys: list[str], ahead: Sequence[Point]) -> None:
         """Refuse what is not one rigid stick."""
         one, two = fits
         if one is None or two is None or any(whys):
@@ -153,14 +153,16 @@ class TextureStick:
                     whys[end] = "" if passes(off**2, 1) else "hidden"
             return
         a, b, lost = place(one.warp), place(two.warp), max(track.lost for track in self._tracks)
-        rigid = rigid_misfit(self._own[0], self._shift, a, b, lost, expected_px)
+        rigid = rigid_misfit(self._own[0], self._shift, a, b, lost, math.dist(*ahead))
         if not (passes(*rigid) and self._turns_along(one, two)):
-            # The one that fits less well than it usually does is the wrong one.
+            # The one that fits less well than it usually does is the wrong one; of a pattern that is repeated, each
+            # place of which fits as well, the one that is further from where it should be.
             short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
-            wrong = 0 if short[0] > short[1] else 1
-            whys[wrong] = "hidden"
-            if abs(short[0] - short[1]) < AS_USUAL:
-                whys[1 - wrong] = "hidden"
+            off = [math.dist(place(fit.warp), point) for fit, point in zip((one, two), ahead, strict=True)]
+            alike = abs(short[0] - short[1]) < AS_USUAL
+            for this, other in ((0, 1), (1, 0)):
+                right = further(off[other], off[this]) if alike else short[this] < short[other]
+                whys[this] = "" if right else "hidden"
 
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
         """Turn patches that do not show their turn as the line through both points is."""
@@ -188,9 +190,13 @@ class TextureStick:
         lost = min(track.lost for track in self._tracks) + 1
         if lost > 1 and lost % SELDOM:
             return None
-        expected = Prediction((ahead[0], ahead[1]), jump_px(lost), self._own[0], self._shift)
+        jumped, shaken = (
+            Prediction((ahead[0], ahead[1]), sigma_px, self._own[0], self._shift)
+            for sigma_px in (jump_px(lost), SHAKE_PX * math.sqrt(2.0))
+        )
         height, width = luma.shape
-        for candidate in self._search.find(luma, expected.region([0], (width, height))):
+        found: list[tuple[Fit, Fit]] = []
+        for candidate in self._search.find(luma, jumped.region([0], (width, height))):
             one = self._tracks[0].patch.align(
                 luma, similarity(candidate.x_px, candidate.y_px, turn_rad=candidate.turn_rad)
             )
@@ -199,9 +205,14 @@ class TextureStick:
             two, why = self._beside(luma, 1, one, "lost")
             if two is None or why or not self._turns_along(one, two):
                 continue
-            if passes(*expected.innovation([place(one.warp), place(two.warp)], lost=lost)):
-                return one, two
-        return None
+            if any(math.dist(place(one.warp), place(other.warp)) < self.radius_px for other, _ in found):
+                continue
+            if passes(*jumped.innovation([place(one.warp), place(two.warp)], lost=lost)):
+                found.append((one, two))
+        # A shake is of one frame. Of a pattern that is repeated no place is guessed.
+        near = [pair for pair in found if passes(*shaken.innovation([place(fit.warp) for fit in pair], lost=lost))]
+        found = near if near and lost == 1 else found
+        return found[0] if len(found) == 1 else None
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
