@@ -42,9 +42,10 @@ class Unmoved:
     ``tracks`` are without the shift; what is not known of it while the base is hidden is in the covariance of a moving
     marker that is seen alone: the direction from both does not need it. ``paths`` are turned back about the base as
     well, where the camera was rolled: for the circles of the moving markers (angles are taken against the base in any
-    case, and have its errors counted there). A circle needs the place: what is not known of shift and turn while the base is
-    hidden is in the covariance of all of them. ``shift_px2`` (n,) is the variance, along each axis, of the shift that was
-    taken out, an error that all markers of a frame share; ``turn_rad2`` (n,) that of what ``paths`` are turned back by.
+    case, and have its errors counted there). A circle needs the place: what is not known of shift and turn while the
+    base is hidden is in the covariance of all of them. ``shift_px2`` (n,) is the variance, along each axis, of the
+    shift that was taken out, an error that all markers of a frame share; ``turn_rad2`` (n,) that of what ``paths`` are
+    turned back by.
     """
 
     tracks: MarkerTracks
