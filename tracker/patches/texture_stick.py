@@ -158,10 +158,10 @@ class TextureStick:
             # The one that fits less well than it usually does is the wrong one; of a pattern that is repeated, each
             # place of which fits as well, the one that is further from where it should be.
             short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
-            off = [math.dist(place(fit.warp), point) for fit, point in zip((one, two), ahead, strict=True)]
+            away_px = [math.dist(place(fit.warp), point) for fit, point in zip((one, two), ahead, strict=True)]
             alike = abs(short[0] - short[1]) < AS_USUAL
             for this, other in ((0, 1), (1, 0)):
-                right = further(off[other], off[this]) if alike else short[this] < short[other]
+                right = further(away_px[other], away_px[this]) if alike else short[this] < short[other]
                 whys[this] = "" if right else "hidden"
 
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
