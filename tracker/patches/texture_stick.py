@@ -56,6 +56,7 @@ class TextureStick:
             PatchTrack(patch, corners, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)
         ]
         self._search = search
+        self._points = list(points_px)
         (x1, y1), (x2, y2) = points_px
         self._offset = np.array([x2 - x1, y2 - y1])
         self._own = np.zeros(1, STICK)
@@ -194,9 +195,17 @@ class TextureStick:
             Prediction((ahead[0], ahead[1]), sigma_px, self._own[0], self._shift)
             for sigma_px in (jump_px(lost), SHAKE_PX * math.sqrt(2.0))
         )
+        found = self._alike(luma, jumped, lost=lost)
+        # A shake is of one frame. Of a pattern that is repeated no place is guessed.
+        near = [pair for pair in found if passes(*shaken.innovation([place(fit.warp) for fit in pair], lost=lost))]
+        found = near if near and lost == 1 else found
+        return found[0] if len(found) == 1 else None
+
+    def _alike(self, luma: NDArray[np.uint8], expected: Prediction, *, lost: int) -> list[tuple[Fit, Fit]]:
+        """Return the places around where the stick is expected that look like it, the likeliest first."""
         height, width = luma.shape
         found: list[tuple[Fit, Fit]] = []
-        for candidate in self._search.find(luma, jumped.region([0], (width, height))):
+        for candidate in self._search.find(luma, expected.region([0], (width, height))):
             one = self._tracks[0].patch.align(
                 luma, similarity(candidate.x_px, candidate.y_px, turn_rad=candidate.turn_rad)
             )
@@ -205,14 +214,30 @@ class TextureStick:
             two, why = self._beside(luma, 1, one, "lost")
             if two is None or why or not self._turns_along(one, two):
                 continue
-            if any(math.dist(place(one.warp), place(other.warp)) < self.radius_px for other, _ in found):
-                continue
-            if passes(*jumped.innovation([place(one.warp), place(two.warp)], lost=lost)):
+            ends = [place(one.warp), place(two.warp)]
+            if not any(self._at(ends, [place(fit.warp) for fit in pair]) for pair in found) and passes(
+                *expected.innovation(ends, lost=lost)
+            ):
                 found.append((one, two))
-        # A shake is of one frame. Of a pattern that is repeated no place is guessed.
-        near = [pair for pair in found if passes(*shaken.innovation([place(fit.warp) for fit in pair], lost=lost))]
-        found = near if near and lost == 1 else found
-        return found[0] if len(found) == 1 else None
+        return found
+
+    def _at(self, ends: Sequence[Point], others: Sequence[Point]) -> bool:
+        """Return whether two pairs of places are one."""
+        return max(math.dist(*pair) for pair in zip(ends, others, strict=True)) < self.radius_px
+
+    def turn_that_looks_alike_deg(self, first: NDArray[np.uint8]) -> float:
+        """Return the least turn after which the stick would look the same, NaN where it looks like nothing near it.
+
+        ``first`` is the picture of which its patches are. It is looked for as far away as it is long.
+        """
+        expected = Prediction((self._points[0], self._points[1]), self.length_px, self._own[0], np.zeros(2))
+        others = [[place(fit.warp) for fit in pair] for pair in self._alike(first, expected, lost=1)]
+        turns = [
+            turned(math.atan2(*np.subtract(two, one)[::-1]), self._own[0]["start_rad"])
+            for one, two in others
+            if not self._at([one, two], self._points)
+        ]
+        return math.degrees(min(turns, default=math.nan))
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""

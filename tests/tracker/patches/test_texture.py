@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -49,8 +50,9 @@ def tracked(made: FlatFilm, path: Path, hints: dict | None = None, **codec) -> t
 @pytest.mark.parametrize("step_deg", [np.rad2deg(15.0 / OUTER), 20.0], ids=["15 px", "20 degrees"])
 def test_fast_turns_past_the_base(step_deg: float, tmp_path: Path) -> None:
     made = film(angle_deg=lambda t: 60.0 + 30.0 * step_deg * t, frames=50)
-    error, _ = tracked(made, tmp_path / "film.mp4", codec="libx264")
+    error, result = tracked(made, tmp_path / "film.mp4", codec="libx264")
     assert np.isfinite(error).all()
+    assert not doubts(result)
     # Each point is off by less than a fifth of a pixel.
     assert np.abs(error).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
 
@@ -110,6 +112,8 @@ def test_a_pattern_that_is_repeated_is_not_taken_for_its_neighbour(
     assert np.isfinite(error[:12]).all()
     assert np.isfinite(error[24:]).all()
     assert result.tracks.valid[:, :3].all()
+    (told,) = [text for text in doubts(result) if "repeated" in text]
+    assert re.search("turned by [1-6]0 degrees", told)
 
 
 def test_a_patch_that_slides_onto_blank_paper_is_not_valid(tmp_path: Path) -> None:
