@@ -178,6 +178,17 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
     return {"family": start.hints.family, "base_id": ids[base], "moving_id": ids[1 - base]}
 
 
+def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]:
+    """Return by how much a moving stick with texture is turned where it looks the same, if it does anywhere."""
+    if start.kinds[moving] != "texture" or start.first is None or start.first.luma is None:
+        return {}
+    from tracker.patches.texture_stick import TextureStick
+
+    stick = follower.sticks[moving]
+    turn_deg = stick.turn_that_looks_alike_deg(start.first.luma) if isinstance(stick, TextureStick) else math.nan
+    return {} if math.isnan(turn_deg) else {"looks_alike_turned_by_deg": turn_deg}
+
+
 def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
     moving = follower.moving
     if moving is None or (start.doubtful and not _moves(table, moving)):
@@ -205,6 +216,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             "first_frame": start.frame,
             "faint": start.doubtful,
             **follower.report(),
+            **_alike(start, follower, moving=moving),
         },
     }
     return TrackResult(tracks, rows, list(source.damage.entries), report)

@@ -42,8 +42,10 @@ class Unmoved:
     ``tracks`` are without the shift; what is not known of it while the base is hidden is in the covariance of a moving
     marker that is seen alone: the direction from both does not need it. ``paths`` are turned back about the base as
     well, where the camera was rolled: for the circles of the moving markers (angles are taken against the base in any
-    case, and have its errors counted there). ``shift_px2`` (n,) is the variance, along each axis, of the shift that was
-    taken out, an error that all markers of a frame share; ``turn_rad2`` (n,) that of what ``paths`` are turned back by.
+    case, and have its errors counted there). A circle needs the place: what is not known of shift and turn while the
+    base is hidden is in the covariance of all of them. ``shift_px2`` (n,) is the variance, along each axis, of the
+    shift that was taken out, an error that all markers of a frame share; ``turn_rad2`` (n,) that of what ``paths`` are
+    turned back by.
     """
 
     tracks: MarkerTracks
@@ -83,7 +85,14 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     spread[:, 2:] += alone[:, None, None, None] * np.eye(2)
     still = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect), covariance_px2=spread)
     turned, turn_rad2 = upright(flat, covariance, pixel=pixel)
-    paths = replace(still, position_px=_in_picture(turned, intrinsics, pixel_aspect))
+    away2 = np.sum(np.square(flat - np.nanmedian(_middle(flat[:, :2]), axis=0)), axis=-1)
+    hidden = (shift.loose > 0.0)[:, None]
+    shared_px2 = np.where(hidden, shift.loose[:, None] + turn_rad2[:, None] * away2, 0.0) / pixel**2
+    paths = replace(
+        still,
+        position_px=_in_picture(turned, intrinsics, pixel_aspect),
+        covariance_px2=tracks.covariance_px2 + shared_px2[..., None, None] * np.eye(2),
+    )
     return Unmoved(still, paths, shift.variance / pixel**2, turn_rad2)
 
 

@@ -56,7 +56,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     still = unmoved(tracks, camera.intrinsics)
     readout, tracks = Readout.of(tracks), still.tracks
     try:
-        axis = axis_in_picture(still.paths.position_px[:, 2:], tracks.covariance_px2[:, 2:], camera.intrinsics)
+        axis = axis_in_picture(still.paths.position_px[:, 2:], still.paths.covariance_px2[:, 2:], camera.intrinsics)
     except NoResultError:
         # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
         return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)

@@ -23,8 +23,8 @@ def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, 
 
     Where the direction, continuous and NaN where not seen, scatters no more than its own noise ``variance_rad2`` (n,),
     it is averaged over as many frames as its drift allows; true shaking is kept. Frames in which the base is not seen
-    take the mean of both sides; where these differ by more than noise (the camera was bumped meanwhile) the direction
-    is not known there.
+    take the mean of both sides, and may be off by as much as the direction changes over such a gap elsewhere; where
+    both sides differ by more than noise (the camera was bumped meanwhile) the direction is not known there.
     """
     known = np.isfinite(angle_rad)
     if not known.any():
@@ -36,6 +36,7 @@ def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, 
         part = slice(first, last)
         seen = known[part]
         half, drift, shaking, apparent = _character(angle_rad[part][seen], noise)
+        away = np.maximum(_bridge_variance(angle_rad[part], noise), shaking)
         mean, count = _running_mean(angle_rad[part], half)
         share = shaking / (shaking + noise)
         kept = np.where(seen, share * (angle_rad[part] - mean), 0.0)
@@ -43,7 +44,7 @@ def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, 
         # Noise that never changes (a codec repeats a still picture) does not average out.
         hidden = max(0.0, noise - apparent)
         averaged = apparent / np.maximum(count, 1.0) * 2.0
-        variance[part] = hidden + averaged + drift * half / 6.0 + np.where(seen, share * noise, shaking)
+        variance[part] = hidden + averaged + drift * half / 6.0 + np.where(seen, share * noise, away)
     return smooth, np.minimum(variance, np.where(known, np.maximum(variance_rad2, 1e-18), np.inf))
 
 
@@ -101,6 +102,25 @@ def _character(values: Floats, noise: float) -> tuple[int, float, float, float]:
     # Noise / (2 h) against drift · h / 6 per frame.
     half = _LONGEST if drift <= 0 else int(np.sqrt(3.0 * max(apparent, 1e-18) / drift))
     return int(np.clip(half, 1, _LONGEST)), drift, shaking, apparent
+
+
+def _bridge_variance(values: Floats, noise: float) -> Floats:
+    """Return the variance (n,) of what is put between known values by interpolation, from how much they change.
+
+    By the semivariogram γ, half the mean square of the change over a lag, less the noise (Matheron, Principles of
+    geostatistics, Econ. Geol. 58, 1963): 2 Σ wᵢ γ(hᵢ) − Σ wᵢ wⱼ γ(hᵢⱼ) for weights w of the values at distances h.
+    """
+    known, index = np.flatnonzero(np.isfinite(values)), np.arange(len(values))
+    seen = values[known]
+    lags = [lag for lag in _LAGS if lag < len(seen)]
+    change = [max(0.0, 0.5 * float(np.mean((seen[lag:] - seen[:-lag]) ** 2)) - noise) for lag in lags]
+    after = np.clip(np.searchsorted(known, index), 0, len(known) - 1)
+    before = np.clip(np.searchsorted(known, index, side="right") - 1, 0, len(known) - 1)
+    since, until = np.abs(index - known[before]), np.abs(known[after] - index)
+    share = np.where(after > before, since / np.maximum(since + until, 1), 0.0)
+    by_since, by_until, by_gap = (np.interp(gap, [0, *lags], [0.0, *change]) for gap in (since, until, since + until))
+    between = 2.0 * ((1.0 - share) * by_since + share * by_until - share * (1.0 - share) * by_gap)
+    return np.asarray(between, dtype=np.float64)
 
 
 def _running_mean(values: Floats, half: int) -> tuple[Floats, Floats]:

@@ -100,7 +100,12 @@ def orient_pair(
     """
     films, space = same_points(films_of(left, right, camera))
     rig = _first_rig(films, space)
-    films, rollings = _at_stamps(films, rig)
+    read, rollings = _at_stamps(films, rig)
+    if any(rolling.report["known"] for rolling in rollings):
+        # Paths that were not read at once have another axis, and about that another delay.
+        rig = _first_rig(read, space)
+        read, rollings = _at_stamps(films, rig)
+    films = read
     # The errors of each film by its own sticks, seen flat; then the axis again, with those errors.
     errors = [stick_errors(film.tracks, _on_planes(film, rig)) for film in films]
     scaled_films = [film.scaled(error) for film, error in zip(films, errors, strict=True)]

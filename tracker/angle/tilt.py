@@ -14,7 +14,9 @@ Nothing is taken out but what the motion tells: a tilt that is no larger than wh
 the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
 
 A rolling shutter (:mod:`tracker.angle.row_time`) is fitted along: pictures that are read along x, along y, or at once
-are three models, weighed by their evidence as well.
+are three models, weighed by their evidence as well. So is what a codec makes of motion: it carries a marker on, by as
+much as its other errors are large, and changes the angle between both markers with the speed as well, but not with
+where they are in the picture.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
 from torsight.core.units import Flags, Floats, Ints
-from tracker.angle.row_time import SHARE_PRIOR, Readout, circles
+from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning
 
 Points = tuple[Floats, Floats]
 
@@ -109,7 +111,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     stick = outer[0] - inner[0]
     seen = np.asarray(np.isfinite(stick).all(axis=1), dtype=np.bool_)
     direction = np.arctan2(stick[:, 1], stick[:, 0])
-    lead = readout.lead_rad(direction)
+    lead, rate = readout.lead_rad(direction), turning(readout.time_s, direction)[0]
     speed = np.abs(lead).max(axis=1, initial=0.0)
     # The fast frames tell the read-out, the others what is alike at any speed.
     fast = speed > np.sqrt(np.mean(speed[seen] ** 2)) if seen.any() else np.zeros(len(speed), np.bool_)
@@ -119,17 +121,19 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         priors = [np.append(np.full(5, _PINNED), priors[0][5:])]
     turned = _turned(direction[seen])
     if len(rows) < _FEWEST or turned < _TURNED_RAD:
-        nothing = [_Found(0.0, np.zeros(7), np.diag(prior**2)) for prior in priors]
+        nothing = [_Found(0.0, np.zeros(7), np.diag(prior[:7] ** 2)) for prior in priors]
         return _blended([item.without(_READ) for item in nothing], turned)
     points = np.stack([inner[0][rows], outer[0][rows]], axis=1)
     spread = np.stack([inner[1][rows], outer[1][rows]], axis=1)
     # Frames of one direction, one way round, tell the same.
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
-    paths = _Paths(points, spread, direction[rows], lead[rows], alike)
-    start = np.concatenate([np.zeros(7), _first_circles(points)])
+    usual = USUAL_PX / half_px
+    carried = usual * rate[rows] / max(float(np.sqrt(np.mean(rate[rows] ** 2))), 1e-12)
+    paths = _Paths(points, spread, direction[rows], lead[rows], carried, alike)
+    start = np.concatenate([np.zeros(8), _first_circles(points)])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
-    weigh = paths.weighing(start, usual=USUAL_PX / half_px)
+    weigh = paths.weighing(start, usual=usual)
     for prior in priors:
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
         found.append(_Found(_evidence(covariance, chi_squared, prior), values[:7], covariance[:7, :7]))
@@ -141,7 +145,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
 class _Paths:
     """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
 
-    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. Frames with one number ``alike`` (n,) are
+    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. A codec usually carries a marker on by
+    ``carried`` (n,), in the unit of the positions. Frames with one number ``alike`` (n,) are
     averaged: what is left of them scatters, more along the motion than across it, and over a short arc a map that
     exchanges both would gain by that alone.
     """
@@ -150,6 +155,7 @@ class _Paths:
     covariance: Floats
     direction_rad: Floats
     lead_rad: Floats
+    carried: Floats
     alike: Ints
 
     def rows(self, kept: Flags) -> _Paths:
@@ -173,7 +179,7 @@ class _Paths:
         The noise is that of the picture, carried along: a map that shrinks must not gain by making all errors smaller.
         """
         flat, slopes = rectify(self.points, values[:5])
-        away = flat - values[7:9]
+        away = flat - values[8:10]
         radius = np.hypot(away[..., 0], away[..., 1])
         angle = np.arctan2(away[..., 1], away[..., 0])
         outwards = away / radius[..., None]
@@ -181,14 +187,15 @@ class _Paths:
         deep, wide = (_variance(_times(way, slopes), self.covariance) for way in (outwards, round_))
         # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
         faster = np.linalg.det(slopes.mean(axis=1)) * _square(self.points) / _square(flat)
-        ahead = faster * (self.lead_rad @ values[5:7])
-        apart = np.angle(np.exp(1j * (angle[:, 1] - angle[:, 0] - values[11] - ahead)))
+        ahead = faster * (self.lead_rad @ values[5:7]) + values[7] * self.carried * np.hypot(*(1.0 / values[10:12]))
+        apart = np.angle(np.exp(1j * (angle[:, 1] - angle[:, 0] - values[12] - ahead)))
         across = np.sqrt(np.sum(wide / radius**2, axis=1))
-        return np.column_stack([(radius - values[9:11]) / np.sqrt(deep), apart / across])
+        return np.column_stack([(radius - values[10:12]) / np.sqrt(deep), apart / across])
 
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
-        white = float(np.sqrt(0.5 * np.median(np.trace(self.covariance, axis1=2, axis2=3))))
+        # Frames whose place is hardly known, since the base was hidden, tell little, and count as little here.
+        white = float(np.sqrt(0.5 / np.mean(1.0 / np.trace(self.covariance, axis1=2, axis2=3))))
         whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white)
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
         factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))
@@ -216,14 +223,14 @@ def _fit(
     paths: _Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats, float]:
     def residuals(values: Floats) -> Floats:
-        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:7] / prior])
+        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:8] / prior])
 
     return least_squares(residuals, start, enough=_ENOUGH)
 
 
 def _prior(stretch: float) -> Floats:
     perspective = _PERSPECTIVE * np.sqrt(stretch)
-    return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR])
+    return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR, 1.0])
 
 
 def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
-from tracker.appearance.lucas_kanade import READING
+from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.sticks import crossing_point
 from tracker.follow.frame_step import DONE, START, advance
 from tracker.follow.learning import skip
@@ -60,11 +60,18 @@ class DotState:
         """Share of a frame's time for which the shutter is open."""
         return float(self.scene.rig["shutter_share"][0])
 
+    @property
+    def starts_rad(self) -> list[float]:
+        """Direction of each stick at the start, y down."""
+        return [float(own["start_rad"]) for own in self.scene.sticks]
+
     def name_moving(self, moving: int) -> None:
-        """Take in which of two sticks moves."""
+        """Take in which of two sticks moves; the base is where it was seen last."""
         if len(self.scene.sticks) == 1:
             return
-        scene, ends = self.scene, self.ends(1 - moving)
+        scene = self.scene
+        one, two = (_seen_last(marker) for marker in scene.markers[2 - 2 * moving : 4 - 2 * moving])
+        ends = (one, two)
         rig, base = scene.rig[0], scene.sticks[1 - moving]
         rig["moving"], rig["zero"], rig["last_rad"] = moving, ends, direction(*ends)
         base["still"], base["start_rad"] = True, rig["last_rad"]
@@ -97,3 +104,9 @@ class DotState:
         self._all[...] = np.frombuffer(base64.b64decode(state["dots"]), self._all.dtype)[0]
         for _, _, extras in self.scene.looks:
             extras[:, -1] = 0.0
+
+
+def _seen_last(marker: np.void) -> Point:
+    """Return where a marker was read last, before the camera has moved: a lost one is carried on."""
+    last = marker["history"][marker["count"] - 1] if marker["count"] else [0.0, marker["x"], marker["y"]]
+    return float(last[1]), float(last[2])

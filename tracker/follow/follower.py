@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Final, Protocol
 
@@ -12,7 +13,8 @@ from torsight.core.compiled import lending
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Luma
 from tracker.follow.followed_dots import DotState
-from tracker.follow.judgement import MOVED_RAD, base_shift
+from tracker.follow.innovation import SIGMAS
+from tracker.follow.judgement import MOVED_RAD, TURN_RAD, base_shift
 from tracker.follow.learning import RATE, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
@@ -91,7 +93,8 @@ class Follower:
         self._brightness = 0.0
         self._noise: float | None = None
         self._shift, self._zero = np.zeros(2), np.full((2, 2), np.nan)
-        self._starts: list[float] = []
+        dots = sticks[0] if len(sticks) == 1 else None
+        self._starts = dots.starts_rad if isinstance(dots, DotState) else [math.nan, math.nan]
         self._rows = np.zeros(1, ROW)
         if moving is not None:
             self._name_moving(moving)
@@ -125,7 +128,7 @@ class Follower:
         readings = parts[0] if len(parts) == 1 else np.concatenate(parts)
         if self._drawn:
             self._share_noise(readings)
-        if self.moving is None and not readings["state"].any():
+        if self.moving is None:
             self._look_for_motion(readings)
         return readings
 
@@ -157,11 +160,16 @@ class Follower:
         return nothing(state, markers=4)
 
     def _look_for_motion(self, readings: NDArray[np.void]) -> None:
-        now = [direction(place_of(readings[i]), place_of(readings[i + 1])) for i in (0, 2)]
-        self._starts = self._starts or now
+        """Settle which stick moves: the one that turns; one that is not seen may have turned with the camera."""
+        now = [
+            math.nan if readings["state"][i : i + 2].any() else direction(*map(place_of, readings[i : i + 2]))
+            for i in (0, 2)
+        ]
+        self._starts = [one if math.isnan(first) else first for one, first in zip(now, self._starts, strict=True)]
         angles = [turned(one, first) for one, first in zip(now, self._starts, strict=True)]
         for stick in (0, 1):
-            if angles[stick] > MOVED_RAD + 3.0 * angles[1 - stick]:
+            other = SIGMAS * TURN_RAD if math.isnan(now[1 - stick]) else angles[1 - stick]
+            if angles[stick] > MOVED_RAD + 3.0 * other and not math.isnan(self._starts[1 - stick]):
                 self._name_moving(stick)
 
     def _name_moving(self, moving: int) -> None:
@@ -195,8 +203,10 @@ class Follower:
         """Go back to a noted state, exactly."""
         self.moving = state["moving"]
         self._brightness, self._noise = float(state["brightness"]), state["noise"]
-        self._starts = [float(start) for start in state["starts"]]
         # What is not finite is null there.
-        self._shift, self._zero = (np.array(state[key], dtype=np.float64) for key in ("shift", "zero"))
+        self._shift, self._zero, starts = (
+            np.array(state[key], dtype=np.float64) for key in ("shift", "zero", "starts")
+        )
+        self._starts = starts.tolist()
         for stick, content in zip(self.sticks, state["sticks"], strict=True):
             stick.restore(content)

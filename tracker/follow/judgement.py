@@ -174,6 +174,12 @@ def sure_misfit(rig: Record, a: Point, b: Point) -> float:
     return turned(math.atan2(b[1] - a[1], b[0] - a[0]), rig.last_rad) / SURE_RAD
 
 
+@lending
+def further(off_px: float, other_px: float) -> bool:
+    """Return whether one marker is clearly further from its prediction than the other of its stick."""
+    return off_px > 2.0 * other_px + 0.5
+
+
 @compiled
 def judge_pair(scene: Scene, stick: int) -> None:
     """Refuse the marker that is further from its prediction where both are not of one rigid stick; of the base both.
@@ -192,9 +198,9 @@ def judge_pair(scene: Scene, stick: int) -> None:
     if passes(found, freedom):
         return
     off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])
-    if not is_base(rig, stick) and off_a > 2.0 * off_b + 0.5:
+    if not is_base(rig, stick) and further(off_a, off_b):
         scene.readings[i].state = HIDDEN
-    elif not is_base(rig, stick) and off_b > 2.0 * off_a + 0.5:
+    elif not is_base(rig, stick) and further(off_b, off_a):
         scene.readings[j].state = HIDDEN
     else:
         scene.readings[i].state = scene.readings[j].state = HIDDEN
@@ -231,8 +237,9 @@ def vote(rig: Record, evidence: int) -> None:
 def judge_base(scene: Scene) -> bool:
     """Judge the base; return whether it has to be looked for.
 
-    While the moving stick is not seen it may lie anywhere, even over the base: then only the base's own direction will
-    do, and one dot alone has to be where the base was when the moving stick was last seen elsewhere.
+    While the moving stick is seen, the picture has to have moved as its circles say. While it is not, it may lie
+    anywhere, even over the base: then only the base's own direction will do, and one dot alone has to be where the base
+    was when the moving stick was last seen elsewhere.
     """
     rig, base = scene.rig[0], 1 - scene.rig[0].moving
     i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving
@@ -242,6 +249,11 @@ def judge_base(scene: Scene) -> bool:
         rig.anchor[:] = rig.shift
     rig.anchored = not elsewhere
     judge_pair(scene, base)
+    shift = np.empty(2)
+    if elsewhere and base_shift(scene.readings[i : j + 1], rig.zero, shift) and not goes_with_picture(scene, shift):
+        for index in (i, j):
+            if seen(scene, index):
+                scene.readings[index].state = HIDDEN
     if seen(scene, i) and seen(scene, j):
         if elsewhere:
             (ax, ay), (bx, by) = at(scene, i), at(scene, j)
@@ -311,6 +323,25 @@ def circles_off(scene: Scene, out: Floats) -> bool:
         x, y = on_circle(axis, direction, end)
         out[end, 0], out[end, 1] = scene.readings[i + end].x - x, scene.readings[i + end].y - y
     return True
+
+
+@compiled
+def goes_with_picture(scene: Scene, shift: Floats) -> bool:
+    """Return whether the moving stick's circles allow a shift (2,) of the picture that the base tells.
+
+    The picture moves as one: what went elsewhere alone is no base. A camera that is rolled shifts both sticks by what
+    their distance makes of the turn. True while the circles are not known.
+    """
+    rig, own, off = scene.rig[0], scene.sticks[scene.rig[0].moving], np.empty((2, 2))
+    if not circles_off(scene, off):
+        return True
+    x, y = 0.5 * (rig.zero[0, 0] + rig.zero[1, 0]), 0.5 * (rig.zero[0, 1] + rig.zero[1, 1])
+    rolled_px = TURN_RAD * math.hypot(x - own.axis.centre[0], y - own.axis.centre[1])
+    found = 0.0
+    for end in range(2):
+        apart = (off[end, 0] - shift[0]) ** 2 + (off[end, 1] - shift[1]) ** 2
+        found += apart / (circle_sigma_px(own, end) ** 2 + rolled_px**2)
+    return passes(found, 4)
 
 
 # --- the moving stick -----------------------------------------------------------------------------------------------

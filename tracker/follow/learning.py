@@ -143,7 +143,8 @@ def _note_stick(scene: Scene, stick: int) -> None:
         return
     own.shortest, own.longest = min(own.shortest, own.length), max(own.longest, own.length)
     base = 2 - 2 * stick
-    if rig.moving >= 0 and not (seen(scene, base) or seen(scene, base + 1)):
+    if rig.moving >= 0 and not (seen(scene, base) and seen(scene, base + 1)):
+        # One dot of the base alone that slides would take the axis along.
         return
     dx, dy = rig.shift[0], rig.shift[1]
     learn_axis(own.axis, (ax - dx, ay - dy), (bx - dx, by - dy))

@@ -30,6 +30,7 @@ from tracker.follow.judgement import (
     UNSEEN_PX,
     circle_sigma_px,
     covers,
+    goes_with_picture,
     near_base,
     rigid_misfit,
     sure_misfit,
@@ -147,10 +148,14 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
             misfit, freedom = misfit + sure_misfit(rig, *pair) ** 2, freedom + 1
         if passes(misfit, freedom) and not (jump and _of_other_stick(scene, stick, pair)):
             found.append((misfit, one, two))
-    if is_base(rig, stick) and not other_seen:
-        here = place_of(markers[0])
-        return [pair for pair in found if _goes_along(scene, luma, place_of(pair[1]), here)]
-    return found
+    if not is_base(rig, stick):
+        return found
+    if other_seen:
+        middle = rig["zero"].mean(axis=0)
+        steps = [np.mean([place_of(one), place_of(two)], axis=0) - middle for _, one, two in found]
+        return [pair for pair, step in zip(found, steps, strict=True) if goes_with_picture(scene, step)]
+    here = place_of(markers[0])
+    return [pair for pair in found if _goes_along(scene, luma, place_of(pair[1]), here)]
 
 
 def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point]) -> bool:

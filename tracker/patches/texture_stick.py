@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.follow.innovation import passes
-from tracker.follow.judgement import circle_misfit, rigid_misfit
+from tracker.follow.judgement import SHAKE_PX, circle_misfit, further, rigid_misfit
 from tracker.follow.redetect import SELDOM, Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
@@ -56,6 +56,7 @@ class TextureStick:
             PatchTrack(patch, corners, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)
         ]
         self._search = search
+        self._points = list(points_px)
         (x1, y1), (x2, y2) = points_px
         self._offset = np.array([x2 - x1, y2 - y1])
         self._own = np.zeros(1, STICK)
@@ -91,7 +92,7 @@ class TextureStick:
             partner = fits[seen]
             if whys[lost] and partner is not None:
                 fits[lost], whys[lost] = self._beside(luma, lost, partner, whys[lost])
-        self._judge_together(fits, whys, math.dist(*ahead))
+        self._judge_together(fits, whys, ahead)
         if all(whys):
             again = self._find(luma, ahead)
             if again is not None:
@@ -142,7 +143,7 @@ class TextureStick:
         reason = why if fit is None else self._judge(fit)
         return (None, reason) if reason else (fit, "")
 
-    def _judge_together(self, fits: list[Fit | None], whys: list[str], expected_px: float) -> None:
+    def _judge_together(self, fits: list[Fit | None], whys: list[str], ahead: Sequence[Point]) -> None:
         """Refuse what is not one rigid stick."""
         one, two = fits
         if one is None or two is None or any(whys):
@@ -153,14 +154,16 @@ class TextureStick:
                     whys[end] = "" if passes(off**2, 1) else "hidden"
             return
         a, b, lost = place(one.warp), place(two.warp), max(track.lost for track in self._tracks)
-        rigid = rigid_misfit(self._own[0], self._shift, a, b, lost, expected_px)
+        rigid = rigid_misfit(self._own[0], self._shift, a, b, lost, math.dist(*ahead))
         if not (passes(*rigid) and self._turns_along(one, two)):
-            # The one that fits less well than it usually does is the wrong one.
+            # The one that fits less well than it usually does is the wrong one; of a pattern that is repeated, each
+            # place of which fits as well, the one that is further from where it should be.
             short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
-            wrong = 0 if short[0] > short[1] else 1
-            whys[wrong] = "hidden"
-            if abs(short[0] - short[1]) < AS_USUAL:
-                whys[1 - wrong] = "hidden"
+            away_px = [math.dist(place(fit.warp), point) for fit, point in zip((one, two), ahead, strict=True)]
+            alike = abs(short[0] - short[1]) < AS_USUAL
+            for this, other in ((0, 1), (1, 0)):
+                right = further(away_px[other], away_px[this]) if alike else short[this] < short[other]
+                whys[this] = "" if right else "hidden"
 
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
         """Turn patches that do not show their turn as the line through both points is."""
@@ -188,8 +191,20 @@ class TextureStick:
         lost = min(track.lost for track in self._tracks) + 1
         if lost > 1 and lost % SELDOM:
             return None
-        expected = Prediction((ahead[0], ahead[1]), jump_px(lost), self._own[0], self._shift)
+        jumped, shaken = (
+            Prediction((ahead[0], ahead[1]), sigma_px, self._own[0], self._shift)
+            for sigma_px in (jump_px(lost), SHAKE_PX * math.sqrt(2.0))
+        )
+        found = self._alike(luma, jumped, lost=lost)
+        # A shake is of one frame. Of a pattern that is repeated no place is guessed.
+        near = [pair for pair in found if passes(*shaken.innovation([place(fit.warp) for fit in pair], lost=lost))]
+        found = near if near and lost == 1 else found
+        return found[0] if len(found) == 1 else None
+
+    def _alike(self, luma: NDArray[np.uint8], expected: Prediction, *, lost: int) -> list[tuple[Fit, Fit]]:
+        """Return the places around where the stick is expected that look like it, the likeliest first."""
         height, width = luma.shape
+        found: list[tuple[Fit, Fit]] = []
         for candidate in self._search.find(luma, expected.region([0], (width, height))):
             one = self._tracks[0].patch.align(
                 luma, similarity(candidate.x_px, candidate.y_px, turn_rad=candidate.turn_rad)
@@ -199,9 +214,30 @@ class TextureStick:
             two, why = self._beside(luma, 1, one, "lost")
             if two is None or why or not self._turns_along(one, two):
                 continue
-            if passes(*expected.innovation([place(one.warp), place(two.warp)], lost=lost)):
-                return one, two
-        return None
+            ends = [place(one.warp), place(two.warp)]
+            if not any(self._at(ends, [place(fit.warp) for fit in pair]) for pair in found) and passes(
+                *expected.innovation(ends, lost=lost)
+            ):
+                found.append((one, two))
+        return found
+
+    def _at(self, ends: Sequence[Point], others: Sequence[Point]) -> bool:
+        """Return whether two pairs of places are one."""
+        return max(math.dist(*pair) for pair in zip(ends, others, strict=True)) < self.radius_px
+
+    def turn_that_looks_alike_deg(self, first: NDArray[np.uint8]) -> float:
+        """Return the least turn after which the stick would look the same, NaN where it looks like nothing near it.
+
+        ``first`` is the picture of which its patches are. It is looked for as far away as it is long.
+        """
+        expected = Prediction((self._points[0], self._points[1]), self.length_px, self._own[0], np.zeros(2))
+        others = [[place(fit.warp) for fit in pair] for pair in self._alike(first, expected, lost=1)]
+        turns = [
+            turned(math.atan2(*np.subtract(two, one)[::-1]), self._own[0]["start_rad"])
+            for one, two in others
+            if not self._at([one, two], self._points)
+        ]
+        return math.degrees(min(turns, default=math.nan))
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""

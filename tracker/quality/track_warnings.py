@@ -42,7 +42,7 @@ def doubts(result: TrackResult) -> list[str]:
     if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Which end of a tag is nearer to the axis is a matter of how it was stuck on: it has no inner marker.
         found = found or _exchanged_markers(result.tracks, given=given)
-    return found + _moving_axis(result.tracks) + _file_faults(result)
+    return found + _repeated_texture(result) + _moving_axis(result.tracks) + _file_faults(result)
 
 
 def doubts_of_tilt(orientation: Orientation) -> list[str]:
@@ -135,6 +135,19 @@ def _exchanged_markers(tracks: MarkerTracks, *, given: bool) -> list[str]:
     do = "exchange the two positions in the marker file" if given else "give the positions with --markers MARKERS.toml"
     what = "Every angle is off by 180 degrees" if len(found) == 1 else "The angles hold, but not the markers' names"
     return [" ".join([*found, f"{what}: {do}."])]
+
+
+def _repeated_texture(result: TrackResult) -> list[str]:
+    """Tell that the moving stick's points look like places next to them: marks of a scale, teeth of a wheel."""
+    turn_deg = result.report["markers"].get("looks_alike_turned_by_deg")
+    if turn_deg is None:
+        return []
+    words = (
+        f"The texture around the points of the moving stick is repeated: turned by {turn_deg:.0f} degrees it looks the "
+        "same. Where the stick is fast or covered one place may be taken for another, and the angle is wrong. Choose "
+        "points that look like nothing near them."
+    )
+    return [words]
 
 
 def _moving_axis(tracks: MarkerTracks) -> list[str]:

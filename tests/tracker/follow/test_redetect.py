@@ -41,12 +41,17 @@ def moving(degrees: float) -> list[complex]:
     return [AXIS + 70.0 * turn, AXIS + 140.0 * turn]
 
 
-def followed(scenes: list[list[complex]]) -> list[np.ndarray]:
-    """Return the rows of pictures with dots: the base's two, then the moving stick's."""
-    first = picture(scenes[0], seed=0)
-    dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scenes[0]]
+def follower_of(scene: list[complex], *, moving: int | None = 1) -> Follower:
+    """Return what follows the dots of a first picture: the base's two, then the moving stick's."""
+    first = picture(scene, seed=0)
+    dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scene]
     sticks = [Stick(dots[k], dots[k + 1], 0.0) for k in (0, 2)]
-    follower = Follower([DotState([marker for stick in sticks for marker in markers_on(first, stick)])], moving=1)
+    return Follower([DotState([marker for stick in sticks for marker in markers_on(first, stick)])], moving=moving)
+
+
+def followed(scenes: list[list[complex]]) -> list[np.ndarray]:
+    """Return the rows of pictures with dots."""
+    follower = follower_of(scenes[0])
     return [
         follower.step(Frame(number, number / 30.0, picture(scene, seed=number))).copy()
         for number, scene in enumerate(scenes)
@@ -145,3 +150,31 @@ def test_a_lens_that_focuses_anew() -> None:
     # By 4 % over a second.
     scenes = [[middle + (1.0 + 0.001 * k) * (dot - middle) for dot in scene] for k, scene in enumerate(scenes)]
     check(followed(scenes)[-1], scenes[-1])
+
+
+@pytest.mark.parametrize("away", [-60.0 + 90.0j, -25.0 + 8.0j])
+def test_a_base_that_goes_elsewhere_alone_is_no_base(away: complex) -> None:
+    scenes = turning(30)
+    for scene in scenes[20:]:
+        scene[:2] = [dot + away for dot in BASE]
+    assert all((row["state"][:2] != CODE["seen"]).all() for row in followed(scenes)[20:])
+
+
+def test_a_base_marker_that_slides_while_its_partner_is_hidden() -> None:
+    scenes = turning(60)
+    for number, scene in enumerate(scenes[20:]):
+        scene[:2] = [BASE[0] + 1.0j * number]
+    states = np.array([row["state"][0] for row in followed(scenes)])
+    # χ² of 16.25 with the circles' deviations, ((0.1 · arm + 5) / 3) px, and 0.7 degrees over 120 px: 14.4 px.
+    assert (states[:33] == CODE["seen"]).all()
+    assert (states[36:] != CODE["seen"]).all()
+
+
+def test_the_stick_that_turns_is_the_moving_one_while_the_other_is_half_hidden() -> None:
+    scenes = turning(12)
+    follower = follower_of(scenes[0], moving=None)
+    for number, scene in enumerate(scenes):
+        row = follower.step(Frame(number, number / 30.0, picture(scene[1:] if number else scene, seed=number)))
+        # One degree, and thrice what a bumped camera may be rolled by, three times 0.7 degrees.
+        assert follower.moving == (1 if 2.0 * number > 7.3 else None)
+    assert row["state"].tolist() == [CODE["hidden"], *[CODE["seen"]] * 3]

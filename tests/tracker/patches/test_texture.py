@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -49,8 +50,9 @@ def tracked(made: FlatFilm, path: Path, hints: dict | None = None, **codec) -> t
 @pytest.mark.parametrize("step_deg", [np.rad2deg(15.0 / OUTER), 20.0], ids=["15 px", "20 degrees"])
 def test_fast_turns_past_the_base(step_deg: float, tmp_path: Path) -> None:
     made = film(angle_deg=lambda t: 60.0 + 30.0 * step_deg * t, frames=50)
-    error, _ = tracked(made, tmp_path / "film.mp4", codec="libx264")
+    error, result = tracked(made, tmp_path / "film.mp4", codec="libx264")
     assert np.isfinite(error).all()
+    assert not doubts(result)
     # Each point is off by less than a fifth of a pixel.
     assert np.abs(error).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
 
@@ -74,6 +76,44 @@ def test_a_lost_stick_is_found_again_by_its_turned_patch(step_deg: float, tmp_pa
     # Looked for around its axis in one frame of three where the axis is known, and in the whole picture seldom.
     assert seen[30:].all()
     assert np.nanmax(np.abs(error)) < 0.3
+
+
+def protractor() -> Sprite:
+    """Return a square with marks every ten degrees at two radii, of which each looks like all others."""
+    picture = np.full((760, 760), 210.0, np.float32)
+    for turn in np.deg2rad(np.arange(0.0, 360.0, 10.0)):
+        for near, far in ((120.0, 150.0), (320.0, 355.0)):
+            way = 16.0 * np.array([np.cos(turn), np.sin(turn)])
+            ends = [tuple(np.rint(16.0 * 379.5 + radius * way).astype(int).tolist()) for radius in (near, far)]
+            cv2.line(picture, *ends, 40.0, 8, cv2.LINE_AA, 4)
+    return Sprite(picture, along_mm=0.0, width_mm=190.0)
+
+
+@pytest.mark.parametrize(("step_deg", "radius_mm"), [(3.3, 14.0), (3.3, 10.0), (4.0, 14.0)])
+def test_a_pattern_that_is_repeated_is_not_taken_for_its_neighbour(
+    step_deg: float, radius_mm: float, tmp_path: Path
+) -> None:
+    base = Sprite(texture_picture(np.random.default_rng(1), 90, 180), along_mm=165.0, width_mm=60.0)
+    # A blot in the way of the outer mark, which reaches its middle in frame 16, and the next mark is free behind it.
+    at = 84.4 * np.exp(1j * np.deg2rad(180.0 + 60.0 + 16.0 * step_deg))
+    made = FlatFilm(
+        [base],
+        [protractor()],
+        lambda t: 60.0 + 30.0 * step_deg * t,
+        hands=[Hand(10, 34, (at.real, at.imag), radius_mm=radius_mm)],
+        size=(420, 300),
+        frames=36,
+    )
+    places = [made.on_stick(0, 60.0, along).tolist() for along in (150.0, 180.0)]
+    marks = [made.on_stick(1, 60.0, along).tolist() for along in (33.75, 84.4)]
+    error, result = tracked(made, tmp_path / "film.mkv", {"base": places, "moving": marks})
+    # The next mark is ten degrees away.
+    assert np.nanmax(np.abs(error)) < 0.3
+    assert np.isfinite(error[:12]).all()
+    assert np.isfinite(error[24:]).all()
+    assert result.tracks.valid[:, :3].all()
+    (told,) = [text for text in doubts(result) if "repeated" in text]
+    assert re.search("turned by [1-6]0 degrees", told)
 
 
 def test_a_patch_that_slides_onto_blank_paper_is_not_valid(tmp_path: Path) -> None:
