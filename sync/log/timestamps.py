@@ -89,7 +89,12 @@ def order_stamps(stamp_s: Floats, *, first_line: int = 2) -> OrderedStamps:
 
 
 def longest_gap_s(time_s: Floats) -> float:
-    """Return the longest gap between samples that is bridged by default: two seconds, or five usual steps if longer."""
+    """Return how far apart samples at these times (n,) may be, and a straight line still stands for what is between.
+
+    What is further apart is a gap, for everyone who asks: it is reported, stays empty in the merged table and does not
+    count in a fit. It is :data:`BRIDGED_S`, or five usual steps where they are longer: such a log is nothing but lines
+    over seconds anyway, and up to four readings in a row may be lost.
+    """
     return max(BRIDGED_S, 5.0 * usual_step(time_s))
 
 

@@ -21,6 +21,7 @@ from torsight.actuator.springs import SPRING_B, Rig, values_of_b
 from torsight.actuator.stepping import kernel
 from torsight.actuator.stepping import kernel_laws as places
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.storage import check_keys
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
@@ -200,8 +201,17 @@ class ActuatorModel:
         return prepare_log(log, start_angle_rad=start_angle_rad, where=where)
 
     def ports(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Ports:
-        """Return the plain model's ports for this drive, with the effects applied."""
-        given = {**self.nominal(), **values}
+        """Return the plain model's ports for this drive, with the effects applied.
+
+        Raises
+        ------
+        ConfigError
+            When a value is none of the model's parameters; the message names the nearest one.
+        """
+        nominal = self.nominal()
+        if not values.keys() <= nominal.keys():
+            check_keys(values, tuple(nominal), where=f"values of {self!r}")
+        given = {**nominal, **values}
         history = history or History()
         counts = drive.cycles.counts()
         before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
@@ -261,6 +271,11 @@ class ActuatorModel:
             Parameters by public name, in the unit that the name ends in; nominal values where absent.
         history : History, optional
             What earlier records left behind.
+
+        Raises
+        ------
+        ConfigError
+            When a value is none of the model's parameters; the message names the nearest one.
         """
         ports = self.ports(drive, values or {}, history=history)
         law = self.phase_law == "tanaka"
