@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 _SWITCHES: Final = ("heat_a", "heat_b")
 _COARSE_SHARE: Final = 0.2
-"""A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
+"""A larger share of repeated stamps means stamps coarser than the rows, not rows written twice: stamps in whole seconds
+repeat in half of the rows and more of a log that needs them. Half and twice of it change nothing
+(benchmarks/sync/constants.py)."""
 _MIN_ROWS: Final = 3
 """Two steps of time: with one a usual step cannot be distinguished from a gap."""
 
