@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-from written_logs import kinds, ramp, written
 
 from sync import read_temperature_log
 from sync.log.column_names import resolve
+from tests.sync.written_logs import kinds, ramp, written
 from torsight.core.errors import InputError
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-from written_logs import kinds, ramp, written
 
 from sync import read_temperature_log
 from sync.log.timestamps import longest_gap_s
 from sync.merge.merged_table import at_instants
+from tests.sync.written_logs import kinds, ramp, written
 from torsight.core.errors import InputError
 
 
