@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
-from torsight.actuator.effects import STAGES, Effect, chosen_effects
+from torsight.actuator.effects import STAGES, Effect, chosen_effects, load_effects
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, History, Ports
 from torsight.actuator.record.segments import by_role
@@ -210,7 +210,7 @@ class ActuatorModel:
         """
         nominal = self.nominal()
         if not values.keys() <= nominal.keys():
-            check_keys(values, tuple(nominal), where=f"values of {self!r}")
+            self._refuse(values, tuple(nominal))
         given = {**nominal, **values}
         history = history or History()
         counts = drive.cycles.counts()
@@ -246,6 +246,19 @@ class ActuatorModel:
             elif not (part.is_clock and history.after_record):
                 ports = part.apply(ports, given)
         return ports
+
+    def _refuse(self, values: Mapping[str, float], names: Sequence[str]) -> None:
+        """Refuse values that are none of this model's, naming what has them."""
+        where = f"values of {self!r}"
+        for effect in load_effects().values():
+            others = [parameter.name for parameter in effect.parameters if parameter.name not in names]
+            for name in values.keys() & others:
+                raise ConfigError(
+                    f"'{name}' is a value of the effect '{effect.id}', which this model lacks",
+                    where=where,
+                    do="simulate with the model of the fit (fit.model), or with effects=[…] as it has them",
+                )
+        check_keys(values, names, where=where)
 
     @cached_property
     def _parts(self) -> tuple[Effect | LawForm, ...]:
