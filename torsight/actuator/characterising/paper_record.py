@@ -11,7 +11,8 @@ import numpy as np
 from torsight.actuator.characterising.characterisation import blocked_force
 from torsight.actuator.characterising.spring_tests import LARGE_RANGE_DEG, Block, ForceAngle, Recovery, SpringTests
 from torsight.actuator.drive import Drive
-from torsight.actuator.model import ActuatorModel, Simulation
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import stable_cycle
