@@ -14,7 +14,8 @@ from torsight.core.records import ClockMap
 from torsight.core.units import PPM, Floats
 
 MOST_HYPOTHESES: Final = 12
-"""Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log."""
+"""Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log.
+Half and twice of them give the same clock (benchmarks/sync/constants.py)."""
 NEGLIGIBLE_LOG: Final = 20.0
 """Alternatives that are less likely by this logarithm are left out: e⁻²⁰ = 2·10⁻⁹ is what quantiles are solved to."""
 

@@ -25,7 +25,8 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM, Flags, Floats
 
 _STARTS: Final = 4
-"""Local answers that are refined in one range of offsets, at least three steps of its scan apart."""
+"""Local answers that are refined in one range of offsets, at least three steps of its scan apart. Half and twice of
+them give the same clock (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,7 +26,7 @@ ALIKE: Final = 0.12
 """Shares of explained motion that differ by less are alike: one stroke of eight, the fewest that a programme has."""
 _LEAST_EXPLAINED: Final = 0.3
 """Motion that no offset explains better is not the log's: by chance half of it lies in segments of its direction, less
-what idle heatings take off."""
+what idle heatings take off. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)

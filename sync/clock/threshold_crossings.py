@@ -18,7 +18,8 @@ _SHARES: Final = np.array([0.015, 0.04, 0.09, 0.17, 0.28, 0.42, 0.57, 0.72, 0.85
 """Levels as shares of the longest stroke of a kind; the last bit of a stroke creeps and is left out."""
 WHOLE_STROKE: Final = 0.955
 """Share of a whole stroke that is used. Of one that was cut short the last level is not: its end falls on a corner of
-the temperature if the motion is a little late."""
+the temperature if the motion is a little late. Half as far from the whole, and twice as far, moves a clock by 0.2 of
+its standard deviations at most (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -42,7 +42,8 @@ _FEWEST: Final = 2 + len(_KINDS)
 """Crossings below which there is no answer: offset, drift and one of each kind of stroke for the unknown curves."""
 _RATE_POWERS: Final = 3
 _RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
-"""A rate comes from one cubic polynomial per stroke, through ten points for each of its coefficients."""
+"""A rate comes from one cubic polynomial per stroke, through ten points for each of its coefficients. One of degree two
+or six moves the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,10 +20,12 @@ from torsight.core.units import Flags, Floats
 RANGE_C: Final = (-80.0, 250.0)
 """Readings outside are the instrument's, not the spring's."""
 _SPIKE_FLOOR_C: Final = 1.0
-"""A smaller spike stays, whatever the noise."""
+"""A smaller spike stays, whatever the noise. With half of it a merged table's temperatures err as much, with twice of
+it 5 % more (benchmarks/sync/constants.py)."""
 _STUCK_ROWS: Final = 8
 """A reading that stands still for fewer rows may be a slow instrument's; where it does for less time than is bridged
-(:data:`~sync.log.timestamps.BRIDGED_S`), taking it out would put a straight line there, which is no better known."""
+(:data:`~sync.log.timestamps.BRIDGED_S`), taking it out would put a straight line there, which is no better known. Half
+and twice of it, and of the shares below, change no reading of damaged logs (benchmarks/sync/constants.py)."""
 _ALIKE_SHARE: Final = 0.4
 """Less than this share of readings equal the one before where normal noise is 0.65 of their last digit or more."""
 _FROZEN_ROWS: Final = round(math.log(1e-12) / math.log(_ALIKE_SHARE))

@@ -14,7 +14,7 @@ from sync.log.log_table import NEEDED_NAMES, read_log_table
 from sync.log.outliers import RANGE_C, clean_channel, in_range
 from sync.log.repairs import LogReading, Repair
 from sync.log.restart_gaps import SHORTEST_STRETCH_S, join_blocks
-from sync.log.timestamps import OrderedStamps, order_stamps
+from sync.log.timestamps import OrderedStamps, longest_gap_s, order_stamps
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.records import TemperatureLog
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 _SWITCHES: Final = ("heat_a", "heat_b")
 _COARSE_SHARE: Final = 0.2
-"""A larger share of repeated stamps means stamps coarser than the rows, not rows written twice."""
+"""A larger share of repeated stamps means stamps coarser than the rows, not rows written twice: stamps in whole seconds
+repeat in half of the rows and more of a log that needs them. Half and twice of it change nothing
+(benchmarks/sync/constants.py)."""
 _MIN_ROWS: Final = 3
 """Two steps of time: with one a usual step cannot be distinguished from a gap."""
 
@@ -241,7 +243,7 @@ def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict
 
 def _gaps(time_s: Floats) -> list[Repair]:
     step = np.diff(time_s)
-    long = step > max(5.0 * usual_step(time_s), 1.0)
+    long = step > longest_gap_s(time_s)
     if not long.any():
         return []
     first = int(np.flatnonzero(long)[0])

@@ -19,11 +19,13 @@ from torsight.core.series import rms, robust_sigma, usual_step
 from torsight.core.units import Floats, Ints
 
 _WINDOW_S: Final = 10.0
-"""Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz."""
+"""Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz. Half and twice
+of it move the clock by 0.04 of its standard deviations at most (benchmarks/sync/constants.py)."""
 SHORTEST_STRETCH_S: Final = 2.0 * _WINDOW_S
 """Rows between restarts that cover less time tell the gap on neither side: such stamps are of another kind."""
 LONGEST_GAP_S: Final = 900.0
-"""A logger that was away for longer than a quarter of an hour is another record."""
+"""A logger that was away for longer than a quarter of an hour is another record: a choice that moves no clock at half
+and at twice of it (benchmarks/sync/constants.py)."""
 
 
 def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -> tuple[Floats, tuple[Restart, ...]]:

@@ -24,11 +24,13 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import Flags, Floats
 
 MAX_LAG_S: Final = 15.0
-"""Longest lag that is looked for."""
+"""Longest lag that is looked for. Half and twice of it move a clock by 0.6 of its standard deviations at most
+(benchmarks/sync/constants.py)."""
 SPLITS: Final = (0.0, 0.2, 0.45)
 """Shares of a lag that a second stage may have: a sensor in its sleeve follows in two steps."""
 _POINTS: Final = 160
-"""Readings around a changepoint are averaged down to fewer than twice as many: the grid search costs in proportion."""
+"""Readings around a changepoint are averaged down to fewer than twice as many: the grid search costs in proportion.
+Half and twice of them move a clock by 0.07 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

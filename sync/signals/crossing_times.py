@@ -20,9 +20,11 @@ _FEWEST: Final = _POWERS + 2
 _MOST: Final = _FEWEST * 2**4
 """Frames that are taken together: one more than the coefficients need, doubled at most four times."""
 _NOISE_PER_STEP: Final = 0.05
-"""More frames are taken together until noise moves the crossing by less than this share of the time between frames."""
+"""More frames are taken together until noise moves the crossing by less than this share of the time between frames.
+Half and twice of it move a clock by 0.12 of its standard deviations at most (benchmarks/sync/constants.py)."""
 _STAMP_SHARE: Final = 0.02
-"""Stamps of frames are not better than this share of the time between frames."""
+"""Stamps of frames are not better than this share of the time between frames: milliseconds at 30 per second are 0.03 of
+it, and are rounded by half of that. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
 
 
 def crossing_time(

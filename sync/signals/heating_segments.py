@@ -15,9 +15,11 @@ from torsight.core.units import Floats
 from torsight.core.words.plausible import HEATED_C
 
 _MIN_SHARE: Final = 0.3
-"""A rise smaller than this share of the largest one is the other spring's warmth."""
+"""A rise smaller than this share of the largest one is the other spring's warmth. Half and twice of it find the same
+clock (benchmarks/sync/constants.py)."""
 _HEATING_SHARE: Final = 0.03
-"""Share of a heating over which its temperature is smoothed for the thresholds: 3 % of the way does not bend it."""
+"""Share of a heating over which its temperature is smoothed for the thresholds: 3 % of the way does not bend it.
+Half and twice of it move a clock by 0.34 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
 Spring = Literal["a", "b"]
 

@@ -18,7 +18,8 @@ _MIN_STROKE_RAD: Final = 3.0 * DEG
 _PAUSE_SHARE: Final = 0.15
 """A pause that is shorter than this share of the longer motion beside it does not end a stroke: stick-slip."""
 _LONGEST_PAUSE_S: Final = 5.0
-"""From here on a pause must be short against the shorter motion too, half of it at most."""
+"""From here on a pause must be short against the shorter motion too, half of it at most.
+Half and twice of both give the same clock (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,6 +16,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec, reference_spec
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import half_cycle, heated_angle, stable_cycle
+from torsight.core.errors import ConfigError
 from torsight.core.units import DEG
 
 FULL = [(80.0, 0.1)]
@@ -214,6 +215,19 @@ def test_tanaka_reaches_one_percent_where_liang_rogers_is_complete():
     model = ActuatorModel(reference_spec(), phase_law="tanaka")
     xi = model.simulate(model.prepare_log(log, start_angle_rad=3.0)).xi_a
     assert 0.0 < xi.min() < 0.01
+
+
+@pytest.mark.parametrize(("name", "near"), [("tau_c", "tau_c_mnm"), ("E_A_mpa", "E_A_gpa")])
+def test_a_value_that_is_none_of_the_models_is_refused_with_the_nearest_name(name, near):
+    log, _ = programme([(0, FULL)])
+    with pytest.raises(ConfigError, match=f"unknown key '{name}'.*did you mean '{near}'"):
+        simulated(log, 170.0, **{name: 1.0})
+
+
+def test_a_value_of_an_effect_that_the_model_lacks_is_refused_with_the_effects_name():
+    log, _ = programme([(0, FULL)])
+    with pytest.raises(ConfigError, match="'latent_c_s' is a value of the effect 'latent_heat'"):
+        simulated(log, 170.0, latent_c_s=3.0)
 
 
 def test_constant_recoverable_angle_is_an_option():

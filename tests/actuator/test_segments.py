@@ -124,13 +124,25 @@ def test_the_start_is_known_as_well_as_it_says():
 
 
 def test_gaps_are_bridged_and_long_ones_do_not_count():
+    """As in the merged table: at two rows a second up to four may be lost, from 2.5 s to the next."""
     log, _ = programme(HALVES[:2])
     a = log.temp_a_c.copy()
-    a[100:106], a[300:360] = np.nan, np.nan
+    a[100:104], a[200:205], a[300:360] = np.nan, np.nan, np.nan
     drive = prepare_log(type(log)(log.time_s, a, log.temp_b_c, log.heat_a, log.heat_b), start_angle_rad=3.0)
-    assert drive.known[100:106].all()
+    assert drive.known[100:104].all()
+    assert not drive.known[200:205].any()
     assert not drive.known[300:360].any()
     assert np.isfinite(drive.temp_a_c).all()
+
+
+@pytest.mark.parametrize("every", [6, 20])
+def test_a_table_that_has_a_temperature_in_some_of_its_rows_is_no_row_of_gaps(every):
+    """Readings 3 s and 10 s apart, as they come where a film's and a logger's rows are put together."""
+    log, _ = programme(HALVES[:2])
+    a, b = np.full(len(log), np.nan), np.full(len(log), np.nan)
+    a[::every], b[::every] = log.temp_a_c[::every], log.temp_b_c[::every]
+    drive = prepare_log(type(log)(log.time_s, a, b, log.heat_a, log.heat_b), start_angle_rad=3.0)
+    assert drive.known[: -every - 1].all()
 
 
 def test_a_fast_record_is_thinned():

@@ -12,7 +12,8 @@ from torsight.actuator.drive import Drive, prepare_log
 from torsight.actuator.effects import Effect
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.laws import FAMILIES
-from torsight.actuator.model import ActuatorModel, run_ports
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.simulation import run_ports
 from torsight.actuator.spec import reference_spec
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.law import LawForm

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from sync.log.outliers import spikes
+from sync.log.timestamps import BRIDGED_S, longest_gap_s
 from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.log_noise import measure_noise
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles
@@ -36,9 +37,6 @@ row's mean angle lies within 0.1° of the angle at its instant but where motion 
 _FAR_APART_S: Final = 1.5
 """Predictions get rows between readings that are further apart: that takes half to two thirds of their error away at
 2 to 5 s, a third at 1 s for five times the rows (benchmarks/actuator/slow_logs.py)."""
-MAX_GAP_S: Final = 5.0
-"""Temperatures are bridged by a line over gaps up to this; rows in longer gaps do not count."""
-
 
 _LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
 
@@ -308,9 +306,9 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
 def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> tuple[Floats, Flags]:
     """Return the temperature with gaps and spikes bridged by lines, and where it is known.
 
-    Only a reading whose neighbours are near in time can be a spike: further apart it may be the top of a heating.
+    Only a reading to whose neighbours a line may lead can be a spike: further apart it may be the top of a heating.
     """
-    near = np.gradient(time_s) <= 0.5 * MAX_GAP_S if len(time_s) > 1 else np.zeros(1, bool)
+    near = np.gradient(time_s) <= BRIDGED_S if len(time_s) > 1 else np.zeros(1, bool)
     good = np.isfinite(temp_c) & ~(near & spikes(time_s, temp_c))
     if good.all():
         return temp_c, good
@@ -319,7 +317,7 @@ def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> tuple[Floats, Flag
     filled = np.interp(time_s, time_s[good], temp_c[good])
     before = np.maximum.accumulate(np.where(good, time_s, -np.inf))
     after = np.minimum.accumulate(np.where(good, time_s, np.inf)[::-1])[::-1]
-    return filled, good | (after - before <= MAX_GAP_S)
+    return filled, good | (after - before <= longest_gap_s(time_s[good]))
 
 
 def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:

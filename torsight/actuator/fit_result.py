@@ -15,7 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.model import ActuatorModel, Simulation
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.simulation import Simulation
 from torsight.actuator.stepping.cycle import Cycle
 from torsight.core.errors import NoResultError
 from torsight.core.frozen import Frozen

@@ -14,10 +14,11 @@ from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive, filled_in
 from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
-from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
+from torsight.actuator.model import ActuatorModel, PhaseLaw
 from torsight.actuator.ports import History
 from torsight.actuator.predicted import Prediction
 from torsight.actuator.record.full_cycle import full_cycle
+from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
 from torsight.core.errors import ConfigError, InputError, TorsightError
@@ -37,7 +38,8 @@ _MOST_COUNTED: Final = 1_000_000
 _SAME_HOME_RAD: Final = 2.0 * DEG
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
-"""Martensite fraction from which a spring counts as cold; the law itself ends at 1."""
+"""Martensite fraction from which a spring counts as cold. The law itself ends at 1: by its cosine the temperature is
+then within arccos(2 · 0.999 − 1) / π = 2 % of the window above M_f, 0.3 °C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,18 +241,18 @@ def fitted_model(
     and nearer to that) goes on from how the model leaves the springs there. ``history`` is what records before this one
     left behind.
     """
-    names = {parameter.name for parameter in model.all_parameters}
+    own = {name: float(values[name]) for name in model.nominal() if name in values}
     springs = drive.cycles.springs
     before = (history or History()).cycles
     return FittedModel(
         model=model,
-        values={name: float(value) for name, value in values.items() if name in names},
+        values=own,
         cycles=(before[0] + springs.count(0), before[1] + springs.count(1)),
         account=account or {},
         turns=drive.turns,
         start_angle_rad=drive.start_angle_rad,
         duration_s=float(drive.time_s[-1] - drive.time_s[0]),
-        end=_end(model, values, drive, history),
+        end=_end(model, own, drive, history),
         doubt=doubt,
     )
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.model import Simulation
+from torsight.actuator.simulation import Simulation
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
 

@@ -8,11 +8,10 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from torsight.core.progress import Progress
+from torsight.core.progress import ATTENTION_S, Progress
 
-PATIENCE_S: Final = 10.0
-"""A file gets a line of progress so often: who looks into it waits no longer than that for a sign of life, and the
-minutes of a demo are a dozen lines."""
+PATIENCE_S: Final = ATTENTION_S
+"""A file gets a line of progress so often: the minutes of a demo are a dozen lines."""
 
 
 class Lines:

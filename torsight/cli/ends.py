@@ -12,7 +12,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from types import FrameType
 from typing import Final
 
-_ASKED_AGAIN_S: Final = 0.05
+from torsight.core.progress import AT_ONCE_S
+
+_ASKED_AGAIN_S: Final = 0.5 * AT_ONCE_S
 """How often a process asks itself to end: a person does not notice the wait."""
 
 

@@ -17,7 +17,7 @@ from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG, MNM, Floats
 
 if TYPE_CHECKING:
-    from torsight.actuator.model import Simulation
+    from torsight.actuator.simulation import Simulation
 
 
 def simulate(

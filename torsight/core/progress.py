@@ -1,11 +1,18 @@
-"""How long work reports where it stands.
+"""How long work reports where it stands, and how long a person waits for a sign of life.
 
 Stages take a callable and know nothing of terminals; the command line draws the bars.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Final, Protocol
+
+AT_ONCE_S: Final = 0.1
+THOUGHT_S: Final = 1.0
+ATTENTION_S: Final = 10.0
+"""What comes within the first seems to come at once, within the second no thought is broken off, and beyond the third a
+person turns to something else (R. B. Miller, Proc. AFIPS Fall Joint Computer Conference 33 (1968) 267; J. Nielsen,
+Usability Engineering, 1993, chapter 5)."""
 
 
 class Progress(Protocol):

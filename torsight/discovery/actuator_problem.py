@@ -19,10 +19,11 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.fit_result import middle_deg
 from torsight.actuator.laws import laws_of
-from torsight.actuator.model import ActuatorModel, PhaseLaw, Simulation
+from torsight.actuator.model import ActuatorModel, PhaseLaw
 from torsight.actuator.ports import History
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
+from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter

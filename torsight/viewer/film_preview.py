@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 WIDEST_PX: Final = 640
 """Width of the preview; a wider film is shrunk."""
 RATE_HZ: Final = 25
-"""Rate of the preview's own clock; the recording says which film time each of its frames belongs to."""
+"""Rate of the preview's own clock, a usual one: any would do, since the recording says which film time each of its
+frames belongs to."""
 MOST_FRAMES: Final = 60 * RATE_HZ
 """Frames of the preview: a minute of it."""
 

@@ -11,7 +11,8 @@ import numpy as np
 from torsight.actuator.characterising.characterisation import blocked_force
 from torsight.actuator.characterising.spring_tests import LARGE_RANGE_DEG, Block, ForceAngle, Recovery, SpringTests
 from torsight.actuator.drive import Drive
-from torsight.actuator.model import ActuatorModel, Simulation
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import stable_cycle
@@ -26,6 +27,9 @@ SCATTER: Final[Mapping[str, float]] = {
 _ROOM_C: Final = 23.0
 _HOT_C: Final = 76.0
 _STEP_S: Final = 0.25
+_AT_ITS_GOAL_S, _OFF_S, _END_S = 500.0, 600.0, 900.0
+"""Ten minutes of heating and five of natural cooling, as in the paper; when the temperature is at its goal is a
+choice."""
 _BLOCK_DEG: Final = 85.0
 _LEVER_MM: Final = 26.4
 """Pre-deformation in the block test and length of the lever, as in the paper."""
@@ -45,13 +49,13 @@ class Played:
 
 def paper_log() -> TemperatureLog:
     """Return ten minutes of heating and five of natural cooling of A, then of B; the other spring warms a little."""
-    time_s = np.arange(0.0, 900.0, _STEP_S)
-    rise = np.clip(time_s / 500.0, 0.0, 1.0)
-    on, off = time_s < 600.0, np.zeros(len(time_s), np.bool_)
+    time_s = np.arange(0.0, _END_S, _STEP_S)
+    rise = np.clip(time_s / _AT_ITS_GOAL_S, 0.0, 1.0)
+    on, off = time_s < _OFF_S, np.zeros(len(time_s), np.bool_)
     own = np.where(
         on,
         _ROOM_C + (_HOT_C - _ROOM_C) * rise,
-        _ROOM_C + (_HOT_C - _ROOM_C) * np.exp(-(time_s - 600.0) / 45.0),
+        _ROOM_C + (_HOT_C - _ROOM_C) * np.exp(-(time_s - _OFF_S) / 45.0),
     )
     other = np.empty_like(own)
     other[0] = _ROOM_C
@@ -59,7 +63,7 @@ def paper_log() -> TemperatureLog:
         drive = _ROOM_C + _WARMING * (own[k] - _ROOM_C)
         other[k] = other[k - 1] + (drive - other[k - 1]) * _STEP_S / 60.0
     return TemperatureLog(
-        time_s=np.concatenate([time_s, 900.0 + time_s]),
+        time_s=np.concatenate([time_s, _END_S + time_s]),
         temp_a_c=np.concatenate([own, other]),
         temp_b_c=np.concatenate([other, own]),
         heat_a=np.concatenate([on, off]),

@@ -18,11 +18,17 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.series import APART, BY_CHANCE, extremes, runs, scatter
 from torsight.core.units import DEG, Flags, Floats, Ints
 
+# benchmarks/actuator/half_cycles.py measures what half and twice of these constants do: no half-cycle's spring changes,
+# and no start but those that are named.
 _TURN_C: Final = 1.0
 _RISE_C: Final = 4.0
+"""By how much a temperature goes back where it turns, and rises where its spring is heated; more where it is noisy."""
 _LIFT_C: Final = 0.25
+"""How far above its rest a temperature is when its heating has begun. Starts of 95 half-cycles in 100 are within 4.9 s,
+within 4.2 s with half of it and 8.5 s with twice of it."""
 _BEFORE_S: Final = 40.0
-"""A heating that is not seen in the temperature after so long would not be one."""
+"""A heating that is not seen in the temperature after so long would not be one. With half of it a jump is passed over
+in one of 25 half-cycles that have one."""
 _JUMP_S: Final = 2.0
 _JUMP_RAD: Final = 0.4 * DEG
 """What the angle moves by within two seconds is a jump from so much, or so many sigmas of its noise."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.model import Simulation
+from torsight.actuator.simulation import Simulation
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import critical_angle, stable_cycle
 from torsight.core.units import DEG

@@ -27,22 +27,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.stepping.kernel_laws import (
-    DWELL,
-    STRAY,
-    Samples,
-    Scalars,
-    State,
-    cold_torque,
-    friction_torque,
-    from_table,
-    held_table,
-    left_by_winding,
-    loading_torque,
-    side_torque,
-    window_place,
-)
-from torsight.actuator.stepping.kernel_roots import (
+from torsight.actuator.stepping.kernel_balance import (
     AHEAD,
     BEFORE,
     CHANGED,
@@ -60,13 +45,11 @@ from torsight.actuator.stepping.kernel_roots import (
     SCALE,
     SIGN,
     SLIDING,
-    SLIP_TOLERANCE,
     TAU_NOW,
     TAU_REF,
     TEMP,
     TEMP_PASSIVE,
     THETA_L,
-    TORQUE_TOLERANCE,
     TURN_NOW,
     TURN_P,
     WHO,
@@ -81,17 +64,36 @@ from torsight.actuator.stepping.kernel_roots import (
     XI_REF,
     advance,
     beside,
-    crosstalk,
     excess,
-    glide,
     load_torque,
     made_torque,
     passive_torque,
     section_temp,
+    wire_fraction,
+)
+from torsight.actuator.stepping.kernel_laws import (
+    DWELL,
+    STRAY,
+    Samples,
+    Scalars,
+    State,
+    cold_torque,
+    friction_torque,
+    from_table,
+    held_table,
+    left_by_winding,
+    loading_torque,
+    side_torque,
+    window_place,
+)
+from torsight.actuator.stepping.kernel_roots import (
+    SLIP_TOLERANCE,
+    TORQUE_TOLERANCE,
+    crosstalk,
+    glide,
     slide,
     stick,
     sticking_end,
-    wire_fraction,
 )
 from torsight.core.compiled import compiled, inlined, lending
 from torsight.core.units import Floats

@@ -26,11 +26,12 @@ from torsight.core.units import DEG
 from torsight.core.words.wording import counted, effect_name, listed
 
 _SLOW_S: Final = 1.0
-"""Rows further apart miss the corners of the temperature, where a heating ends."""
+"""Rows further apart miss the corners of the temperature, where a heating ends (benchmarks/actuator/slow_logs.py)."""
 _NOISY_C: Final = 0.3
 """Noise of a reading from which the sensors should be shielded."""
 _FEW: Final = 4
-"""Half-cycles with motion below which what is held out says little."""
+"""Half-cycles with motion that a record needs: either spring heated at either of two rates. With fewer, what is held
+out has nothing like it in the fit."""
 
 
 @dataclass(slots=True)

@@ -23,7 +23,8 @@ from torsight.core.optics.sights import Sight
 from torsight.core.units import Floats
 
 _FEWEST_FRAMES: Final = 8
-"""Frames with both moving markers below which no axis is looked for ..."""
+"""Frames with both moving markers below which no axis is looked for: each gives three equations beside its own angle,
+and nine values are shared, so that eight give more than twice of what is needed ..."""
 _SMALLEST_ARC_RAD: Final = np.pi / 6
 """... and the part of a turn, 30°, that they have to span: a shorter arc lies on circles of many tilts."""
 

@@ -42,7 +42,8 @@ def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
     An angle that grows from u to v is counter-clockwise as displayed, for a direction towards the camera.
     """
     u = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
-    if np.linalg.norm(u) < 1e-6:
+    # Shorter than the root of rounding, its direction would be rounding.
+    if np.linalg.norm(u) < np.sqrt(np.finfo(np.float64).eps):
         u = np.array([0.0, 0.0, 1.0]) - direction[2] * direction
     u /= np.linalg.norm(u)
     return u, cross_matrix(direction) @ u

@@ -126,7 +126,7 @@ def ray_from_pixel(position_px: Floats, intrinsics: Intrinsics) -> tuple[Floats,
                 break
         value, derivative = distort(ray, intrinsics.distortion)
         determinant = derivative[..., 0, 0] * derivative[..., 1, 1] - derivative[..., 0, 1] ** 2
-        good = (determinant > 0.0) & np.all(np.abs(value - bent) < 1e-9, axis=-1)
+        good = (determinant > 0.0) & np.all(np.abs(value - bent) < 1e3 * _RAY_TOLERANCE, axis=-1)
         ray = np.where(good[..., None], ray, np.nan)
         inverse = _inverse_2x2(derivative) / _focal(intrinsics)
     return ray, np.where(good[..., None, None], inverse, np.nan)

@@ -254,9 +254,11 @@ class SeveralRecords(OptionalMembers):
         return tuple(found)
 
     def values_of(self, record: int, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values as a record's own model knows them."""
+        """Return values as a record's own model knows them: those of all records, and its own."""
+        once = frozenset(self.once)
+        shared = {name: value for name, value in values.items() if name not in once}
         own = {name: values[own_name(name, record)] for name in self.own if own_name(name, record) in values}
-        return {**values, **own}
+        return {**shared, **own}
 
     def joint_name(self, record: int, name: str) -> str:
         """Return how a parameter of a record's own model is called among those of all."""

@@ -13,10 +13,10 @@ from torsight.core.files.results import RunResults
 from torsight.core.files.storage import read_toml
 from torsight.core.words.wording import decimals_for, fixed
 
-REACH: Final = 4.0
-"""Least half-width of the small picture, in standard deviations of the prior."""
 _BY_CHANCE: Final = 3.0
 """Standard deviations that a characterised value is off by in one of 370."""
+REACH: Final = _BY_CHANCE + 1.0
+"""Least half-width of the small picture, in standard deviations of the prior: what chance does not do lies within."""
 
 
 @dataclass(frozen=True, slots=True)

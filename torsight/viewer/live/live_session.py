@@ -14,6 +14,7 @@ import numpy as np
 
 from torsight.core.errors import NoResultError
 from torsight.core.files.storage import write_json
+from torsight.core.progress import AT_ONCE_S, ATTENTION_S, THOUGHT_S
 from torsight.core.units import DEG
 from torsight.core.words.wording import estimate
 from torsight.viewer import view_layout
@@ -37,13 +38,13 @@ if TYPE_CHECKING:
     from torsight.viewer.live.screen.feed import Feed
     from tracker.detect.marker_file import MarkerHints
 
-PICTURES_HZ: Final = 15.0
-"""Pictures per second that are shown; every frame is measured."""
-LOG_EVERY_S: Final = 0.1
+PICTURES_HZ: Final = 1.5 / AT_ONCE_S
+"""Pictures per second that are shown, half as many again as look like motion; every frame is measured."""
+LOG_EVERY_S: Final = AT_ONCE_S
 """How often the log is looked at for new rows."""
-MODEL_EVERY_S: Final = 1.0
+MODEL_EVERY_S: Final = THOUGHT_S
 """How often the model is asked for news, and the summary shown anew."""
-STOPPED_FIT_S: Final = 5.0
+STOPPED_FIT_S: Final = 0.5 * ATTENTION_S
 """How long a record that is ended by hand waits for the model's last news."""
 FEED_OPENS_S: Final = 15.0
 """How long the first frame waits for the viewer's side to be ready; the record begins without it after that."""

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
+from torsight.core.progress import ATTENTION_S
 from torsight.viewer.live.frames.intake import Picture, Pictures
 
 if TYPE_CHECKING:
     import cv2
 
-SILENT_S: Final = 10.0
+SILENT_S: Final = ATTENTION_S
 """A camera or a stream that gives no picture for this long has ended."""
 
 _RECENT_S: Final = 1.0

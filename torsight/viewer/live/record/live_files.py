@@ -14,6 +14,7 @@ import numpy as np
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import not_written, read_table, write_table
 from torsight.core.files.tables import marker_columns, marker_values, write_angles
+from torsight.core.progress import THOUGHT_S
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import DEG
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from torsight.viewer.live.measure.tracking import Seen
     from tracker.angle.plane import Orientation
 
-FLUSH_S: Final = 0.25
+FLUSH_S: Final = 0.25 * THOUGHT_S
 """How often lines are written: a process that is killed loses less than the last second."""
 ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
 EVENTS: Final = ("time_s", "frame", "kind", "text")

@@ -19,6 +19,7 @@ import numpy as np
 
 from torsight.core.files.paths import LOOPBACK
 from torsight.core.files.small_pictures import encoded
+from torsight.core.progress import THOUGHT_S
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
 from torsight.viewer.overlay import Overlay, colour_of
@@ -34,7 +35,7 @@ MOST_WAITING: Final = 300
 """Entries that may wait to be shown."""
 MEMORY: Final = "256MB"
 """What is kept for a viewer that comes late."""
-END_S: Final = 2.0
+END_S: Final = 2.0 * THOUGHT_S
 """How long the viewer's side may take to end; then it is left to itself."""
 
 

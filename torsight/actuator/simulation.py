@@ -1,0 +1,212 @@
+"""What a model says: the compiled rule run on ports, and the record of angles, fractions and torques it gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, Ports
+from torsight.actuator.record.segments import by_role
+from torsight.actuator.record.turns import REVERSAL_C, turning_points
+from torsight.actuator.stepping import kernel
+from torsight.actuator.stepping import kernel_laws as places
+from torsight.core.units import DEG, MNM, Floats, Ints
+from torsight.core.words.shown import Shown, draw_series, span
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Simulation(Shown):
+    """What the model says for every row of a drive.
+
+    Attributes
+    ----------
+    time_s : (n,) float64
+        Instants of the rows.
+    angle_rad : (n,) float64
+        Angle as a camera would read it.
+    phi_rad : (n,) float64
+        Actuator angle φ itself.
+    xi_a, xi_b : (n,) float64
+        Martensite fractions.
+    torque_a_nm, torque_b_nm, friction_nm : (n,) float64
+        Springs' torques, and the friction torque τ_f = τ^B − τ^A (+ stray torque) that holds or brakes.
+    temp_a_c, temp_b_c : (n,) float64
+        Wire temperatures that drove it.
+    unwound_rad : (float, float)
+        By how much A and B had been wound further than they stand in the end.
+    """
+
+    time_s: Floats
+    angle_rad: Floats
+    phi_rad: Floats
+    xi_a: Floats
+    xi_b: Floats
+    torque_a_nm: Floats
+    torque_b_nm: Floats
+    friction_nm: Floats
+    temp_a_c: Floats
+    temp_b_c: Floats
+    unwound_rad: tuple[float, float]
+
+    def at(self, rows: Ints) -> Simulation:
+        """Return it at some of its rows (m,)."""
+        columns = (one.name for one in fields(self) if one.name != "unwound_rad")
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
+
+    def facts(self) -> dict[str, str]:
+        """Return rows, time, angle and friction torque."""
+        return {
+            "rows": str(len(self.time_s)),
+            "time": span(self.time_s, "s"),
+            "angle": span(self.angle_rad / DEG, "°"),
+            "friction torque": span(self.friction_nm / MNM, "mN·m"),
+        }
+
+    def _columns(self) -> dict[str, Any]:
+        return {
+            "time_s": self.time_s,
+            "angle_deg": self.angle_rad / DEG,
+            "temp_a_c": self.temp_a_c,
+            "temp_b_c": self.temp_b_c,
+            "xi_a": self.xi_a,
+            "xi_b": self.xi_b,
+            "torque_a_mnm": self.torque_a_nm / MNM,
+            "torque_b_mnm": self.torque_b_nm / MNM,
+            "friction_mnm": self.friction_nm / MNM,
+        }
+
+    def _draw(self, axes: Any) -> None:
+        draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
+
+
+def run_ports(
+    ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
+) -> Simulation:
+    """Run the kernel on ports, from the angle as read at the first row."""
+    start = _unread(start_angle_rad, ports)
+    temps = np.stack(by_role(ports.active, ports.temp_a_c, ports.temp_b_c))
+    directions = np.ones(temps.shape, np.int8)
+    for row in (0, 1) if ports.passive_share > 0.0 else (0,):
+        directions[row] = turning_points(temps[row], ports.half, REVERSAL_C)
+    per_s = np.zeros(len(ports.time_s))
+    per_s[1:] = 1.0 / np.diff(ports.time_s)
+    half_turn = 0.5 * ports.rig.theta_p_rad
+    out, unwound = kernel.run(
+        places.Samples(per_s, temps, ports.active, ports.half, directions, ports.friction_scale, ports.load_change()),
+        np.stack([ports.theta_l_scale, ports.theta_l_loss_rad], axis=1),
+        scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
+        _tables(ports),
+        np.stack([ports.section_weight, ports.section_drop_c, ports.section_drop_share]),
+        start + half_turn,
+    )
+    phi = out[0] - half_turn
+    angle = phi
+    for reading in ports.reading:
+        angle = reading(angle, ports.time_s)
+    friction = out[4] - out[3]
+    if ports.stray_nm is not None:
+        friction = friction + np.interp(phi, ports.phi_grid_rad(), ports.stray_nm)
+    return Simulation(
+        time_s=ports.time_s,
+        angle_rad=angle,
+        phi_rad=phi,
+        xi_a=out[1],
+        xi_b=out[2],
+        torque_a_nm=out[3],
+        torque_b_nm=out[4],
+        friction_nm=friction,
+        temp_a_c=ports.temp_a_c,
+        temp_b_c=ports.temp_b_c,
+        unwound_rad=(float(unwound[0]), float(unwound[1])),
+    )
+
+
+def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> NDArray[np.void]:
+    """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
+    rig, grid = ports.rig, ports.grid_rad()
+    # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
+    moving_load = ports.passive_share or ports.load_changes or np.any(ports.friction_scale != 1.0)
+    unwound_a, unwound_b = ports.history.unwound_rad or (-1.0, -1.0)
+    common = {
+        "theta_p": rig.theta_p_rad,
+        "tau_c": rig.tau_c_nm,
+        "viscous": ports.viscous_nms,
+        "viscous_power": ports.viscous_power,
+        "latent": ports.latent_c_s,
+        "speed_step": 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1],
+        "dwell_step": 0.0 if ports.dwell_factor is None else DWELL_DECADES[1],
+        "passive_share": ports.passive_share,
+        "tanaka": tanaka,
+        "room_c": ports.room_c,
+        "grid_start": grid[0],
+        "grid_step": grid[1] - grid[0],
+        "has_friction": ports.friction_down_nm is not None,
+        "has_stray": ports.stray_nm is not None,
+        "home_hold": ports.home_hold,
+        "first_share": ports.first_share,
+        "heating_bend": ports.heating_bend,
+        "cooling_bend": ports.cooling_bend,
+        "steady": not moving_load,
+        "unwound_a": unwound_a,
+        "unwound_b": unwound_b,
+        "fixed_theta_l": 0.0 if theta_l_deg is None else theta_l_deg * DEG,
+    }
+    each = ({**common, **_of_spring(ports, spring)} for spring in (0, 1))
+    rows = np.array([[values[name] for name in places.SCALARS.names or ()] for values in each], np.float64)
+    return rows.view(places.SCALARS)[:, 0]
+
+
+def _of_spring(ports: Ports, spring: int) -> dict[str, float]:
+    """Return the scalars of one spring."""
+    rig = (ports.rig, ports.rig_b)[spring]
+    side, loading = ((places.SIDE_A, places.LOADING_A), (places.SIDE_B, places.LOADING_B))[spring]
+    return {
+        "k_a": rig.k_austenite,
+        "k_m": rig.k_martensite,
+        "k_s": rig.k_stress_induced,
+        "a_start": rig.a_start_c,
+        # A fit may try values out of order: a window never closes.
+        "a_width": max(rig.a_finish_c - rig.a_start_c, 0.05),
+        "m_finish": rig.m_finish_c,
+        "m_width": max(rig.m_start_c - rig.m_finish_c, 0.05),
+        "temp_per_torque_a": rig.stress_per_torque / rig.c_austenite,
+        "temp_per_torque_m": rig.stress_per_torque / rig.c_martensite,
+        "theta_cr": rig.theta_cr_rad,
+        "side_row": 0 if ports.side_nm[spring] is None else side,
+        "loading_row": 0 if ports.loading_nm[spring] is None else loading,
+        "follows": ports.loading_follows[spring],
+    }
+
+
+def _tables(ports: Ports) -> Floats:
+    """Return the kernel's tables; those that are not there are zero and never looked at."""
+    given = (
+        ports.friction_down_nm,
+        ports.friction_up_nm,
+        ports.stray_nm,
+        *ports.side_nm,
+        *ports.loading_nm,
+        ports.speed_friction_nm,
+        ports.dwell_factor,
+    )
+    size = max([2, *(len(table) for table in given if table is not None)])
+    return np.stack([np.zeros(size) if table is None else table for table in given])
+
+
+def _unread(angle_rad: float, ports: Ports) -> float:
+    """Return φ at the first row from the angle as read there (the readings are near one to one)."""
+    if not ports.reading:
+        return angle_rad
+    phi = angle_rad
+    for _ in range(60):
+        read = np.array([phi])
+        for reading in ports.reading:
+            read = reading(read, ports.time_s[:1])
+        step = angle_rad - float(read[0])
+        phi += step
+        if abs(step) < places.ROUNDED:
+            break
+    return phi
