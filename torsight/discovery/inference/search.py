@@ -102,12 +102,7 @@ class Search:
         best = self._best()
         if parent is best and len(best.members) == 1:
             return True
-        return self._may_be_told(parent, size=len(parent.members) + 1)
-
-    def _may_be_told(self, one: Explanation, *, size: int) -> bool:
-        """Return whether a set of this size that leaves nothing but noise where one does would be told."""
-        best = self._best()
-        most = one.log_evidence + self.promise(one) - self.needed * size
+        most = parent.log_evidence + self.promise(parent) - self.needed * (len(parent.members) + 1)
         return most > best.log_evidence - self.needed * len(best.members) - 0.5 * self._settings.apart
 
     def promise(self, explanation: Explanation) -> float:
@@ -213,7 +208,7 @@ class Search:
         The valley of a pair may lie by one of its parts and not by the other. Another form of a law is tried where the
         law has led everything else: with what the set says of its other members, and not with what they are alone.
         """
-        best = [one.members for one in self._leading(size)]
+        best = [one.members for one in self._ranked(size)[: 2 * self._settings.beam]]
         self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
         work = [
@@ -294,7 +289,7 @@ class Search:
 
         And from each effect's own starts: with everything else where the set is, another of them may lead further.
         """
-        best = self._leading(size)
+        best = self._ranked(size)[: 2 * self._settings.beam]
         if not best:
             return
         names = [p.name for p in self._problem.parameters]
@@ -372,10 +367,6 @@ class Search:
     def _ranked(self, size: int) -> list[Explanation]:
         found = [one for one in self._explanations.values() if len(one.members) == size]
         return sorted(found, key=lambda one: (-one.log_evidence, one.members))
-
-    def _leading(self, size: int) -> list[Explanation]:
-        """Return the best sets of so many members of which another optimum, or another form, could yet be told."""
-        return [one for one in self._ranked(size)[: 2 * self._settings.beam] if self._may_be_told(one, size=size)]
 
     def _best(self) -> Explanation:
         """Return the most probable set."""
