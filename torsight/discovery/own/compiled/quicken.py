@@ -16,7 +16,7 @@ from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
 
 _WORTH_S: Final = 2e-3
-"""Seconds of one call from which a model is compiled: that takes 2 to 5 s, and a search 1,000 to 3,500 calls
+"""Seconds of one call from which a model is compiled: that takes 2 to 5 s, and a search 1,600 to 8,500 calls
 (benchmarks/discovery/own_model.py)."""
 _SAME: Final = 1e-4
 """Share of an output's spread by which the compiled model may differ: two integrators with a tolerance of 1e-7 do by
