@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from half_and_twice import half_and_twice
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).parents[2]
@@ -112,12 +113,8 @@ def main() -> None:
     for name in CONSTANTS:
         if options.only not in name:
             continue
-        was = getattr(segments, name)
-        for factor in (0.5, 2.0):
-            changed = factor * was
-            setattr(segments, name, max(1, round(changed)) if isinstance(was, int) else changed)
+        for factor in half_and_twice(segments, name):
             print(f"{name + f' x{factor:g}':20s} {figures(made)}", flush=True)
-        setattr(segments, name, was)
 
 
 if __name__ == "__main__":

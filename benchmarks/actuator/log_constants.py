@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from half_and_twice import half_and_twice
 from numpy.typing import NDArray
 
 from torsight.actuator import ActuatorModel, reference_spec
@@ -73,12 +74,8 @@ def main() -> None:
         for name in names:
             if options.only not in name:
                 continue
-            value = getattr(module, name)
-            for factor in (0.5, 2.0):
-                changed = factor * value
-                setattr(module, name, max(1, round(changed)) if isinstance(value, int) else changed)
+            for factor in half_and_twice(module, name):
                 line(f"{module_name} {name} × {factor:g}", options.seeds)
-            setattr(module, name, value)
 
 
 def line(title: str, seeds: int) -> None:

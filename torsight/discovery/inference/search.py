@@ -295,9 +295,8 @@ class Search:
         names = [p.name for p in self._problem.parameters]
         led = [{name: one.fit.values[name] for name in names} for one in best[: self._settings.beam]]
         work = [(one, base) for one in (*best, *self._ranked(size - 1)[:1]) for base in led]
-        offered = {candidate.id: candidate for candidate in self._problem.candidates}
         for one in best:
-            effects = [offered[name] for name in one.members if name in offered]
+            effects = [one.fitter.candidates[name] for name in one.members if name not in self._laws]
             work += [(one, point) for effect in effects for point in effect.starting_points()]
         found: list[Explanation] = in_parallel(work, self._from_elsewhere, step="other starts", progress=self._progress)
         self._keep(found)
