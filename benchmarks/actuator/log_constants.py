@@ -27,10 +27,8 @@ from torsight.core.records import SyncedTable
 Array = NDArray[np.float64]
 FINE_S = 0.01
 CONSTANTS = {
-    "conditioning": (
-        "_THRESHOLD", "_THRESHOLD_LAGGED", "_BLOCK_S", "_BLOCK_LAGGED_S", "_MAX_WINDOW_S", "_SELECTION",
-    ),
-    "corners": ("BY_CHANCE", "_BENT"),
+    "conditioning": ("_BLOCK_S",),
+    "smoother": ("_DEGREES", "_ALIKE_S", "_ROUNDS", "_AVERAGED_S"),
     "holds": ("_REACH_S", "_LEAST_S", "_LEAST_ROWS", "_REJECTED", "_LEVEL"),
     "log_noise": ("_MAX_STRIDE_S",),
 }  # fmt: skip

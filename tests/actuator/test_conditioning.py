@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from torsight.actuator.record import conditioning, corners
+from torsight.actuator.record import conditioning, smoother
 from torsight.actuator.record.conditioning import condition
 from torsight.actuator.record.log_noise import measure_noise
 
@@ -170,6 +170,6 @@ def test_one_compilation_serves_frozen_strided_and_single_precision_logs_with_an
     for log in (frozen, strided):
         np.testing.assert_array_equal(condition(time_s, log).temp_c, expected.temp_c)
     condition(time_s, read.astype(np.float32), lag_s=3.0)
-    functions = [each for module in (conditioning, corners) for each in vars(module).values()]
+    functions = [each for module in (conditioning, smoother) for each in vars(module).values()]
     counts = {each.py_func.__name__: len(each.signatures) for each in functions if isinstance(each, Dispatcher)}
     assert max(counts.values()) == 1, counts

@@ -67,7 +67,7 @@ class Sensors:
 
     @cached_property
     def _readings(self) -> tuple[Readings, Readings]:
-        a, b = (Readings.of(self.time_s, temp, lagged=True) for temp in self.temps_c)
+        a, b = (Readings.of(self.time_s, temp) for temp in self.temps_c)
         return a, b
 
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:

@@ -4,8 +4,8 @@ r"""The sensor follows the wire late.
 
 T_m measured, T wire temperature (°C), τ_T lag of the sensor (s), by which it is late on a ramp; q_T share of it that
 comes as a pure delay: 0 for one time constant; two equal ones act like q_T = 1 − 1/√2, three like q_T = 1 − 1/√3 (same
-mean and spread of the answer to a pulse). The wire's temperature comes out of the same local fits
-that take the noise out (:mod:`torsight.actuator.record.conditioning`): the noise is not differentiated. Predicted
+mean and spread of the answer to a pulse). The wire's temperature comes out of the same smoother
+that takes the noise out (:mod:`torsight.actuator.record.smoother`): the noise is not differentiated. Predicted
 residual: of opposite sign on heating and cooling, growing with the rate; none where the temperature rests. Source:
 first-order contact thermometry, e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
 """

@@ -4,9 +4,8 @@ A transformation only advances, so the upward peaks of noise push it on and bias
 that and round the corners of the temperature, where an incomplete transformation ends. Here the noise is measured
 first, by differences of third order at several strides (so that noise that was interpolated onto a faster clock is
 found as well); a log without noise passes unchanged, to the last bit. Otherwise every sample gets its value from
-:mod:`torsight.actuator.record.local_fits`, the wire behind a slow sensor too. Around a corner
-:mod:`torsight.actuator.record.corners` then fits both sides at once, and :mod:`torsight.actuator.record.holds` takes
-the mean of a top that is level.
+:mod:`torsight.actuator.record.smoother`, the wire behind a slow sensor too, and
+:mod:`torsight.actuator.record.holds` takes the mean of a top that is level.
 
 Of a log that is slower than its table (:mod:`torsight.actuator.record.slow_log`) the readings themselves are taken.
 """
@@ -19,33 +18,18 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.record.corners import Log, mend_corners
 from torsight.actuator.record.holds import level_holds
-from torsight.actuator.record.local_fits import local_fits
 from torsight.actuator.record.log_noise import SHORTEST, measure_noise, resolution
 from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
+from torsight.actuator.record.smoother import smoothed
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
-# By how many of its sigmas a longer window may be off what shorter ones say: what it is off by stays in the value.
-# Behind a slow sensor short windows know too little of the rest that decays. Measured by
-# benchmarks/actuator/log_constants.py: with half of it slopes err 1.6 times (3 times behind the sensor) as much, with
-# twice of it temperatures 1.7 times (behind the sensor 1.2 times their sigma). Blocks of twice the length: 1.1 times.
-_THRESHOLD: Final = 1.6
-_THRESHOLD_LAGGED: Final = 2.2
-# What comes out from behind a slow sensor knows its corners less well: longer blocks lose nothing there.
 _BLOCK_S: Final = 0.1
-_BLOCK_LAGGED_S: Final = 2.0 * _BLOCK_S
-_SMOOTHED_S: Final = 3.5
-"""The smallest window of readings that are further apart is longer than a wire bends evenly: at 5 s temperatures err by
-0.08 °C smoothed and by 0.05 °C as they are (benchmarks/actuator/slow_logs.py)."""
-_MAX_WINDOW_S: Final = 60.0
-"""Longest window; half and twice of it change errors by 7 % (as above)."""
-# Choosing the window by the data costs: errors are this much larger than those of a window chosen beforehand (as
-# above: with it they are 0.98 of their sigmas).
-_SELECTION: Final = 1.8
+"""Readings that are closer are taken together: with twice of it slopes err by 7 % more and
+tops by 21 % (benchmarks/actuator/log_constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,8 +69,8 @@ def condition(time_s: Floats, temp_c: Floats, *, lag_s: float = 0.0) -> Conditio
     """
     own = own_readings(time_s, temp_c) if lag_s == 0.0 else None
     if own is not None:
-        return _apart(Readings.of(*own, lagged=False), time_s, temp_c)
-    readings = Readings.of(time_s, temp_c, lagged=lag_s > 0.0)
+        return _apart(Readings.of(*own), time_s, temp_c)
+    readings = Readings.of(time_s, temp_c)
     noise, interval_s = readings.noise_c, readings.interval_s
     value, rate, sigma = readings.smooth(time_s, lag_s)
     if noise <= NEGLIGIBLE_C and lag_s == 0.0:
@@ -100,13 +84,14 @@ def condition(time_s: Floats, temp_c: Floats, *, lag_s: float = 0.0) -> Conditio
 def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned:
     """Return readings that lie apart at other times: without noise from corner to corner, lines between them.
 
-    A local fit over seconds would take a corner of the wire for a bend. ``lines_c`` are the lines between the readings.
+    The smoother's corners lie at readings: between two of them that are seconds apart it would cut the wire's off.
+    ``lines_c`` are the lines between the readings.
     """
     time_s, temp_c = readings.time_s, readings.temp_c
     corners = corner_gaps(time_s, temp_c, readings.noise_c)
     smoothed, left_over = temp_c.copy(), np.full(len(temp_c), readings.sigma_c)
     for rows in np.split(np.arange(len(temp_c)), np.flatnonzero(corners) + 1):
-        if len(rows) >= SHORTEST and readings.interval_s <= _SMOOTHED_S and readings.noise_c > NEGLIGIBLE_C:
+        if len(rows) >= SHORTEST and readings.noise_c > NEGLIGIBLE_C:
             piece = replace(readings, time_s=time_s[rows], temp_c=temp_c[rows])
             smoothed[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
     value, sigma = between(time_s, smoothed, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
@@ -133,8 +118,6 @@ class Readings:
         Seconds between rows whose noise is independent.
     sigma_c : float
         What a block's noise counts as, correlation included.
-    correlation : float
-        Over how many blocks their noise is correlated.
     """
 
     time_s: Floats
@@ -143,24 +126,21 @@ class Readings:
     alike: float
     interval_s: float
     sigma_c: float
-    correlation: float
 
     @classmethod
-    def of(cls, time_s: Floats, temp_c: Floats, *, lagged: bool) -> Readings:
-        """Return the readings of a log (n,), in blocks for a sensor that is late or for one that is not."""
+    def of(cls, time_s: Floats, temp_c: Floats) -> Readings:
+        """Return the readings of a log (n,)."""
         interval_s = usual_step(time_s)
         if len(temp_c) < SHORTEST:
-            return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0, 1.0)
+            return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0)
         noise, alike = measure_noise(time_s, temp_c)
         # Rounding to a last digit is noise to a slope even where it is none to the value.
         least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
         # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
-        times, means = (
-            np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_LAGGED_S if lagged else _BLOCK_S)
-        )
+        times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        return cls(times, means, noise, alike, alike * interval_s, sigma, correlation)
+        return cls(times, means, noise, alike, alike * interval_s, sigma)
 
     def smooth(self, wanted_s: Floats, lag_s: float) -> tuple[Floats, Floats, Floats]:
         """Return value, slope and sigma of the wire's temperature at the wanted times."""
@@ -168,22 +148,7 @@ class Readings:
         if n < SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
             return self._at(wanted_s, self.temp_c + lag_s * slope, slope, np.zeros(n))
-        interval = usual_step(self.time_s)
-        longest = int(max(_MAX_WINDOW_S / interval, SHORTEST))
-        smallest = max(4 if lag_s == 0.0 else 6, int(3 * self.correlation))
-        sizes = [smallest]
-        while sizes[-1] < longest:
-            sizes.append(max(sizes[-1] + 1, int(1.4 * sizes[-1])))
-        threshold = _THRESHOLD_LAGGED if lag_s > 0.0 else _THRESHOLD
-        value, rate, left_over, sides = local_fits(
-            self.time_s / interval, self.temp_c, self.sigma_c, np.array(sizes), lag_s / interval, threshold
-        )
-        rate /= interval
-        sides[:, 0] /= interval
-        sides[:, 1] /= interval**2
-        left_over *= _SELECTION
-        mend_corners(Log(self.time_s, self.temp_c, lag_s, self.sigma_c, smallest), sides, (value, rate, left_over))
-        return self._at(wanted_s, value, rate, left_over)
+        return self._at(wanted_s, *smoothed(self.time_s, self.temp_c, self.sigma_c, lag_s))
 
     def _at(self, wanted_s: Floats, value: Floats, rate: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what is known at the readings by lines at other times."""

@@ -1,9 +1,9 @@
 """Tops of a noisy temperature that are holds: their level ends an incomplete transformation, not their noise.
 
-A heating that is held for some seconds before it cools ends in a level. A local parabola bows up within its noise
-there, the one-way transformation keeps the bow's top, and the angle is off through all of the rest that follows. Where
-the log itself says that a top is level, to within less than its noise, its mean takes the parabola's place, and with it
-as much of a slope and a bow as the log is sure of: a controlled top overshoots, and sinks to its level slowly.
+A heating that is held for some seconds before it cools ends in a level. What noise leaves bows up there, the one-way
+transformation keeps the bow's top, and the angle is off through all of the rest that follows. Where the log itself says
+that a top is level, to within less than its noise, its mean takes the bow's place, and with it as much of a slope and a
+bow as the log is sure of: a controlled top overshoots, and sinks to its level slowly.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LEVEL: Final = 0.7
 def level_holds(
     time_s: Floats, temp_c: Floats, noise_c: float, *, value: Floats, rate: Floats, left_over: Floats
 ) -> None:
-    """Put the level of every held top in place of the local fits, in place.
+    """Put the level of every held top in place of what the smoother says, in place.
 
     Parameters
     ----------
@@ -59,9 +59,10 @@ def level_holds(
         rows = rows[inside]
         value[rows], rate[rows] = level[inside], slope[inside]
         left_over[rows] = np.minimum(left_over[rows], sigma[inside])
-        # What bows above the level beside it does so for the same reason.
-        low, high = np.searchsorted(time_s, [time_s[first] - _LEAST_S, time_s[last] + _LEAST_S])
-        value[low:high] = np.minimum(value[low:high], level.max())
+        # What bows above the level beside it does so for the same reason, unless the log is sure of it.
+        beside = slice(*np.searchsorted(time_s, [time_s[first] - _LEAST_S, time_s[last] + _LEAST_S]))
+        above = value[beside] - level.max()
+        value[beside] -= np.where((above > 0.0) & (above <= REACH * left_over[beside]), above, 0.0)
 
 
 def _level(time_s: Floats, temp_c: Floats, noise_c: float) -> tuple[Floats, Floats, Floats]:

@@ -13,7 +13,7 @@ _MAX_STRIDE_S: Final = 2.0
 """Noise whose neighbours are alike for longer is told from the wire by its size only; half and twice of it change
 nothing (benchmarks/actuator/log_constants.py)."""
 SHORTEST: Final = 16
-"""Rows below which a log is taken as it is: four of the smallest window of a local fit (4 rows)."""
+"""Rows below which a log is taken as it is: a smoother has three values at its start, and each needs some five rows."""
 
 
 def resolution(temp_c: Floats) -> float:
