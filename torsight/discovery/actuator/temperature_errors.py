@@ -1,14 +1,14 @@
 """Errors of the conditioned temperatures, drawn so that they can be driven through the model.
 
-Most of the time the conditioning knows a temperature far better than one sample does. At the top of a half-cycle it
-does not: a ramp ends there between two samples. Where the transformation is incomplete, that error decides how far the
-spring has changed, and it stays in the angle until the next heating. Level and course are off independently: what looks
-level over the last seconds may still rise within its noise.
+Where the transformation is incomplete, the error of a half-cycle's top decides how far the spring has changed, and it
+stays in the angle until the next heating. A top is known as well as the smoother says: less well where a ramp ends in
+it than where it is held. Level and course are off independently: what looks level over the last seconds may still rise
+within its noise. The errors of tops on clean records have a mean square of 0.7 with that
+(benchmarks/discovery/tops.py).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -22,10 +22,6 @@ from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
 _ALIKE_S: Final = 3.0
-_TOP_KNOWN_S: Final = 2.0
-"""A top is known as well as the mean of the readings within so many seconds: of eight at four a second. On clean
-records the errors of tops have a mean square of 0.73 with that; half and twice are as probable
-(benchmarks/discovery/tops.py)."""
 _TOP_C: Final = 1.0
 _HOLD_S: Final = 4.0
 """The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of
@@ -81,14 +77,15 @@ def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
 
     Each is an error (n,) in °C of that spring's temperature.
     """
-    temps_c, size_c = (drive.temp_a_c, drive.temp_b_c), drive.noise_c * math.sqrt(drive.reading_s / _TOP_KNOWN_S)
+    temps_c = (drive.temp_a_c, drive.temp_b_c)
     for label in np.unique(drive.cycles.half):
         rows = np.flatnonzero(drive.cycles.half == label)
         spring = int(drive.cycles.active[rows[0]])
         driven_c, time_s = temps_c[spring][rows], drive.time_s[rows]
         level, rise = np.zeros(len(drive)), np.zeros(len(drive))
         below = np.exp(-(np.max(driven_c) - driven_c) / _TOP_C)
-        turn_s = time_s[len(rows) - 1 - int(np.argmax(driven_c[::-1]))]
+        turn = len(rows) - 1 - int(np.argmax(driven_c[::-1]))
+        turn_s, size_c = time_s[turn], drive.temp_sigma_c[rows[turn]]
         level[rows] = size_c * below
         rise[rows] = size_c * below * np.clip((time_s - turn_s) / _HOLD_S + 1.0, 0.0, 1.0)
         yield spring, level

@@ -92,17 +92,18 @@ class Heat:
                 to_room = float(np.clip(np.median(loss), 1e-3, 0.2))
             gained = passive_rate + to_room * (passive - drive.room_c)
             between = float(np.clip(apart @ gained / max(float(apart @ apart), 1e-9), 0.0, 0.05))
-        return cls(to_room, between, drive.room_c, _rounding_s(drive))
+        return cls(to_room, between, drive.room_c, _rounding_s(drive, to_room))
 
     def cooling_s(self, from_c: float, to_c: float) -> float:
         """Return how long a wire takes to cool by itself."""
         return math.log(max(from_c - self.room_c, 1.0) / max(to_c - self.room_c, 0.5)) / self.to_room_per_s
 
 
-def _rounding_s(drive: Drive) -> float:
-    """Return the time constant of the corners at which a driven spring's reading turns from rising to falling.
+def _rounding_s(drive: Drive, to_room_per_s: float) -> float:
+    """Return the time constant τ of the corners at which a driven spring's reading turns from rising to falling.
 
-    Behind a first-order sensor the slope goes from 10 to 90 % of its way down in 2.2 time constants.
+    The wire falls at once as fast as it loses heat; behind a first-order sensor its slope goes from a tenth to half of
+    that in τ ln (0.9 / 0.5).
     """
     found = []
     for half, spring in enumerate(drive.cycles.springs):
@@ -110,15 +111,14 @@ def _rounding_s(drive: Drive) -> float:
         temp = (drive.temp_a_c, drive.temp_b_c)[spring][rows]
         top = int(np.argmax(temp))
         time_s = drive.time_s[rows] - drive.time_s[rows][top]
-        near = (time_s > -30.0) & (time_s < 60.0)
+        free = -to_room_per_s * (float(temp[top]) - drive.room_c)
         rate = (drive.rate_a_c_s, drive.rate_b_c_s)[spring][rows]
-        lowest = float(rate[near].min())
-        if top < 5 or lowest > -0.05:
+        ends = np.flatnonzero((time_s > -30.0) & (time_s < 60.0) & (rate <= 0.5 * free))
+        if top < 5 or free > -0.05 or not len(ends):
             continue
-        end = int(np.flatnonzero(near & (rate <= 0.9 * lowest))[0])
-        before = np.flatnonzero(rate[:end] >= 0.1 * lowest)
+        before = np.flatnonzero(rate[: ends[0]] >= 0.1 * free)
         if len(before):
-            found.append((time_s[end] - time_s[before[-1]]) / 2.2)
+            found.append((time_s[ends[0]] - time_s[before[-1]]) / math.log(0.9 / 0.5))
     return float(np.clip(np.median(found) if found else 1.0, *_MEASURED_ROUNDING_S))
 
 
