@@ -11,8 +11,9 @@ import typer
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile, Seed
-from torsight.core.errors import InputError
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import require_apart
+from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import read_merged
 from torsight.core.parameter import REACH
@@ -116,7 +117,6 @@ def discover_to_folder(
     ``model.json`` goes on from the last.
     """
     from torsight.actuator import read_actuator
-    from torsight.cli.alike import require_one_rig
     from torsight.discovery.discover import discover as find
     from torsight.discovery.together import discover_together
 
@@ -136,6 +136,50 @@ def discover_to_folder(
     for k, record in enumerate(joint.records[1:], start=1):
         write_table(out / curves_name(k), record.curves)
     return joint
+
+
+def require_one_rig(records: Sequence[Path]) -> None:
+    """Refuse a record that is given twice, and records whose runs used different actuator files.
+
+    Which file a run used stands in the ``provenance.json`` beside its table, with the file's hash. Records without one
+    are taken as they are. One file that all runs have used may have been edited since.
+    """
+    seen: dict[str, Path] = {}
+    for path in records:
+        found = file_hash(path)
+        if found in seen:
+            raise ConfigError(
+                "is the same record as another one",
+                where=str(path),
+                value=str(seen[found]),
+                do="give every record once: twice the same one would count as two witnesses",
+            )
+        seen[found] = path
+    actuators = [(path, used) for path in records if (used := _actuator_of(path)) is not None]
+    for path, (name, found) in actuators[1:]:
+        first, (first_name, first_found) = actuators[0]
+        if found != first_found:
+            raise InputError(
+                "is a record of another actuator",
+                where=str(path),
+                value=f"{name}, {found[:12]} (SHA-256)",
+                limit=f"{first_name}, {first_found[:12]}, as {first}",
+                do="give records of one rig; where it is one, run them again with one actuator file",
+            )
+
+
+def _actuator_of(record: Path) -> tuple[str, str] | None:
+    """Return name and hash of the actuator file that a record's run has used; None where nothing says it."""
+    path = record.parent / "provenance.json"
+    if not path.is_file():
+        return None
+    content = read_json(path)
+    configuration, inputs = content.get("configuration"), content.get("inputs")
+    table = configuration.get("actuator") if isinstance(configuration, dict) else None
+    name = table.get("file") if isinstance(table, dict) else None
+    if not isinstance(name, str) or not isinstance(inputs, dict) or not isinstance(inputs.get(name), str):
+        return None
+    return name, inputs[name]
 
 
 def explain_together(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -17,8 +18,8 @@ from torsight.cli.track import FILES as TRACKED
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash, provenance, versions
-from torsight.core.files.storage import json_text, read_json, write_json, write_text
-from torsight.core.files.tables import read_angles
+from torsight.core.files.storage import atomic_path, json_text, read_json, write_json, write_text
+from torsight.core.files.tables import read_angles, write_angles
 from torsight.core.optics.camera import read_camera
 from torsight.core.progress import Progress, silent
 
@@ -219,7 +220,6 @@ def _together(experiment: Experiment, folder: Path, *, progress: Progress) -> No
 
 def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Progress) -> None:
     """Track the film, or take over angles that are there already."""
-    from torsight.cli.takeover import take_over
     from torsight.cli.track import track_to_folder
 
     if experiment.angle is not None:
@@ -236,6 +236,20 @@ def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Pro
             resume=resume,
             progress=progress,
         )
+
+
+def take_over(angle: Path, *, out: Path) -> None:
+    """Bring ``angle.csv``, and ``markers.csv`` and ``track.json`` where they lie beside it, into a run's folder.
+
+    That may be the folder in which the angles lie.
+    """
+    if angle.resolve() != (out / "angle.csv").resolve():
+        write_angles(out / "angle.csv", read_angles(angle))
+    for name in ("markers.csv", "track.json"):
+        beside, target = angle.parent / name, out / name
+        if beside.is_file() and beside.resolve() != target.resolve():
+            with atomic_path(target) as temporary:
+                shutil.copyfile(beside, temporary)
 
 
 def _show(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
