@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -153,15 +153,11 @@ def _answer(scene: Scene) -> dict[str, Any]:
     offset_s, drift_ppm = clock(scene)
     return {
         "seed": scene.seed,
-        "effects": {name: _plain(effect) for name, effect in scene.effects.items()},
+        "effects": {name: asdict(effect) for name, effect in scene.effects.items()},
         "true": dict(scene.values.public),
         "clock": {"offset_s": offset_s, "drift_ppm": drift_ppm},
         "time_factor": scene.protocol.time_factor,
     }
-
-
-def _plain(section: Any) -> dict[str, Any]:
-    return asdict(section) if is_dataclass(section) and not isinstance(section, type) else dict(section)
 
 
 def _experiment(scene: Scene) -> dict[str, Any]:
