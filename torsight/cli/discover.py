@@ -57,11 +57,10 @@ def discover(
     """
     from torsight.actuator.quantities import in_symbols
     from torsight.cli.summary import attention, discovery_lines
-    from torsight.report import write_report
 
     with progress_bar() as progress:
         report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
-        write_report(out, progress=progress)
+        _write_report(out, progress=progress)
     if export_effect is not None:
         from torsight.discovery.actuator.export_effect import export_effect as export
 
@@ -186,13 +185,18 @@ def explain_together(
     merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> None:
     """Discover on several records of one rig and write results and report, unless they are newer than the records."""
-    from torsight.report import write_report
-
     last = out / "report.html"
     inputs = [*merged, actuator]
     if last.exists() and all(path.stat().st_mtime <= last.stat().st_mtime for path in inputs):
         return
     discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+    _write_report(out, progress=progress)
+
+
+def _write_report(out: Path, *, progress: Progress) -> None:
+    """Write the report; what draws it is loaded when there is something to draw."""
+    from torsight.report import write_report
+
     write_report(out, progress=progress)
 
 
