@@ -12,9 +12,12 @@ import typer
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.experiment_file import Experiment, experiment_from, read_experiment
+from torsight.cli.fit import fit_to_folder
 from torsight.cli.frame_coverage import is_no_result
 from torsight.cli.options import OpenView
+from torsight.cli.sync import read_settings, sync_to_folder
 from torsight.cli.track import FILES as TRACKED
+from torsight.cli.track import track_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash, provenance, versions
@@ -159,7 +162,6 @@ def _check(experiment: Experiment) -> None:
     """Refuse whatever cannot be used, a log, settings, an actuator, before the film is tracked, not after."""
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
-    from torsight.cli.sync import read_settings
     from tracker.detect.marker_file import read_markers
 
     read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
@@ -177,8 +179,6 @@ def _stages(
     experiment: Experiment, folder: Path, *, resume: bool, progress: Progress
 ) -> list[tuple[str, Callable[[], Any]]]:
     from torsight.cli.discover import discover_to_folder
-    from torsight.cli.fit import fit_to_folder
-    from torsight.cli.sync import sync_to_folder
 
     merged = folder / "merged.csv"
     return [
@@ -220,8 +220,6 @@ def _together(experiment: Experiment, folder: Path, *, progress: Progress) -> No
 
 def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Progress) -> None:
     """Track the film, or take over angles that are there already."""
-    from torsight.cli.track import track_to_folder
-
     if experiment.angle is not None:
         take_over(experiment.angle, out=folder)
     elif experiment.video is not None:
