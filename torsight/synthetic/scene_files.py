@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import write_table, write_text
@@ -178,6 +179,4 @@ def _experiment(scene: Scene) -> dict[str, Any]:
 
 
 def _write_toml(path: Path, content: Mapping[str, Any]) -> None:
-    import tomli_w
-
     write_text(path, tomli_w.dumps(content))
