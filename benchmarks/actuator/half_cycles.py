@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from half_and_twice import half_and_twice
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).parents[2]
@@ -26,6 +25,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "sync")]
 
 from made_up_pairs import Rig, make_pair, programme  # noqa: E402 - needs the path above
 
+from benchmarks.half_and_twice import half_and_twice  # noqa: E402 - needs the path above
 from torsight.actuator.record import segments  # noqa: E402 - needs the path above
 from torsight.core.units import DEG  # noqa: E402 - needs the path above
 
@@ -113,7 +113,7 @@ def main() -> None:
     for name in CONSTANTS:
         if options.only not in name:
             continue
-        for factor in half_and_twice(segments, name):
+        for factor in half_and_twice(name, segments):
             print(f"{name + f' x{factor:g}':20s} {figures(made)}", flush=True)
 
 

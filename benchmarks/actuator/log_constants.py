@@ -13,13 +13,17 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from half_and_twice import half_and_twice
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from benchmarks.half_and_twice import half_and_twice
 from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.record.conditioning import condition
 from torsight.core.records import SyncedTable
@@ -72,7 +76,7 @@ def main() -> None:
         for name in names:
             if options.only not in name:
                 continue
-            for factor in half_and_twice(module, name):
+            for factor in half_and_twice(name, module):
                 line(f"{module_name} {name} × {factor:g}", options.seeds)
 
 

@@ -15,11 +15,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -39,6 +36,7 @@ from made_up_views import (  # noqa: E402 - needs the path above
     whole,
 )
 
+from benchmarks.half_and_twice import half_and_twice  # noqa: E402 - needs the path above
 from calibration.cameras import lens  # noqa: E402 - needs the path above
 from calibration.views import detect  # noqa: E402 - needs the path above
 from torsight.core.optics.camera import Intrinsics  # noqa: E402 - needs the path above
@@ -48,18 +46,6 @@ WINDOWS = (
     "_WINDOW_PER_EDGE",
 )  # fmt: skip
 FITS = ("_WORSE_THAN_MEDIAN", "_NEVER_BAD_PX", "_MOST_GROUPS")
-
-
-@contextmanager
-def changed(module: Any, name: str, factor: float) -> Iterator[None]:
-    """Multiply one constant; a share stays below one."""
-    was = getattr(module, name)
-    value = max(1, round(factor * was)) if isinstance(was, int) else factor * was
-    setattr(module, name, min(value, 0.95) if name == "_MOST_ALIKE" else value)
-    try:
-        yield
-    finally:
-        setattr(module, name, was)
 
 
 def pictures(seeds: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -139,18 +125,15 @@ def main() -> None:
     made = pictures(options.seeds)
     print(f"{len(made)} pictures; as it is: {found(made)}", flush=True)
     for name in WINDOWS:
-        for factor in (0.5, 2.0):
-            with changed(detect, name, factor):
-                print(f"{name:20s} x{factor:<3g} {found(made)}", flush=True)
+        for factor in half_and_twice(name, detect):
+            print(f"{name:20s} x{factor:<3g} {found(made)}", flush=True)
     print(f"{len(made)} pictures; as it is: {beyond(made)}", flush=True)
-    for factor in (0.5, 2.0):
-        with changed(detect, "_MOST_ALIKE", factor):
-            print(f"{'_MOST_ALIKE':20s} x{factor:<3g} {beyond(made)}", flush=True)
+    for factor in half_and_twice("_MOST_ALIKE", detect, most=0.95):
+        print(f"{'_MOST_ALIKE':20s} x{factor:<3g} {beyond(made)}", flush=True)
     print(f"{5 * options.seeds} lenses; as it is: {fitted(5 * options.seeds)}", flush=True)
     for name in FITS:
-        for factor in (0.5, 2.0):
-            with changed(lens, name, factor):
-                print(f"{name:20s} x{factor:<3g} {fitted(5 * options.seeds)}", flush=True)
+        for factor in half_and_twice(name, lens):
+            print(f"{name:20s} x{factor:<3g} {fitted(5 * options.seeds)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,6 @@ import pkgutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +28,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pandas as pd
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parent))
 
 from clock_coverage import light_of, pair_of, records, restarted
 from prior_sensitivity import Answer, compared
 
 import sync
+from benchmarks.half_and_twice import half_and_twice
 from sync import LogReading, find_clock, read_temperature_log
 from sync.log.timestamps import longest_gap_s
 from sync.merge.merged_table import at_instants
@@ -64,20 +65,9 @@ MODULES = [
 ]
 
 
-@contextmanager
-def changed(module: str, name: str, factor: float) -> Iterator[None]:
-    """Multiply one constant wherever it is used; a share near one keeps so many times its distance from one."""
-    was = getattr(importlib.import_module(f"sync.{module}"), name)
-    value = 1.0 - factor * (1.0 - was) if 0.9 < was < 1.0 else factor * was
-    value = max(1, round(value)) if isinstance(was, int) else value
-    holders = [one for one in MODULES if getattr(one, name, None) is was]
-    for one in holders:
-        setattr(one, name, value)
-    try:
-        yield
-    finally:
-        for one in holders:
-            setattr(one, name, was)
+def changed(module: str, name: str) -> Iterator[float]:
+    """Give 0.5 and 2 while a constant of a module of sync is so many times its value wherever it is used."""
+    return half_and_twice(name, importlib.import_module(f"sync.{module}"), *MODULES)
 
 
 def clocks(pairs: Sequence[Any], folder: Path, *, light: bool) -> list[Answer | None]:
@@ -169,18 +159,16 @@ def main() -> None:
         print(f"as it is: {cleaned(pairs, folder)}", flush=True)
         for module, names in LOG.items():
             for constant in (one for one in names if options.only in one):
-                for factor in (0.5, 2.0):
-                    with changed(module, constant, factor):
-                        print(f"{module + ' ' + constant:38s} x{factor:<3g} {cleaned(pairs, folder)}", flush=True)
+                for factor in changed(module, constant):
+                    print(f"{module + ' ' + constant:38s} x{factor:<3g} {cleaned(pairs, folder)}", flush=True)
         usual = {light: clocks(pairs, folder, light=light) for light in (False, True)}
         for light, word in ((False, "motion"), (True, "LED")):
             print(f"as it is, {word}: {line(usual[light], usual[light])}", flush=True)
         for module, names in CLOCK.items():
             light = "led" in module
             for constant in (one for one in names if options.only in one):
-                for factor in (0.5, 2.0):
-                    with changed(module, constant, factor):
-                        other = clocks(pairs, folder, light=light)
+                for factor in changed(module, constant):
+                    other = clocks(pairs, folder, light=light)
                     print(f"{module + ' ' + constant:38s} x{factor:<3g} {line(usual[light], other)}", flush=True)
 
 

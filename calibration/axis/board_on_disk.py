@@ -16,6 +16,7 @@ import numpy as np
 
 from calibration.axis.axis_pose import AxisPose
 from calibration.boards.board_file import Board
+from calibration.cameras.lens import CORNER_SIGMA_PX
 from calibration.views.detect import View
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.minimise import jacobian_of, least_squares
@@ -29,7 +30,7 @@ from torsight.core.words.wording import number
 
 _SMALLEST_TURN_DEG: Final = 15.0
 """With a smaller turn an error of 0.1° in a board's pose tilts the axis by 0.1° / (15° in rad) = 0.4° and more."""
-_LARGEST_ERROR_PX: Final = 1.5
+_LARGEST_ERROR_PX: Final = 15.0 * CORNER_SIGMA_PX
 """A camera that fits gives a tenth of it; a changed focus or another zoom gives many."""
 
 

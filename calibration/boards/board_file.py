@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, cast
+from typing import Any, Final, Literal, cast
 
+import cv2
 import numpy as np
 
 from torsight.core.errors import ConfigError
@@ -13,11 +15,6 @@ from torsight.core.files.config import get_number, get_numbers, get_switch, get_
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.units import Floats
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import cv2
 
 KINDS: Final = ("chessboard", "charuco")
 DICTIONARIES: Final = tuple(f"DICT_{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
@@ -105,8 +102,6 @@ class Board:
 
     def charuco(self) -> cv2.aruco.CharucoBoard:
         """Return OpenCV's own object for a ChArUco board."""
-        import cv2
-
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, self.marker_mm, dictionary)
         board.setLegacyPattern(self.legacy)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
+import cv2
+
 from calibration.boards.printing import LAYOUT, PAGES_MM, Drawing, Rectangle, Text, check_bar, draw_tag
 from torsight.core.errors import ConfigError
 
@@ -50,8 +52,6 @@ def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> Ta
     ConfigError
         For a family or a number that there is not, or one number for both.
     """
-    import cv2
-
     name = f"DICT_{family.removeprefix('DICT_')}"
     if not isinstance(getattr(cv2.aruco, name, None), int):
         usual = "4X4_50, 5X5_50, 6X6_50, APRILTAG_16h5, APRILTAG_25h9, APRILTAG_36h11"
@@ -109,8 +109,6 @@ def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
 
 
 def _modules(pair: TagPair) -> int:
-    import cv2
-
     return int(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{pair.family}")).markerSize) + 2
 
 

@@ -8,9 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import cv2
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
 from scipy.constants import inch, milli
 
 from calibration.boards.board_file import Board
@@ -19,9 +24,6 @@ from torsight.core.files.figure_file import UNDATED, write_figure
 from torsight.core.files.paths import AnyPath
 from torsight.core.series import runs
 from torsight.core.words.shown import Shown
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PAGES_MM: Final = {
     "a5": (210.0, 148.0),
@@ -121,9 +123,6 @@ class Drawing(Shown):
 
     def paint(self, axes: Any) -> None:
         """Draw what is on the page, one unit of the axes a millimetre."""
-        from matplotlib.patches import PathPatch
-        from matplotlib.path import Path as Outline
-
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
         places = [(item.x_mm, item.y_mm) + corners * (item.width_mm, item.height_mm) for item in self.rectangles]
         codes = [Outline.MOVETO, *3 * [Outline.LINETO], Outline.CLOSEPOLY] * len(places)
@@ -189,8 +188,6 @@ def _pattern(board: Board) -> list[Rectangle]:
 
 def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, side_mm: float) -> list[Rectangle]:
     """Return a tag whose black square has its top left corner at a place; runs of black modules are joined per row."""
-    import cv2
-
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary_name))
     modules = dictionary.markerSize + 2
     bits = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, modules)) == 0
@@ -216,8 +213,6 @@ def check_bar(page: str) -> tuple[Rectangle, Text]:
 
 def _page(drawing: Drawing, *, dpi: float) -> Figure:
     """Return the page as a figure of whole pixels, one unit of its axes a millimetre."""
-    from matplotlib.figure import Figure
-
     size_px = np.round(np.array(drawing.page_mm) / _MM_PER_INCH * dpi)
     figure = Figure(figsize=tuple(size_px / dpi), dpi=dpi, facecolor="white")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -236,8 +231,6 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
     ConfigError
         For another suffix.
     """
-    import matplotlib as mpl
-
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in UNDATED:

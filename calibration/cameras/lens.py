@@ -33,12 +33,13 @@ board (0.1 px of noise) know it to 0.3 % where they differ by 33°, to 5 % by 13
 PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 """Order of the intrinsics' standard deviations."""
 
+CORNER_SIGMA_PX: Final = 0.1
+"""To which the corners of a hand-held board are measured in ordinary light."""
 _WORSE_THAN_MEDIAN: Final = 3.0
-_NEVER_BAD_PX: Final = 0.3
+_NEVER_BAD_PX: Final = 3.0 * CORNER_SIGMA_PX
 """A view or pair is set aside where its error is more than so many times the median, and more than what a hand-held
-board with ordinary light gives: three times the 0.1 px to which corners are measured. Views that are off by 1 and 3 px
-are all set aside with half of either, 97 in 100 with twice of the first, and never a good one
-(benchmarks/calibration/constants.py)."""
+board with ordinary light gives. Views that are off by 1 and 3 px are all set aside with half of either, 97 in 100 with
+twice of the first, and never a good one (benchmarks/calibration/constants.py)."""
 _MOST_GROUPS: Final = 20
 """Fits of the jackknife: its sigma then has a standard error of 1 / √(2 · 19) = 16 %."""
 _LARGEST_FOCAL_SIGMA: Final = 0.05

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from calibration.quality.calibration_verdict import CELLS, cells_covered
 from calibration.stage import Side
 from torsight.core.files.figure_file import write_figure
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _EMPTY: Final = "#f4d7d3"
 _ASIDE: Final = "#999999"
 _ARROW_SHARE: Final = 0.03
-"""Length of the arrow of the 95 % error, as a share of the picture's width."""
+"""Length of the arrow of the 95 % error, as a share of the picture's width: a quarter of what is between the corners of
+a board of usual size that fills the picture, so that no two touch."""
 
 
 def draw_coverage(path: Path, sides: list[tuple[str, Side]]) -> None:
@@ -26,8 +26,6 @@ def draw_coverage(path: Path, sides: list[tuple[str, Side]]) -> None:
     Corners are coloured by their error, with arrows that show its direction (enlarged as the title says); cells without
     a corner are shaded; corners of views that were set aside are grey crosses.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(7.5 * len(sides), 6.2), layout="constrained")
     for place, (name, side) in enumerate(sides):
         axes = figure.add_subplot(1, len(sides), place + 1)

@@ -28,13 +28,17 @@ from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 
 _BLURRED: Final = 1.5
-"""Frames whose edges are so many times as wide as those of the sharpest fifth are passed over."""
+"""Frames whose edges are so many times as wide as those of the sharpest fifth are passed over: up to that corners err
+by a tenth more, with edges of twice the width 2.2 times as much (boards of benchmarks/calibration/constants.py)."""
 _LEAST_DIFFERENCE: Final = 0.05
 """A frame that differs less from those chosen adds nothing: a twentieth of the picture's width, or 3° of tilt."""
 _LOOKED_AT_FOR_OTHER_BOARDS: Final = 2
-"""Pictures in which another board is looked for, some seconds each, before the board is said not to be found."""
+"""Pictures in which another board is looked for, some seconds each, before the board is said not to be found: in all
+for as long as a person waits (:data:`~torsight.core.progress.ATTENTION_S`)."""
 _BEYOND_THE_BOARD: Final = 0.25
-"""Share of the views in which a chessboard may seem to go on: what stands behind it can look like squares."""
+"""Share of the views in which a chessboard may seem to go on: what stands behind it can look like squares. Of drawn
+boards all larger ones seem to and no whole one does (benchmarks/calibration/constants.py), so that a view of many may
+be wrong."""
 
 
 @dataclass(frozen=True, slots=True)

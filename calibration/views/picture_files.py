@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import av
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+from PIL.ExifTags import IFD, Base
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, is_glob, matching, missing_file
@@ -103,8 +107,6 @@ def read_pictures(files: Sequence[Path], *, step: int = 1) -> Iterator[Picture]:
 
 
 def _picture(path: Path) -> Picture:
-    import cv2
-
     digest = file_hash(path)
     data = np.fromfile(path, dtype=np.uint8)
     try:
@@ -118,9 +120,6 @@ def _picture(path: Path) -> Picture:
 
 def _device(path: Path) -> str:
     """Return camera and focal length from the picture's own notes (EXIF), as far as they are there."""
-    from PIL import Image, UnidentifiedImageError
-    from PIL.ExifTags import IFD, Base
-
     try:
         with Image.open(path) as image:
             notes = image.getexif()
@@ -136,8 +135,6 @@ def _device(path: Path) -> str:
 
 def _frames(path: Path, step: int) -> Iterator[Picture]:
     """Give every ``step``-th frame of a film; what cannot be decoded is passed over."""
-    import av
-
     digest = file_hash(path)
     try:
         with av.open(str(path)) as container:
@@ -157,8 +154,6 @@ def _frames(path: Path, step: int) -> Iterator[Picture]:
 
 def _frame_count(path: Path) -> int:
     """Count the frames by their packets: cheaper than decoding, and right where the header is not."""
-    import av
-
     try:
         with av.open(str(path)) as container:
             return sum(1 for packet in container.demux(container.streams.video[0]) if packet.size)
@@ -176,8 +171,6 @@ def _no_film(path: Path, error: Exception) -> InputError:
 
 
 def _decoded(container: Any, stream: Any) -> Iterator[Any]:
-    import av
-
     for packet in container.demux(stream):
         try:
             yield from packet.decode()

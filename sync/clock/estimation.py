@@ -59,7 +59,6 @@ class Found(Shown):
         self.clock.plot(axes)
 
 
-@one_thread()
 def estimate_clock(
     angles: StickAngles,
     log: TemperatureLog,

@@ -1,4 +1,7 @@
-"""Offset, drift and gaps of a clock as a mixture of Gaussians, and its value and 95 % interval."""
+"""Offset, drift and gaps of a clock as a mixture of Gaussians, and its value and 95 % interval.
+
+A restart of the log whose gap is not known is a further unknown of the clock beside offset and drift.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr, softmax
 
 from torsight.core.records import ClockMap
-from torsight.core.units import PPM, Floats
+from torsight.core.units import PPM, Flags, Floats
 
 MOST_HYPOTHESES: Final = 12
 """Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log.
@@ -60,6 +63,42 @@ class Gaussian:
         change = np.eye(len(self.mean))
         change[0, 1] = by_s
         return Gaussian(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownGap:
+    """A joint of the log: rows behind it may belong later than they were put, by an unknown time.
+
+    Attributes
+    ----------
+    after_s, begin_s : float
+        Stamps of the last row before and of the first behind, as they were joined.
+    sigma_s : float
+        One standard deviation of the time that is missing between them.
+    """
+
+    after_s: float
+    begin_s: float
+    sigma_s: float
+
+
+def log_time(
+    film_s: Floats, point: Floats, gaps: Sequence[UnknownGap], *, middle_s: float
+) -> tuple[Floats, Floats, Flags]:
+    """Return the joined log's stamps at film times, their derivatives by the unknowns, and where the log has rows.
+
+    ``point`` holds the offset at ``middle_s``, the drift, and the missing time of every gap.
+    """
+    away = film_s - middle_s
+    stamp = film_s + point[0] + point[1] * away
+    columns = [np.ones_like(film_s), away]
+    covered = np.ones(len(film_s), dtype=np.bool_)
+    for gap, missing_s in zip(gaps, point[2:], strict=True):
+        behind = stamp > gap.after_s
+        stamp = np.where(behind, stamp - missing_s, stamp)
+        covered &= ~behind | (stamp >= gap.begin_s)
+        columns.append(np.where(behind, -1.0, 0.0))
+    return stamp, np.stack(columns, axis=1), covered
 
 
 def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:

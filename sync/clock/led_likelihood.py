@@ -17,8 +17,7 @@ import numpy as np
 from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import Gaussian
-from sync.clock.unknown_gaps import UnknownGap
+from sync.clock.gaussian_mixture import Gaussian, UnknownGap
 from sync.led.led_events import LightEvents
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.parameter import REACH

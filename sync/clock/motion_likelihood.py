@@ -9,12 +9,11 @@ from typing import Final
 import numpy as np
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, OffsetRange, assign, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import refine, scan
-from sync.clock.unknown_gaps import UnknownGap
 from sync.log.outliers import noise_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end

@@ -13,10 +13,9 @@ from typing import Final
 import numpy as np
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import MOST_HYPOTHESES, Gaussian
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, Gaussian, UnknownGap
 from sync.clock.motion_likelihood import MotionLikelihood, motion_likelihood
 from sync.clock.offset_search import best_share
-from sync.clock.unknown_gaps import UnknownGap
 from sync.log.repairs import LogReading
 from sync.log.restart_gaps import LONGEST_GAP_S
 from sync.log.timestamps import longest_gap_s

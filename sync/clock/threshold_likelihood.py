@@ -27,9 +27,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp, softmax
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian
+from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian, UnknownGap, log_time
 from sync.clock.threshold_crossings import ThresholdCrossings
-from sync.clock.unknown_gaps import UnknownGap, log_time
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LogSignals, Spring
 from torsight.core.series import rms

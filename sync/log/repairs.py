@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from sync.log.column_names import LogColumn
 from torsight.core.frozen import Frozen
 from torsight.core.records import TemperatureLog
 from torsight.core.words.shown import Shown
-
-if TYPE_CHECKING:
-    from sync.log.column_names import LogColumn
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,8 @@ BRIDGED_S: Final = 2.0
 Where the reference rig moves back it is 0.015 °C, 0.2° of its angle, as little as a good record leaves; over 5 s it is
 1.1°."""
 _CLOCK_SET_S: Final = 6 * 3600.0
-"""A step forward longer than this is a clock that was set, not a pause in logging."""
+"""A step forward longer than this is a clock that was set, not a pause in logging: a choice. Half and twice of it
+change no reading of damaged logs (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,18 +82,11 @@ def at_instants(time_s: Floats, value: Floats, instant_s: Floats, *, max_gap_s: 
     """Interpolate linearly; NaN outside and where the known values around are further apart than ``max_gap_s``."""
     known = np.isfinite(value)
     at_s, there = time_s[known], value[known]
-    out = np.full(len(instant_s), np.nan)
     if len(at_s) == 0:
-        return out
-    behind = np.searchsorted(at_s, instant_s, side="left")
-    exact = (behind < len(at_s)) & (at_s[np.minimum(behind, len(at_s) - 1)] == instant_s)
-    inside = (behind > 0) & (behind < len(at_s))
-    right = np.clip(behind, 1, max(len(at_s) - 1, 1))
-    if len(at_s) > 1:
-        bridged = inside & (at_s[right] - at_s[right - 1] <= max_gap_s)
-        out[bridged] = np.interp(instant_s[bridged], at_s, there)
-    out[exact] = there[behind[exact]]
-    return out
+        return np.full(len(instant_s), np.nan)
+    right = np.minimum(np.searchsorted(at_s, instant_s), len(at_s) - 1)
+    bridged = (at_s[right] - at_s[np.maximum(right - 1, 0)] <= max_gap_s) | (at_s[right] == instant_s)
+    return np.where(bridged, np.interp(instant_s, at_s, there, left=np.nan, right=np.nan), np.nan)
 
 
 def _held(values: NDArray[np.generic], row: Ints, covered: Flags) -> NDArray[np.generic]:

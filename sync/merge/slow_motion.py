@@ -7,7 +7,8 @@ from typing import Final
 _FACTORS: Final = (2, 4, 8, 16, 32)
 """Cameras film 60, 120, 240, 480 or 960 frames a second and play them at 30."""
 _NEAR: Final = 0.1
-"""Share by which the lengths may be off such a factor."""
+"""Share by which the lengths may be off such a factor, where log and camera are started and stopped by hand: a choice,
+which decides over a warning alone."""
 
 
 def slow_motion_factor(film_s: float, log_s: float) -> int | None:

@@ -35,13 +35,14 @@ def batch(
     Example: torsight batch campaign/ --out results
     """
     from torsight.cli.campaign import explain_campaign, find_experiments, run_campaign, tasks, write_results
-    from torsight.report.gallery import write_gallery
 
     if timeout is not None and not 0.0 < timeout < math.inf:
         raise ConfigError("is no length of time", where="--timeout", value=timeout, limit="more than 0 s")
     todo = tasks(find_experiments(sources), out, limit_s=timeout)
     with progress_bar() as progress:
         rows = run_campaign(todo, jobs=jobs, scheduler=scheduler, progress=progress)
+    from torsight.report.gallery import write_gallery
+
     page = write_gallery(rows, out)
     done = sum(row["status"] == "done" for row in rows)
     for row in rows:

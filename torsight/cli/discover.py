@@ -11,8 +11,9 @@ import typer
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile, Seed
-from torsight.core.errors import InputError
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import require_apart
+from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import read_merged
 from torsight.core.parameter import REACH
@@ -56,11 +57,10 @@ def discover(
     """
     from torsight.actuator.quantities import in_symbols
     from torsight.cli.summary import attention, discovery_lines
-    from torsight.report import write_report
 
     with progress_bar() as progress:
         report = discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
-        write_report(out, progress=progress)
+        _write_report(out, progress=progress)
     if export_effect is not None:
         from torsight.discovery.actuator.export_effect import export_effect as export
 
@@ -116,7 +116,6 @@ def discover_to_folder(
     ``model.json`` goes on from the last.
     """
     from torsight.actuator import read_actuator
-    from torsight.cli.alike import require_one_rig
     from torsight.discovery.discover import discover as find
     from torsight.discovery.together import discover_together
 
@@ -138,17 +137,66 @@ def discover_to_folder(
     return joint
 
 
+def require_one_rig(records: Sequence[Path]) -> None:
+    """Refuse a record that is given twice, and records whose runs used different actuator files.
+
+    Which file a run used stands in the ``provenance.json`` beside its table, with the file's hash. Records without one
+    are taken as they are. One file that all runs have used may have been edited since.
+    """
+    seen: dict[str, Path] = {}
+    for path in records:
+        found = file_hash(path)
+        if found in seen:
+            raise ConfigError(
+                "is the same record as another one",
+                where=str(path),
+                value=str(seen[found]),
+                do="give every record once: twice the same one would count as two witnesses",
+            )
+        seen[found] = path
+    actuators = [(path, used) for path in records if (used := _actuator_of(path)) is not None]
+    for path, (name, found) in actuators[1:]:
+        first, (first_name, first_found) = actuators[0]
+        if found != first_found:
+            raise InputError(
+                "is a record of another actuator",
+                where=str(path),
+                value=f"{name}, {found[:12]} (SHA-256)",
+                limit=f"{first_name}, {first_found[:12]}, as {first}",
+                do="give records of one rig; where it is one, run them again with one actuator file",
+            )
+
+
+def _actuator_of(record: Path) -> tuple[str, str] | None:
+    """Return name and hash of the actuator file that a record's run has used; None where nothing says it."""
+    path = record.parent / "provenance.json"
+    if not path.is_file():
+        return None
+    content = read_json(path)
+    configuration, inputs = content.get("configuration"), content.get("inputs")
+    table = configuration.get("actuator") if isinstance(configuration, dict) else None
+    name = table.get("file") if isinstance(table, dict) else None
+    if not isinstance(name, str) or not isinstance(inputs, dict) or not isinstance(inputs.get(name), str):
+        return None
+    return name, inputs[name]
+
+
 def explain_together(
     merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
 ) -> None:
     """Discover on several records of one rig and write results and report, unless they are newer than the records."""
-    from torsight.report import write_report
-
     last = out / "report.html"
     inputs = [*merged, actuator]
     if last.exists() and all(path.stat().st_mtime <= last.stat().st_mtime for path in inputs):
         return
     discover_to_folder(merged, actuator, out=out, seed=seed, progress=progress)
+    _write_report(out, progress=progress)
+
+
+def _write_report(out: Path, *, progress: Progress) -> None:
+    """Write the report; what draws it is loaded when there is something to draw."""
+    from torsight.report import write_report
+
     write_report(out, progress=progress)
 
 

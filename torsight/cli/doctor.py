@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
+from torsight.cli.checkup.install import check_install
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import Columns, Fps, Units, said
-
-if TYPE_CHECKING:
-    from torsight.cli.checkup.finding import Finding
 
 
 def doctor(
@@ -35,8 +34,6 @@ def doctor(
     Example: torsight doctor experiment.toml
     """
     from torsight.cli.checkup.examine import examine, inputs_of
-    from torsight.cli.checkup.finding import exit_code, ordered, verdict
-    from torsight.cli.checkup.install import check_install
 
     chosen = inputs_of(inputs, fps=fps)
     if columns is not None or units is not None:
@@ -53,8 +50,6 @@ def doctor(
 
 def told(findings: list[Finding]) -> list[str]:
     """Return the verdict and why, in lines for a person."""
-    from torsight.cli.checkup.finding import verdict
-
     lines = [f"Verdict           {verdict(findings)}"]
     for item in findings:
         lines.append(f"{item.level:<10}{item.about:<14}{item.text}")

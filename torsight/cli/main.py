@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 import sys
 import traceback
-from typing import TYPE_CHECKING, Annotated, Final
+from collections.abc import Sequence
+from typing import Annotated, Final
 
 import typer
 
@@ -13,9 +14,6 @@ from torsight.cli.answer import answering
 from torsight.cli.ends import Ended, asked_to_end
 from torsight.core.errors import InputError, TorsightError, refused_by_system
 from torsight.core.lazy import collect_seldom
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 COMMANDS: Final = (
     "init",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -11,14 +12,17 @@ import typer
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.experiment_file import Experiment, experiment_from, read_experiment
+from torsight.cli.fit import fit_to_folder
 from torsight.cli.frame_coverage import is_no_result
 from torsight.cli.options import OpenView
+from torsight.cli.sync import read_settings, sync_to_folder
 from torsight.cli.track import FILES as TRACKED
+from torsight.cli.track import track_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash, provenance, versions
-from torsight.core.files.storage import json_text, read_json, write_json, write_text
-from torsight.core.files.tables import read_angles
+from torsight.core.files.storage import atomic_path, json_text, read_json, write_json, write_text
+from torsight.core.files.tables import read_angles, write_angles
 from torsight.core.optics.camera import read_camera
 from torsight.core.progress import Progress, silent
 
@@ -158,7 +162,6 @@ def _check(experiment: Experiment) -> None:
     """Refuse whatever cannot be used, a log, settings, an actuator, before the film is tracked, not after."""
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
-    from torsight.cli.sync import read_settings
     from tracker.detect.marker_file import read_markers
 
     read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
@@ -176,8 +179,6 @@ def _stages(
     experiment: Experiment, folder: Path, *, resume: bool, progress: Progress
 ) -> list[tuple[str, Callable[[], Any]]]:
     from torsight.cli.discover import discover_to_folder
-    from torsight.cli.fit import fit_to_folder
-    from torsight.cli.sync import sync_to_folder
 
     merged = folder / "merged.csv"
     return [
@@ -219,9 +220,6 @@ def _together(experiment: Experiment, folder: Path, *, progress: Progress) -> No
 
 def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Progress) -> None:
     """Track the film, or take over angles that are there already."""
-    from torsight.cli.takeover import take_over
-    from torsight.cli.track import track_to_folder
-
     if experiment.angle is not None:
         take_over(experiment.angle, out=folder)
     elif experiment.video is not None:
@@ -236,6 +234,20 @@ def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Pro
             resume=resume,
             progress=progress,
         )
+
+
+def take_over(angle: Path, *, out: Path) -> None:
+    """Bring ``angle.csv``, and ``markers.csv`` and ``track.json`` where they lie beside it, into a run's folder.
+
+    That may be the folder in which the angles lie.
+    """
+    if angle.resolve() != (out / "angle.csv").resolve():
+        write_angles(out / "angle.csv", read_angles(angle))
+    for name in ("markers.csv", "track.json"):
+        beside, target = angle.parent / name, out / name
+        if beside.is_file() and beside.resolve() != target.resolve():
+            with atomic_path(target) as temporary:
+                shutil.copyfile(beside, temporary)
 
 
 def _show(experiment: Experiment, folder: Path, *, progress: Progress) -> None:

@@ -17,7 +17,7 @@ Row = TypeVar("Row")
 PATIENCE = "10s"
 """How long a Dask scheduler has to answer."""
 _MOST_PER_CORE: Final = 4
-"""Processes per core at most: more only take memory from each other."""
+"""Processes per core at most: more only take memory from each other. A choice; one per core is the default."""
 _WATCH: Final = "end with the campaign"
 
 

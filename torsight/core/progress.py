@@ -8,11 +8,14 @@ from __future__ import annotations
 from typing import Final, Protocol
 
 AT_ONCE_S: Final = 0.1
-THOUGHT_S: Final = 1.0
-ATTENTION_S: Final = 10.0
+THOUGHT_S: Final = 10.0 * AT_ONCE_S
+ATTENTION_S: Final = 10.0 * THOUGHT_S
 """What comes within the first seems to come at once, within the second no thought is broken off, and beyond the third a
 person turns to something else (R. B. Miller, Proc. AFIPS Fall Joint Computer Conference 33 (1968) 267; J. Nielsen,
-Usability Engineering, 1993, chapter 5)."""
+Usability Engineering, 1993, chapter 5: a tenth of a second, one and ten)."""
+STUCK_S: Final = 6.0 * ATTENTION_S
+"""A program of ours that shows no sign of life for so long has hung: each of its steps takes milliseconds, and a
+computer that is busy with other things makes it wait for seconds."""
 
 
 class Progress(Protocol):

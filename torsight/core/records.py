@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,6 @@ from numpy.typing import NDArray
 from torsight.core.frozen import Frozen
 from torsight.core.units import DEG, PPM, Flags, Floats
 from torsight.core.words.shown import Shown, draw_series, share, span
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 SHARED_EVENT: Final = "shared event"
 """How the ``method`` of a clock map begins that rests on an event that both clocks saw."""

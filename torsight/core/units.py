@@ -13,15 +13,17 @@ from numpy.typing import NDArray
 
 DEG: Final = math.pi / 180.0
 """Radians per degree: ``angle_rad = angle_deg * DEG``."""
-MNM: Final = 1e-3
+_KILO: Final = 1e3
+"""From one prefix of the SI to the next."""
+MNM: Final = 1.0 / _KILO
 """N·m per mN·m."""
-MM: Final = 1e-3
+MM: Final = 1.0 / _KILO
 """Metres per millimetre."""
-GPA: Final = 1e9
+GPA: Final = _KILO**3
 """Pascals per gigapascal."""
-MPA: Final = 1e6
+MPA: Final = _KILO**2
 """Pascals per megapascal."""
-PPM: Final = 1e-6
+PPM: Final = 1.0 / _KILO**2
 """Parts per million as a plain ratio."""
 
 Floats: TypeAlias = NDArray[np.float64]

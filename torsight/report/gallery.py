@@ -8,9 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from torsight.core.errors import TorsightError
-from torsight.core.files.results import RunResults, read_results
+from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import write_text
 from torsight.core.words.wording import estimate, verdict_sentence
+from torsight.report.figures.motion import ANGLE, RESIDUAL, TIME
+from torsight.report.plots.panels import Axis, Panel
+from torsight.report.plots.still import picture_data, still
+from torsight.report.write import from_template
 
 
 def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:
@@ -18,8 +22,6 @@ def write_gallery(rows: Sequence[Mapping[str, Any]], out: Path) -> Path:
 
     The page needs the experiments' folders only for its links.
     """
-    from torsight.report.write import from_template
-
     done = sum(row["status"] == "done" for row in rows)
     shown = {"name": out.resolve().name, "cards": [_card(row, out) for row in rows], "done": done}
     path = out / "index.html"
@@ -53,11 +55,6 @@ def _lines(results: RunResults) -> list[str]:
 
 def _pictures(results: RunResults) -> list[tuple[str, str]]:
     """Return the small pictures of one experiment: their words, and an address that holds each of them."""
-    from torsight.core.files.results import column
-    from torsight.report.figures.motion import ANGLE, RESIDUAL, TIME
-    from torsight.report.plots.panels import Axis, Panel
-    from torsight.report.plots.still import picture_data, still
-
     if results.curves is None:
         return []
     time_s = column(results.curves, "time_s")

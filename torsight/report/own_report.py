@@ -5,27 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from torsight.core.words.wording import estimate, number
-
-if TYPE_CHECKING:
-    from torsight.discovery.own.answer.findings import Findings
+from torsight.discovery.own.answer import words
+from torsight.discovery.own.answer.findings import Findings
+from torsight.report.figures.own import figures_of, is_ours
+from torsight.report.write import write_page
 
 
 def write_own_report(found: Findings, folder: Path, *, model: Path, records: Sequence[Path]) -> Path:
     """Write ``report.html``, one page that needs no other file and no network, and its figures in ``figures/``."""
-    from torsight.report.figures.own import figures_of, is_ours
-    from torsight.report.write import write_page
-
     shown = {"name": model.stem, "records": [path.name for path in records], **contents(found)}
     return write_page(folder, shown | {"figures": figures_of(found)}, template="own_report.html", ours=is_ours)
 
 
 def contents(found: Findings) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.discovery.own.answer import words
-
     candidates = found.field.base.fitter.candidates
     return {
         "verdict": found.verdict,

@@ -6,21 +6,30 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import jinja2
 import numpy as np
+import pandas as pd
 
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.results import RunResults, read_results
+from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import write_text
 from torsight.core.progress import Progress, silent
+from torsight.core.words.colours import LIGHT
 from torsight.core.words.wording import verdict_sentence
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from torsight.report.figures.motion import Figure
-    from torsight.report.plots.interactive import Drawing
+from torsight.discovery.measured_law import read_laws
+from torsight.report.figures import evidence, measured, motion, planned, residuals
+from torsight.report.figures.export import FOLDER, NAMES, data_link, write_figures
+from torsight.report.figures.law_plots import law_figure
+from torsight.report.figures.motion import Figure
+from torsight.report.plots.interactive import Drawing, drawing, library
+from torsight.report.plots.palette import at_night, style_variables
+from torsight.report.plots.still import picture_data, still
+from torsight.report.sections import page_content, parameter_table
+from torsight.report.sections.limitations import doubts
+from torsight.report.sections.next_steps import next_steps
+from torsight.report.sections.prior_pulls import priors
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 
@@ -69,10 +78,6 @@ def write_page(
     ours: Callable[[str], bool] | None = None,
 ) -> Path:
     """Write ``report.html`` that shows some contents, and its figures beside it; on ``ours`` see ``write_figures``."""
-    from torsight.report.figures.export import NAMES, write_figures
-    from torsight.report.plots.interactive import drawing
-    from torsight.report.plots.still import still
-
     figures = [figure for some in shown["figures"].values() for figure in some]
     pictures = {figure.name: still(figure.panels) for figure in figures}
     write_figures(folder, figures, pictures, ours=ours or NAMES.__contains__)
@@ -94,12 +99,6 @@ def page(
     ``pictures`` are the figures' SVG by name, without which the page has its words alone; ``drawn`` the same figures
     for a browser with scripts.
     """
-    from torsight.core.words.colours import LIGHT
-    from torsight.report.figures.export import FOLDER, data_link
-    from torsight.report.plots.interactive import library
-    from torsight.report.plots.palette import at_night
-    from torsight.report.plots.still import picture_data
-
     return from_template(
         template,
         shown,
@@ -116,10 +115,6 @@ def page(
 
 def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
     """Return the text of a page: a template filled with what it shows, in the style of all pages."""
-    import jinja2
-
-    from torsight.report.plots.palette import style_variables
-
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -131,10 +126,6 @@ def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
-    from torsight.report.sections import page_content, parameter_table
-    from torsight.report.sections.limitations import doubts
-    from torsight.report.sections.next_steps import next_steps
-
     shown: dict[str, Any] = {
         "name": results.folder.resolve().name,
         "headline": headline(results),
@@ -201,8 +192,6 @@ def _figures(results: RunResults, *, progress: Progress) -> dict[str, list[Figur
 
 def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the figures of the motion and of the residual, from the best table that is there."""
-    from torsight.report.figures import motion
-
     for table, source in ((results.curves, "curves.csv"), (results.merged, "merged.csv")):
         if table is None or not drawable(table):
             continue
@@ -218,7 +207,6 @@ def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
 
 
 def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[Figure | None]]:
-    from torsight.report.figures import evidence, residuals
 
     against = [
         residuals.residual_against(curves, name, values) for name, values in residuals.driver_columns(curves).items()
@@ -232,7 +220,6 @@ def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[F
 
 
 def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
-    from torsight.report.figures import measured
 
     found: dict[str, list[Figure | None]] = {}
     if results.angle is not None and drawable(results.angle):
@@ -247,9 +234,6 @@ def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
 
 def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the figures of what was found: candidates, unseen half-cycles, pulls, the next experiment."""
-    from torsight.report.figures import evidence, planned
-    from torsight.report.sections.prior_pulls import priors
-
     discovery = results.discovery or {}
     plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}
     after = discovery.get("parameters") or {}
@@ -268,8 +252,6 @@ def _laws(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the measured laws, where there are any."""
     if not (results.discovery or {}).get("laws"):
         return {}
-    from torsight.discovery.measured_law import read_laws
-    from torsight.report.figures.law_plots import law_figure
 
     return {"laws": [law_figure(law) for law in read_laws(results.folder, results.discovery or {})]}
 
@@ -281,8 +263,6 @@ _PARTS: Final = len(("reading", *_GROUPS, "writing"))
 
 def drawable(table: pd.DataFrame) -> bool:
     """Return whether a table holds enough known times and angles to be drawn."""
-    from torsight.core.files.results import column
-
     return (
         len(table) > 1
         and bool(np.isfinite(column(table, "time_s")).all())

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import write_table, write_text
@@ -153,15 +154,11 @@ def _answer(scene: Scene) -> dict[str, Any]:
     offset_s, drift_ppm = clock(scene)
     return {
         "seed": scene.seed,
-        "effects": {name: _plain(effect) for name, effect in scene.effects.items()},
+        "effects": {name: asdict(effect) for name, effect in scene.effects.items()},
         "true": dict(scene.values.public),
         "clock": {"offset_s": offset_s, "drift_ppm": drift_ppm},
         "time_factor": scene.protocol.time_factor,
     }
-
-
-def _plain(section: Any) -> dict[str, Any]:
-    return asdict(section) if is_dataclass(section) and not isinstance(section, type) else dict(section)
 
 
 def _experiment(scene: Scene) -> dict[str, Any]:
@@ -182,6 +179,4 @@ def _experiment(scene: Scene) -> dict[str, Any]:
 
 
 def _write_toml(path: Path, content: Mapping[str, Any]) -> None:
-    import tomli_w
-
     write_text(path, tomli_w.dumps(content))

@@ -15,23 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import STUCK_S, Progress, silent
 from torsight.core.units import Ints
 from torsight.viewer import encoding
+from torsight.viewer.view_layout import WINDOW_PX
 
 if TYPE_CHECKING:
     from tracker.frames.frame import Frame
 
-WIDEST_PX: Final = 640
-"""Width of the preview; a wider film is shrunk."""
+WIDEST_PX: Final = WINDOW_PX[0] // 2
+"""Width of the preview; a wider film is shrunk. Its pane takes four tenths of the window."""
 RATE_HZ: Final = 25
 """Rate of the preview's own clock, a usual one: any would do, since the recording says which film time each of its
 frames belongs to."""
 MOST_FRAMES: Final = 60 * RATE_HZ
 """Frames of the preview: a minute of it."""
-
-STUCK_S: Final = 60.0
-"""An encoder that does nothing for so long is ended; a picture takes it some milliseconds."""
 
 _ENCODER: Final = Path(encoding.__file__)
 _CODECS: Final = ("libsvtav1", "libsvtav1", "libx264")

@@ -19,7 +19,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import atomic_path
 from torsight.core.files.tables import marker_values
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import STUCK_S, Progress, silent
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import effect_name, variable_name
@@ -47,7 +47,6 @@ CURVES: Final = {
 _WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
 
 _END: Final = b"RRF2FOOT"
-_END_BYTES: Final = 64
 """A recording ends with its table of contents, which these letters mark."""
 
 
@@ -87,7 +86,7 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     return path
 
 
-def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = 30.0) -> None:
+def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
     """Let :mod:`torsight.viewer.writing` write the recording, as long as the file grows."""
     task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
     # It finds what this process has found, however that was started.
@@ -141,7 +140,7 @@ def _whole(path: Path) -> Iterator[None]:
             raise
         raise full from error
     with path.open("rb") as file:
-        file.seek(max(file.seek(0, os.SEEK_END) - _END_BYTES, 0))
+        file.seek(max(file.seek(0, os.SEEK_END) - 8 * len(_END), 0))
         if _END not in file.read():
             raise full
 

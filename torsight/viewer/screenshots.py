@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from torsight.core.errors import InputError, OutputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import write_bytes
+from torsight.core.progress import STUCK_S, THOUGHT_S
 from torsight.viewer.program import Viewer, address_of, free_port
-from torsight.viewer.view_layout import TIME
+from torsight.viewer.view_layout import TIME, WINDOW_PX
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -23,14 +24,16 @@ Answer = TypeVar("Answer")
 WHOLE: Final = "whole"
 """Name of the picture of all panes together."""
 
-PATIENCE_S: Final = 120.0
-"""How long a viewer may take to start, and is asked again where it did not answer in time."""
-SETTLE_S: Final = 0.7
-"""Panes slide into place after the first picture, and the video is decoded beside."""
+PATIENCE_S: Final = 2.0 * STUCK_S
+"""How long a viewer may take to start, and is asked again where it did not answer in time: it draws without a graphics
+card, and its own waiting may end in between."""
+SETTLE_S: Final = THOUGHT_S
+"""Panes slide into place after the first picture, as quickly as lets a person go on, and the video is decoded beside.
+"""
 
 
 def take_pictures(
-    recording: Path, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
+    recording: Path, *, time_s: float | None = None, size_px: tuple[int, int] = WINDOW_PX
 ) -> dict[str, bytes]:
     """Return a recording's panes as PNG pictures by their names, and all together as :data:`WHOLE`; needs no screen."""
     with viewer_without_screen(size_px) as client:
@@ -44,7 +47,7 @@ def take_pictures(
 
 
 def save_pictures(
-    recording: AnyPath, out: AnyPath, *, time_s: float | None = None, size_px: tuple[int, int] = (1280, 800)
+    recording: AnyPath, out: AnyPath, *, time_s: float | None = None, size_px: tuple[int, int] = WINDOW_PX
 ) -> list[Path]:
     """Save every pane of a recording, and all of them together, as PNG pictures; no screen is needed.
 
@@ -108,7 +111,7 @@ def patiently(ask: Callable[..., Answer], *arguments: Any, **options: Any) -> An
 
 
 @contextmanager
-def viewer_without_screen(size_px: tuple[int, int] = (1280, 800)) -> Iterator[ViewerClient]:
+def viewer_without_screen(size_px: tuple[int, int] = WINDOW_PX) -> Iterator[ViewerClient]:
     """Give a connection to a viewer that draws without a screen; it ends with the block."""
     viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=free_port())
     try:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 APPLICATION: Final = "torsight"
 TIME: Final = "film_time"
 FRAME: Final = "frame"
+WINDOW_PX: Final = (1280, 800)
+"""Width and height of all panes together, where nobody says another size."""
 
 
 class Series(NamedTuple):

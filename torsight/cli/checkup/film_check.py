@@ -27,12 +27,14 @@ from tracker.initialise import Start, find_start
 Picture = NDArray[np.uint8]
 
 PLACES: Final = 17
-"""Frames over the whole film that are looked at for motion."""
+"""Frames over the whole film that are looked at for motion: the ends of sixteen parts, of which one is halved and
+halved again."""
 _LOOKED_AT: Final = range(4, PLACES, 4)
 """Those of them in which the markers are looked for, which costs as much as tracking a thousand frames."""
 _SMALL_PX: Final = 160
-"""Longer side to which a frame is shrunk before it is compared with another: single pixels no longer count."""
-_STEP_GREY: Final = 25
+"""Longer side to which a frame is shrunk before it is compared with another: a quarter of VGA's, so that sixteen pixels
+are one and single ones no longer count."""
+_STEP_GREY: Final = np.iinfo(np.uint8).max // 10
 """Change of brightness that counts as motion: a tenth of what eight bits hold, above noise and flicker."""
 
 

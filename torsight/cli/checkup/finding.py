@@ -7,13 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from torsight.core.errors import TorsightError
+from torsight.core.tracks import USUAL_SHARE
 
 LEVELS: Final = ("fine", "note", "limits", "stops")
 """How much a finding matters: not at all, worth knowing, limits the result, there will be no result."""
-FEW: Final = 0.02
-"""Share of a film's frames, or of its time, that is not worth a word: every fiftieth."""
+FEW: Final = (1.0 - USUAL_SHARE) / 5.0
+"""Share of a film's frames, or of its time, that is not worth a word: a fifth of what a track may lack without a
+warning."""
 RESIDUAL_DEG: Final = 0.3
-"""What the plain model leaves on a good record: an angle that is known better than this limits nothing."""
+"""What the plain model leaves on a good record: an angle that is known better than this limits nothing. Of a synthetic
+rig that lacks nothing it leaves 0.1°; no real rig is without a remainder."""
 _VERDICTS: Final = {"fine": "good", "note": "good", "limits": "usable", "stops": "do again"}
 
 

@@ -28,7 +28,8 @@ from torsight.core.words.wording import counted, effect_name, listed
 _SLOW_S: Final = 1.0
 """Rows further apart miss the corners of the temperature, where a heating ends (benchmarks/actuator/slow_logs.py)."""
 _NOISY_C: Final = 0.3
-"""Noise of a reading from which the sensors should be shielded."""
+"""Noise of a reading from which the sensors should be shielded: more than that for which it is known what the
+preparation of a log leaves of it (0.02 to 0.25 °C, benchmarks/actuator/log_constants.py)."""
 _FEW: Final = 4
 """Half-cycles with motion that a record needs: either spring heated at either of two rates. With fewer, what is held
 out has nothing like it in the fit."""

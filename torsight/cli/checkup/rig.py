@@ -16,7 +16,7 @@ from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.core.units import DEG, Floats
 
 _RATE_RATIO: Final = 1.3
-"""Heating rates closer than this count as one."""
+"""Heating rates closer than this count as one: a choice, which decides over a half-sentence of a finding alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
 
 _CORRELATION_S: Final = 10.0
-"""Correlation time of what a good record leaves: a sample counts as its interval over this."""
+"""Correlation time of what a good record leaves: a sample counts as its interval over this. A choice."""
 _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 """A gain scatters by twice its root (a noncentral χ²): what is called visible is found nineteen times in twenty."""
 

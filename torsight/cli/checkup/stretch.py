@@ -27,11 +27,14 @@ from tracker.quality.track_warnings import doubts
 from tracker.track import TrackResult, track_film
 
 CLIP: Final = 400
-"""Frames of a stretch."""
+"""Frames of a stretch: the share of them that has an angle is known to √(0.9 · 0.1 / 400) = 1.5 % then, where it is
+nine tenths."""
 _FAST_DEG: Final = 5.0
-"""Motion from frame to frame up to which the markers are surely followed."""
+"""Motion from frame to frame up to which the markers are surely followed: a marker 100 px from the axis moves by 9 px,
+by less than half of what is followed on films of benchmarks/tracking/hardships.py (20 px, smeared)."""
 _SMEAR_PX: Final = 0.5
-"""Motion of a marker while the shutter is open from which its smear is worth a word."""
+"""Motion of a marker while the shutter is open from which its smear is worth a word: it adds 0.5² / 12 to the square of
+an edge's blur, 4 % where that is the 0.7 px of an ordinary lens."""
 
 
 def track_stretches(

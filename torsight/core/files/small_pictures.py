@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +11,6 @@ Pixels = NDArray[np.uint8]
 
 def shrunk(pixels: Pixels, longest_px: int) -> Pixels:
     """Return a picture (h, w, …) whose longer side is so long at most: by means over areas, so that thin marks stay."""
-    import cv2
-
     scale = longest_px / max(pixels.shape[:2])
     if scale >= 1.0:
         return pixels
@@ -21,8 +20,6 @@ def shrunk(pixels: Pixels, longest_px: int) -> Pixels:
 
 def encoded(pixels: Pixels, suffix: str, *, quality: int | None = None) -> bytes:
     """Return a picture as a file of a kind: ``.png``, or ``.jpg`` or ``.webp`` of a quality up to 100."""
-    import cv2
-
     kind = cv2.IMWRITE_WEBP_QUALITY if suffix == ".webp" else cv2.IMWRITE_JPEG_QUALITY
     options = () if quality is None else (kind, quality)
     return bytes(cv2.imencode(suffix, pixels, options)[1].tobytes())

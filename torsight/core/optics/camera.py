@@ -110,13 +110,11 @@ def read_camera(path: AnyPath) -> Camera:
     intrinsics = _intrinsics(get_table(content, "intrinsics", where=str(path)), where=f"{path}, [intrinsics]")
     pose = None
     if "pose" in content:
-        table = get_table(content, "pose", where=str(path))
-        check_keys(table, ("rvec", "tvec_mm"), where=f"{path}, [pose]")
+        place = _place(get_table(content, "pose", where=str(path)), where=f"{path}, [pose]")
         planes = get_table(content, "planes", where=str(path))
         check_keys(planes, ("base_z_mm", "moving_z_mm"), where=f"{path}, [planes]")
         pose = Pose(
-            rvec=np.array(get_numbers(table, "rvec", 3, where=f"{path}, [pose]")),
-            tvec_mm=np.array(get_numbers(table, "tvec_mm", 3, where=f"{path}, [pose]")),
+            **place,
             base_z_mm=get_number(planes, "base_z_mm", where=f"{path}, [planes]", default=0.0),
             moving_z_mm=get_number(planes, "moving_z_mm", where=f"{path}, [planes]", default=0.0),
         )
@@ -125,16 +123,21 @@ def read_camera(path: AnyPath) -> Camera:
         table = get_table(content, "right", where=str(path))
         check_keys(table, ("intrinsics", "from_left"), where=f"{path}, [right]")
         motion = get_table(table, "from_left", where=f"{path}, [right]", required=True)
-        check_keys(motion, ("rvec", "tvec_mm"), where=f"{path}, [right.from_left]")
         right = RightCamera(
             intrinsics=_intrinsics(
                 get_table(table, "intrinsics", where=f"{path}, [right]", required=True),
                 where=f"{path}, [right.intrinsics]",
             ),
-            rvec=np.array(get_numbers(motion, "rvec", 3, where=f"{path}, [right.from_left]")),
-            tvec_mm=np.array(get_numbers(motion, "tvec_mm", 3, where=f"{path}, [right.from_left]")),
+            **_place(motion, where=f"{path}, [right.from_left]"),
         )
     return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}))
+
+
+def _place(table: Mapping[str, Any], *, where: str) -> dict[str, Floats]:
+    """Return rotation vector (3,), rad, and translation (3,), mm, of a table."""
+    names = ("rvec", "tvec_mm")
+    check_keys(table, names, where=where)
+    return {name: np.array(get_numbers(table, name, 3, where=where)) for name in names}
 
 
 def require_second(camera: Camera | None, *, where: str) -> RightCamera:

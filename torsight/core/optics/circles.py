@@ -23,7 +23,7 @@ from torsight.core.minimise import least_squares
 from torsight.core.optics.geometry import cross_matrix
 from torsight.core.optics.hanging import whitening
 from torsight.core.optics.sights import Sight
-from torsight.core.series.scatter import BY_CHANCE, robust_sigma
+from torsight.core.series import BY_CHANCE, robust_sigma
 from torsight.core.units import Flags, Floats
 
 _ENOUGH: Final = 1e-6

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from torsight.actuator.quantities import candidate_name, plain_symbol
 from torsight.core.files.results import column
@@ -17,14 +18,10 @@ from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_flo
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.sections.prior_pulls import Prior, common_reach
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-
 _NARROW: Final = 0.62
-"""Height of a bar, as a share of the distance between two."""
+"""Height of a bar, as a share of the distance between two: 16 of 26 px, around letters of 12 px."""
 _MOST_CANDIDATES: Final = 8
-"""Candidates that are drawn: those that explain most."""
+"""Candidates that are drawn, those that explain most: the figure is as high as the others then."""
 
 
 def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:

@@ -14,6 +14,7 @@ from torsight.core.words.wording import effect_name, variable_name
 from torsight.discovery.measured_law import MeasuredLaw
 from torsight.report.figures.motion import Figure
 from torsight.report.plots.panels import Axis, Panel
+from torsight.report.plots.still import png
 
 PORTS: Final = {
     "torque": "torque",
@@ -89,8 +90,6 @@ def law_panel(law: MeasuredLaw, *, across: str = "") -> Panel:
 
 def write_laws(folder: Path, laws: Iterable[MeasuredLaw]) -> None:
     """Write every law as ``law_<port>_<driver>.csv`` and as a picture of that name; those of an earlier answer go."""
-    from torsight.report.plots.still import png
-
     kept = set()
     for law in laws:
         picture = folder / law.csv_name.replace(".csv", ".png")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from torsight.core.files.results import column
 from torsight.core.series import runs
@@ -13,10 +14,6 @@ from torsight.core.tracks import MARKERS
 from torsight.report.figures.motion import ANGLE, TIME, Figure, temperature_panel
 from torsight.report.figures.residuals import slope
 from torsight.report.plots.panels import Axis, Panel
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 _MOST_EVENTS: Final = 60
 """Events that are marked, the first ones: over the page's width such lines are 18 pixels apart and can be told

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from torsight.core.files.results import column
 from torsight.core.series import runs
 from torsight.core.units import Flags, Floats
 from torsight.report.plots.panels import Axis, Panel, Style, style_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TIME: Final = "time (s)"
 ANGLE: Final = "angle (°)"

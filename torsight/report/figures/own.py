@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from torsight.core.series import rms
 from torsight.core.units import Floats
 from torsight.discovery.measured_law import MeasuredLaw
+from torsight.discovery.own.answer.findings import Findings
+from torsight.discovery.own.answer.laws import MeasuredCurve
+from torsight.discovery.own.answer.pictures import Series, series_of
 from torsight.report.figures.evidence import candidates, errors, pulls
 from torsight.report.figures.law_plots import law_panel
 from torsight.report.figures.motion import CURVES, Figure, models
 from torsight.report.figures.residuals import over_variable, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.sections.prior_pulls import Prior
-
-if TYPE_CHECKING:
-    from torsight.discovery.own.answer.findings import Findings
-    from torsight.discovery.own.answer.laws import MeasuredCurve
-    from torsight.discovery.own.answer.pictures import Series
 
 
 def is_ours(name: str) -> bool:
@@ -31,8 +29,6 @@ def is_ours(name: str) -> bool:
 
 def figures_of(found: Findings) -> dict[str, list[Figure]]:
     """Return the figures by the section that they stand in; a section without any is absent."""
-    from torsight.discovery.own.answer.pictures import series_of
-
     answer = found.to_json()
     floors = answer["noise_floor"]
     several = len(found.problem.laws) + len(found.problem.candidates) > 1

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from torsight.core.files.results import column
 from torsight.core.words.wording import effect_name, number
 from torsight.report.figures.motion import ANGLE, TIME, Figure, temperature_panel
 from torsight.report.plots.panels import Axis, Panel
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _SOURCE: Final = "next_experiment.csv"
 _OWN: Final = {"time_s", "temp_a_c", "temp_b_c", "heat_a", "heat_b"}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from sync.signals.even_signal import WINDOW_S
 from torsight.core.files.results import column
@@ -14,9 +15,6 @@ from torsight.core.units import Flags, Floats
 from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, is_driven, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def is_plain(curves: pd.DataFrame) -> bool:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import ast
+import io
 import re
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+import matplotlib as mpl
 from markupsafe import Markup, escape
+from matplotlib.font_manager import FontProperties
+from matplotlib.mathtext import math_to_image
 
 from torsight.actuator.quantities import in_symbols, plain_symbol, quantity
 from torsight.report.plots.still import bare, picture_data
@@ -48,12 +52,6 @@ def equation(effect: str) -> tuple[str, ...]:
 @cache
 def equation_picture(latex: str) -> str:
     """Return an equation as an SVG, black on nothing; empty where matplotlib cannot set it."""
-    import io
-
-    import matplotlib as mpl
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.mathtext import math_to_image
-
     # The same salt as for the plots: the same equation makes the same bytes.
     with mpl.rc_context({"svg.hashsalt": "torsight", "svg.fonttype": "path", "savefig.transparent": True}):
         buffer = io.BytesIO()

@@ -10,16 +10,31 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from bokeh.core.properties import value
+from bokeh.document import Document
+from bokeh.layouts import gridplot
+from bokeh.models import (
+    BoxZoomTool,
+    ColumnDataSource,
+    CrosshairTool,
+    FixedTicker,
+    HoverTool,
+    PanTool,
+    Range1d,
+    ResetTool,
+    WheelZoomTool,
+    ZoomInTool,
+    ZoomOutTool,
+    glyphs,
+)
+from bokeh.plotting import figure as Plot  # noqa: N812 - the class, by another name than our figures
+from bokeh.resources import Resources
 
 from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
-
-if TYPE_CHECKING:
-    from bokeh.models import Range1d
-    from bokeh.plotting import figure as Plot  # noqa: N812 - the class, by another name than our figures
 
 _BINS: Final = 1000
 """Bins of a curve, two points each: on a wide screen a zoom by three shows every point that there is to see."""
@@ -52,8 +67,6 @@ class Drawing:
 
 def library() -> str:
     """Return BokehJS: plots without widgets, tables and formulas."""
-    from bokeh.resources import Resources
-
     (text,) = Resources(mode="inline", components=["bokeh"]).js_raw[:1]
     # No word in it may end the element around it.
     return text.replace("</script", "<\\/script")
@@ -64,8 +77,6 @@ def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
 
     The same panels make the same text.
     """
-    from bokeh.document import Document
-
     document = Document()
     shared: dict[str, Range1d] = {}
     roots = {}
@@ -87,8 +98,6 @@ def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
 
 
 def _figure(panels: Sequence[Panel], shared: dict[str, Range1d]) -> Any:
-    from bokeh.layouts import gridplot
-
     plots = [_plot(panel, shared) for panel in panels]
     if len(plots) == 1:
         return plots[0]
@@ -100,25 +109,12 @@ def _figure(panels: Sequence[Panel], shared: dict[str, Range1d]) -> Any:
 
 
 def _plot(panel: Panel, shared: dict[str, Range1d]) -> Plot:
-    from bokeh.models import (
-        BoxZoomTool,
-        CrosshairTool,
-        HoverTool,
-        PanTool,
-        Range1d,
-        ResetTool,
-        WheelZoomTool,
-        ZoomInTool,
-        ZoomOutTool,
-    )
-    from bokeh.plotting import figure
-
     across = Range1d(start=panel.x.low, end=panel.x.high)
     if panel.x.clock:
         across = shared.setdefault(panel.x.clock, across)
         across.start, across.end = min(across.start, panel.x.low), max(across.end, panel.x.high)
     box = BoxZoomTool(match_aspect=panel.square)
-    plot = figure(
+    plot = Plot(
         x_range=across,
         y_range=Range1d(start=panel.y.low, end=panel.y.high),
         height=round(panel.height),
@@ -147,8 +143,6 @@ def _plot(panel: Panel, shared: dict[str, Range1d]) -> Plot:
 
 def _dress(plot: Plot, panel: Panel) -> None:
     """Set labels, fonts and colours."""
-    from bokeh.models import FixedTicker
-
     plot.background_fill_color = plot.border_fill_color = None
     plot.outline_line_color = None
     plot.min_border_left, plot.min_border_right = 64, 12
@@ -189,8 +183,6 @@ def _alike(marks: Sequence[Mark]) -> list[list[Mark]]:
 
 
 def _source(**columns: Any) -> Any:
-    from bokeh.models import ColumnDataSource
-
     return ColumnDataSource({name: _column(values) for name, values in columns.items()})
 
 
@@ -223,8 +215,6 @@ class _Screen:
 
     def lines(self, alike: Sequence[Line]) -> _Drawn:
         """Draw curves of one kind."""
-        from bokeh.models import glyphs
-
         mark = alike[0]
         style = style_of(mark.kind)
         look: dict[str, Any] = {
@@ -250,8 +240,6 @@ class _Screen:
 
     def points(self, alike: Sequence[Points]) -> _Drawn:
         """Draw points of one kind."""
-        from bokeh.models import glyphs
-
         mark = alike[0]
         style = style_of(mark.kind)
         pixel = (
@@ -268,8 +256,6 @@ class _Screen:
 
     def ribbon(self, alike: Sequence[Ribbon]) -> _Drawn:
         """Draw a filled band between two curves."""
-        from bokeh.models import glyphs
-
         mark = alike[0]
         style = style_of(mark.kind)
         known = np.isfinite(mark.low) & np.isfinite(mark.high)
@@ -280,8 +266,6 @@ class _Screen:
 
     def bands(self, alike: Sequence[Band]) -> _Drawn:
         """Shade ranges of an axis."""
-        from bokeh.models import glyphs
-
         mark = alike[0]
         style = style_of(mark.kind)
         source = _source(low=[one.low for one in alike], high=[one.high for one in alike])
@@ -294,8 +278,6 @@ class _Screen:
 
     def boxes(self, alike: Sequence[Box]) -> _Drawn:
         """Draw rectangles."""
-        from bokeh.models import glyphs
-
         mark = alike[0]
         source = _source(
             left=[min(one.x) for one in alike],
@@ -310,8 +292,6 @@ class _Screen:
 
     def rules(self, alike: Sequence[Rule]) -> _Drawn:
         """Draw straight lines."""
-        from bokeh.models import glyphs
-
         mark = alike[0]
         style = style_of(mark.kind)
         source = _source(at=[one.value for one in alike], tip=[one.tip for one in alike])
@@ -322,9 +302,6 @@ class _Screen:
 
     def notes(self, alike: Sequence[Note]) -> _Drawn:
         """Write words."""
-        from bokeh.core.properties import value
-        from bokeh.models import glyphs
-
         source = _source(x=[one.x for one in alike], y=[one.y for one in alike], words=[one.words for one in alike])
         words = glyphs.Text(
             x="x",

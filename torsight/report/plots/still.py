@@ -9,18 +9,19 @@ import io
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from urllib.parse import quote
 
+import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Picture
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Picture
 
 _PX_PER_INCH: Final = 96.0
 """Pixels of a style sheet per inch, by the standard of CSS."""
@@ -61,8 +62,6 @@ _SETTINGS: Final[dict[Any, Any]] = {
 
 def still(panels: Sequence[Panel]) -> str:
     """Return panels one above the other as the text of an SVG that stands alone."""
-    import matplotlib as mpl
-
     with mpl.rc_context(_SETTINGS):
         buffer = io.StringIO()
         _picture(panels).savefig(buffer, format="svg", transparent=True)
@@ -76,8 +75,6 @@ def bare(svg: str) -> str:
 
 def png(panels: Sequence[Panel]) -> bytes:
     """Return panels one above the other as a PNG on white, at twice the resolution of a plain screen."""
-    import matplotlib as mpl
-
     with mpl.rc_context(_SETTINGS):
         buffer = io.BytesIO()
         _picture(panels).savefig(buffer, format="png", dpi=2.0 * _PX_PER_INCH, facecolor="white")
@@ -85,8 +82,6 @@ def png(panels: Sequence[Panel]) -> bytes:
 
 
 def _picture(panels: Sequence[Panel]) -> Picture:
-    from matplotlib.figure import Figure as Picture
-
     width, height = panels[0].width, sum(panel.height for panel in panels)
     picture = Picture(figsize=(width / _PX_PER_INCH, height / _PX_PER_INCH))
     top = height
@@ -242,8 +237,6 @@ class _Paper:
 
 
 def _line(mark: Line, x: Any, y: Any) -> Any:
-    from matplotlib.lines import Line2D
-
     style = style_of(mark.kind)
     return Line2D(
         x,
@@ -262,9 +255,6 @@ def _dashes(dash: tuple[int, ...]) -> Any:
 
 def _handle(mark: Any) -> Any:
     """Return what stands before a label of the legend."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     if isinstance(mark, (Band, Box, Ribbon)):
         style = style_of(mark.kind)
         return Patch(facecolor=style.colour, alpha=style.opacity, linewidth=0.0)

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from markupsafe import Markup, escape
 
+from torsight.actuator.fitted import FittedModel, read_model
 from torsight.core.errors import TorsightError
 from torsight.core.files.results import RunResults, column
+from torsight.core.records import TemperatureLog
 from torsight.core.series import rms
 from torsight.core.units import DEG
 from torsight.core.words.wording import EXPLAINED, error_left, held_out_errors, not_explained, number, times_floor
+from torsight.discovery.prediction import predict_with_sigma
 from torsight.report.plots.formulas import symbol, titled, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
 from torsight.report.sections.prior_pulls import priors
-
-if TYPE_CHECKING:
-    from torsight.actuator.fitted import FittedModel
 
 _HONEST: Final = 0.90
 """Least share of the samples within two predicted sigmas: 0.95 where the noise is normal, less half the samples' worth
@@ -47,8 +47,6 @@ def next_steps(results: RunResults) -> list[Step]:
 
 
 def _model(results: RunResults) -> FittedModel | None:
-    from torsight.actuator.fitted import read_model
-
     if results.model is None:
         return None
     try:
@@ -193,9 +191,6 @@ def _predicted(results: RunResults, model: FittedModel | None) -> tuple[float | 
 
     What the model leaves is that on the record's own clocks: a prediction is on those of its log.
     """
-    from torsight.core.records import TemperatureLog
-    from torsight.discovery.prediction import predict_with_sigma
-
     table, curves = results.merged, results.curves
     if model is None or model.doubt is None or table is None or curves is None:
         return None, 0.0

@@ -113,7 +113,8 @@ def _range_tile(results: RunResults) -> list[Tile]:
     angle = results.measured_angle_deg()
     if not len(angle):
         return []
-    return [Tile("Range of motion", f"{np.ptp(angle):.1f}", "°", f"{_deg(angle.min())} to {_deg(angle.max())}")]
+    low, high = (fixed(float(end), 1) for end in (angle.min(), angle.max()))
+    return [Tile("Range of motion", f"{np.ptp(angle):.1f}", "°", f"{low}° to {high}°")]
 
 
 def _frames_tile(results: RunResults) -> list[Tile]:
@@ -377,7 +378,3 @@ def origin(results: RunResults) -> dict[str, Any]:
 def files(folder: Path) -> list[tuple[str, str]]:
     """Return the result files that lie beside the page."""
     return [(name, words) for name, words in FILES.items() if (folder / name).exists()]
-
-
-def _deg(value: float) -> str:
-    return f"{value:.1f}°".replace("-", "−")

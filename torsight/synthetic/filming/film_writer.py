@@ -12,7 +12,9 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, Self
 
+import av
 import numpy as np
+from av.video.reformatter import ColorRange
 from numpy.typing import NDArray
 
 from torsight.core.errors import OutputError
@@ -77,8 +79,6 @@ class _Encoder:
     """Encodes in a thread of its own, so that drawing and encoding share the cores."""
 
     def __init__(self, path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> None:
-        import av
-
         self._codec = settings.codec
         self._tick = TICKS[settings.codec]
         name = "mp4" if settings.codec == "h264" else "matroska"
@@ -90,8 +90,6 @@ class _Encoder:
         self._thread = threading.Thread(target=self._run, name="film encoder", daemon=True)
 
     def _add_stream(self, settings: FilmSettings, size_px: tuple[int, int]) -> Any:
-        from av.video.reformatter import ColorRange
-
         rate = Fraction(settings.fps).limit_denominator(100000)
         codec, options = {
             "h264": ("libx264", {"crf": str(settings.crf), "preset": "veryfast", "x264-params": "threads=2"}),
@@ -142,8 +140,6 @@ class _Encoder:
                 self._failure = error
 
     def _encode(self, tick: int, luma: Luma) -> None:
-        import av
-
         if self._codec == "ffv1":
             frame = av.VideoFrame.from_ndarray(luma, format="gray")
         else:

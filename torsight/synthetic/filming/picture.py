@@ -19,7 +19,8 @@ from torsight.core.units import Floats, Ints
 Picture = NDArray[np.float32]
 
 MARGIN_PX = 32
-"""Rays are known this far beyond the picture, for a camera that shakes."""
+"""Rays are known this far beyond the picture, for a camera that shakes: by 1.5 times the largest shake of a scene file,
+20 px, and the pixel beside it. What shakes further is held there."""
 
 
 @njit(cache=True, nogil=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +19,8 @@ _NOISE_POOL: Final = 1 << 22
 """Numbers that a frame's noise is a stretch of: fourteen frames of VGA, in 16 MB."""
 _BLUR_STEP_PX: Final = 0.35
 _MOST_POSES: Final = 24
-"""Step between the poses of which a smeared stick is the mean, half of the usual lens' blur, and how many at most."""
+"""Step between the poses of which a smeared stick is the mean, half of the usual lens' blur, and how many at most:
+enough for a smear of 8 px."""
 
 
 class Studio:
@@ -96,8 +98,6 @@ class Studio:
         return self._draw_set(shift_px)
 
     def _draw_set(self, shift_px: Floats) -> NDArray[np.float32]:
-        import cv2
-
         width, height = self._view.intrinsics.size_px
         move = np.array([[1.0, 0.0, shift_px[0] - MARGIN_PX], [0.0, 1.0, shift_px[1] - MARGIN_PX]])
         moved = cv2.warpAffine(self._texture, move, (width, height), flags=cv2.INTER_LINEAR)
@@ -134,8 +134,6 @@ class Studio:
 
     def _area(self, directions: Floats, z_mm: float, shape: Floats, shift_px: Floats) -> tuple[int, Ints]:
         """Return the pixels that a stick can touch: first row, and from where to where in each."""
-        import cv2
-
         corners = []
         for direction in directions:
             u = np.array([math.cos(direction), math.sin(direction)])
@@ -170,8 +168,6 @@ def _light(scene: Scene, width: int, height: int) -> NDArray[np.float32]:
 
 def _texture(scene: Scene, width: int, height: int) -> NDArray[np.float32]:
     """Return the background's grey levels before light, with a margin."""
-    import cv2
-
     size = (height + 2 * MARGIN_PX, width + 2 * MARGIN_PX)
     level = np.full(size, scene.light.background, np.float32)
     if scene.light.texture == 0.0:

@@ -43,15 +43,16 @@ from torsight.synthetic.rig.spring_state import (
 _SLACK_C: Final = 0.1
 """A temperature that turns by less has not turned: three sigmas of a reading's usual noise."""
 _RELEASED: Final = 0.9
-"""Share of its limit to which friction must fall before the rig counts as stuck again."""
+"""Share of its limit to which friction must fall before the rig counts as stuck again: a choice."""
 _OVER_TEMPERATURE: Final = SLOTS["temperature", "temperature"]
 _OVER_RATE: Final = SLOTS["temperature", "temp_rate"]
 _RATE_FOLLOWS_S: Final = 2.0
-"""A difference between wire and sensor that goes with the rate builds up in this time, about, not at once."""
+"""A difference between wire and sensor that goes with the rate builds up in this time, about, not at once: a choice."""
 
 
 _HEAT_FOLLOWS_S: Final = 0.2
-"""Heat that the phase takes up is missing at the sensor so much later; if at once, the control would swing about it."""
+"""Heat that the phase takes up is missing at the sensor so much later, a choice; if at once, the control would swing
+about it."""
 
 
 class Course(NamedTuple):

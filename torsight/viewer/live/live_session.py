@@ -46,8 +46,9 @@ MODEL_EVERY_S: Final = THOUGHT_S
 """How often the model is asked for news, and the summary shown anew."""
 STOPPED_FIT_S: Final = 0.5 * ATTENTION_S
 """How long a record that is ended by hand waits for the model's last news."""
-FEED_OPENS_S: Final = 15.0
-"""How long the first frame waits for the viewer's side to be ready; the record begins without it after that."""
+FEED_OPENS_S: Final = 1.5 * ATTENTION_S
+"""How long the first frame waits for the viewer's side to be ready; the record begins without it after that, when a
+person has begun to wonder."""
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
 

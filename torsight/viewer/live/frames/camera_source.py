@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.progress import ATTENTION_S
-from torsight.viewer.live.frames.intake import Picture, Pictures
+from torsight.core.progress import ATTENTION_S, THOUGHT_S
+from torsight.viewer.live.frames.intake import WAITING_FRAMES, Picture, Pictures
 
 if TYPE_CHECKING:
     import cv2
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 SILENT_S: Final = ATTENTION_S
 """A camera or a stream that gives no picture for this long has ended."""
 
-_RECENT_S: Final = 1.0
-"""A driver's stamp is believed as an instant of this computer's clock where it lies no longer back than this."""
-_STEPS: Final = 31
-"""Steps of time of which the median is the usual one: a second at 30 per second."""
+_RECENT_S: Final = THOUGHT_S
+"""A driver's stamp is believed as an instant of this computer's clock where it lies no longer back than this: whoever
+looks at the rig would notice."""
+_STEPS: Final = WAITING_FRAMES + 1
+"""Steps of time of which the median is the usual one: a second of a usual camera, and an odd number."""
 
 
 def open_capture(number: int, fps: float | None) -> cv2.VideoCapture:

@@ -19,7 +19,8 @@ import numpy as np
 
 from torsight.core.files.paths import LOOPBACK
 from torsight.core.files.small_pictures import encoded
-from torsight.core.progress import THOUGHT_S
+from torsight.core.progress import ATTENTION_S, STUCK_S, THOUGHT_S
+from torsight.viewer.live.frames.intake import WAITING_FRAMES
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
 from torsight.viewer.overlay import Overlay, colour_of
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 
     import rerun as rr
 
-MOST_WAITING: Final = 300
-"""Entries that may wait to be shown."""
+MOST_WAITING: Final = round(ATTENTION_S) * WAITING_FRAMES
+"""Entries that may wait to be shown: those of a usual camera for as long as a person looks on."""
 MEMORY: Final = "256MB"
 """What is kept for a viewer that comes late."""
 END_S: Final = 2.0 * THOUGHT_S
@@ -64,7 +65,7 @@ class Feed:
         """What a viewer opens to see the record."""
         return address_of(self.port)
 
-    def wait_until_open(self, limit_s: float = 60.0) -> bool:
+    def wait_until_open(self, limit_s: float = STUCK_S) -> bool:
         """Wait until viewers can connect, and return whether they can."""
         end = time.monotonic() + limit_s
         while self._process.is_alive() and time.monotonic() < end:
