@@ -15,7 +15,7 @@ import numpy as np
 
 from sync.log.outliers import spikes
 from sync.log.timestamps import BRIDGED_S, longest_gap_s
-from torsight.actuator.record.conditioning import Readings, condition
+from torsight.actuator.record.conditioning import condition
 from torsight.actuator.record.log_noise import measure_noise
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles
 from torsight.actuator.record.slow_log import between, corner_gaps
@@ -65,11 +65,6 @@ class Sensors:
         a, b = (condition(self.time_s, temp).temp_c[self.rows] for temp in self.temps_c)
         return a, b
 
-    @cached_property
-    def _readings(self) -> tuple[Readings, Readings]:
-        a, b = (Readings.of(self.time_s, temp) for temp in self.temps_c)
-        return a, b
-
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
         """Return what the wires' temperatures differ from the sensors' by at the kept rows, with this time constant.
 
@@ -85,8 +80,8 @@ class Sensors:
         if lag_s not in self._known:
             none = np.zeros(len(self.rows))
             a, b = (
-                readings.smooth(self.time_s[self.rows], lag_s)[0] - plain if lag_s > 0.0 else none
-                for readings, plain in zip(self._readings, self._plain, strict=True)
+                condition(self.time_s, temp, lag_s=lag_s).temp_c[self.rows] - plain if lag_s > 0.0 else none
+                for temp, plain in zip(self.temps_c, self._plain, strict=True)
             )
             self._known[lag_s] = (a, b)
         return self._known[lag_s]
