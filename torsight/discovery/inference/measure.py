@@ -27,6 +27,8 @@ from torsight.discovery.inference.solver import TRUSTED, Slopes, Space
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
+_Member = tuple[int, int]
+"""A member of a bank: which kernel, and which size."""
 SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """Sizes that are tried, in scales of the law: three decades in steps of a half."""
 _STEP: Final = 0.1
@@ -168,6 +170,7 @@ class _Measurement:
         u = np.zeros(m + k)
         u[:m] = [start[name] for name in self._names]
         slopes = Slopes(self._model, self._space, u, guess=self._guess(known))
+        last: _Member | None = None
         for _ in range(iterations):
             picture = self._picture(slopes)
             precision = _precision(picture.form.basis)
@@ -181,7 +184,8 @@ class _Measurement:
                 break
             gained, u, at_u = found
             slopes.move(u, at_u, trusted=gained > TRUSTED * promised)
-        return self._measured(slopes)
+            last = picture.place
+        return self._measured(slopes, last)
 
     def _guess(self, known: Mapping[str, Floats]) -> Floats | None:
         """Return the derivatives that are known as columns, NaN for the others; None where none is."""
@@ -216,19 +220,32 @@ class _Measurement:
         return _Picture.of(slopes.jacobian, residual, weight, u=u, space=self._space, information=information,
                            bank=self._bank)  # fmt: skip
 
-    def _measured(self, slopes: Slopes) -> Measured:
-        m = len(self._names)
-        u = _projected(slopes.x, m, self._picture(slopes).form)
+    def _measured(self, slopes: Slopes, last: _Member | None) -> Measured:
+        """Return the law as the most probable member says, or the one that led here, whichever explains more.
+
+        The values at the end are those of the member that led there. Of another one they may be far off what it can
+        say; its own posterior mean is as good as the linear picture.
+        """
+        picture = self._picture(slopes)
+        ways = [(picture.place, slopes.x), (picture.place, self._space.clip(picture.mean))]
+        if last is not None and last != picture.place:
+            ways.append((last, slopes.x))
+        return max((self._measured_as(slopes, *way) for way in ways), key=lambda measured: measured.log_evidence)
+
+    def _measured_as(self, slopes: Slopes, place: _Member, u: Floats) -> Measured:
+        """Return the law as one member of the bank says at a point."""
+        m, (kernel, size) = len(self._names), place
+        form = self._bank.form(kernel, size)
+        u = _projected(u, m, form)
         at_u = self._model(u)
         picture = self._picture(slopes, at_u, u)
-        form, (kernel, size) = picture.form, picture.place
         z = np.linalg.lstsq(form.basis, u[m:])[0]
         values = dict(zip(self._names, u[:m].tolist(), strict=True))
         values |= dict(zip(form.names, z.tolist(), strict=True))
         derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ form.basis])
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
-        here = self._value(at_u, u, _precision(form.basis)) + float(picture.occam[kernel, size])
-        bank = float(self._bank.log_prior[kernel] + logsumexp(picture.evidence) - picture.evidence[kernel, size])
+        here = self._value(at_u, u, _precision(form.basis)) + float(picture.occam[place])
+        bank = float(self._bank.log_prior[kernel] + logsumexp(picture.evidence) - picture.evidence[place])
         return Measured(self._law, form, values, at_u, derivative, here + bank, SIZES[size], bank)
 
 
@@ -242,7 +259,7 @@ class _Picture:
 
     evidence: Floats
     occam: Floats
-    place: tuple[int, int]
+    place: _Member
     form: LawForm
     mean: Floats
 
