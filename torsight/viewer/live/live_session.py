@@ -8,12 +8,13 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from torsight.core.errors import NoResultError
 from torsight.core.files.storage import write_json
+from torsight.core.optics.camera import Camera, require_size
 from torsight.core.progress import AT_ONCE_S, ATTENTION_S, THOUGHT_S
 from torsight.core.units import DEG
 from torsight.core.words.wording import estimate
@@ -22,21 +23,18 @@ from torsight.viewer.film_preview import WIDEST_PX
 from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
 from torsight.viewer.live.measure.growing_log import LogFollower, WatchedLog
 from torsight.viewer.live.measure.log_clock import LogClock
+from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
 from torsight.viewer.live.record.live_files import Recorder, finish
 from torsight.viewer.live.record.live_report import write_track_account
 from torsight.viewer.live.record.outcome import Outcome
 from torsight.viewer.live.record.status_table import standing
+from torsight.viewer.live.screen.feed import Feed
 from torsight.viewer.live.screen.latency import Latency
 from torsight.viewer.overlay import overlay
 from tracker.detect.dots import HUGE_PX
-
-if TYPE_CHECKING:
-    from torsight.core.optics.camera import Camera
-    from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
-    from torsight.viewer.live.screen.feed import Feed
-    from tracker.detect.marker_file import MarkerHints
+from tracker.detect.marker_file import MarkerHints
 
 PICTURES_HZ: Final = 1.5 / AT_ONCE_S
 """Pictures per second that are shown, half as many again as look like motion; every frame is measured."""
@@ -186,8 +184,6 @@ class Session:
             return
         size_px = (frame.luma.shape[1], frame.luma.shape[0])
         if size_px != self._size_px and self._camera is not None:
-            from torsight.core.optics.camera import require_size
-
             require_size(self._camera.intrinsics, size_px, where="the film")
         self._size_px = size_px
 

@@ -9,16 +9,19 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
+
+from torsight.viewer.program import step_back
 
 _LOWEST: Final = os.sched_get_priority_min(os.SCHED_RR) if hasattr(os, "sched_get_priority_min") else 1
 
 LOGGING, TRACKING, INTAKE = range(_LOWEST, _LOWEST + 3)
 """Real-time priorities in their order: each above every ordinary thread, all below those of the system itself."""
 
-SWITCH_S: Final = 0.0005
+SWITCH_S: Final = sys.getswitchinterval() / 10.0
 """How long a thread may keep the interpreter while a measuring one waits for it: a tenth of Python's own 5 ms, which
 are longer than a frame at 240 per second."""
 
@@ -58,10 +61,6 @@ def quick_turns() -> Iterator[None]:
 
 def step_back_others() -> None:
     """Let all threads of this process but the calling one run only where nothing that measures needs the processor."""
-    import threading
-
-    from torsight.viewer.program import step_back
-
     own = threading.get_native_id()
     with contextlib.suppress(OSError):
         for entry in Path("/proc/self/task").iterdir():

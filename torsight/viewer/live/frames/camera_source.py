@@ -7,17 +7,15 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.progress import ATTENTION_S, THOUGHT_S
 from torsight.viewer.live.frames.intake import WAITING_FRAMES, Picture, Pictures
-
-if TYPE_CHECKING:
-    import cv2
 
 SILENT_S: Final = ATTENTION_S
 """A camera or a stream that gives no picture for this long has ended."""
@@ -31,8 +29,6 @@ _STEPS: Final = WAITING_FRAMES + 1
 
 def open_capture(number: int, fps: float | None) -> cv2.VideoCapture:
     """Open OpenCV's capture of a camera, at a rate if one is asked for; its own words on an absent one are hushed."""
-    import cv2
-
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(0)
     try:
@@ -95,14 +91,10 @@ class Camera(Pictures):
             self._capture.release()
 
     def _driver_s(self) -> float:
-        import cv2
-
         return float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 
 
 def _luma(picture: Any) -> NDArray[np.uint8]:
-    import cv2
-
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if np.ndim(picture) == 3 else picture
     return np.asarray(grey, dtype=np.uint8)
 

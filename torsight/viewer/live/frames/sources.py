@@ -6,7 +6,7 @@ import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from torsight.core.errors import ConfigError
 from torsight.viewer.live.frames.camera_source import Camera
 from torsight.viewer.live.frames.intake import Picture, Pictures
 from torsight.viewer.live.frames.stream import GrowingFilm, Stream
-
-if TYPE_CHECKING:
-    from tracker.frames.frame import FrameSource
+from tracker.frames.frame import FrameSource
+from tracker.frames.source import open_source
 
 
 def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, grows: bool = False) -> Pictures:
@@ -50,8 +49,6 @@ def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, 
         return Stream(source)
     if grows:
         return GrowingFilm(Path(source))
-    from tracker.frames.source import open_source
-
     return Film(open_source(source, fps=fps), name=source, speed=speed)
 
 

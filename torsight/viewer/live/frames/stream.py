@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
+import av
+
 from torsight.core.errors import ConfigError, InputError, reason_of
 from torsight.core.files.paths import LOOPBACK
 from torsight.viewer.live.frames.camera_source import SILENT_S
@@ -68,8 +70,6 @@ class Stream(Pictures):
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
         """Give the stream's frames until it ends or is silent."""
-        import av
-
         given = 0
         try:
             with av.open(self.name, options=self._options, timeout=SILENT_S) as container:
@@ -106,8 +106,6 @@ class GrowingFilm(Pictures):
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
         """Give the film's frames, those to come too."""
-        import av
-
         growing = _Growing(self._path, stop)
         try:
             with av.open(growing) as container:
@@ -123,8 +121,6 @@ class GrowingFilm(Pictures):
 
 
 def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Picture]:
-    import av
-
     if not container.streams.video:
         raise InputError("has no video stream", where=name)
     stream = container.streams.video[0]

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import threading
 import time
 from array import array
 from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from torsight.actuator.drive import ROW_RATE_HZ
 from torsight.core.errors import TorsightError
+from torsight.core.progress import ATTENTION_S
 from torsight.core.records import SyncedTable
 from torsight.core.units import Floats
+from torsight.viewer.program import step_back
 
 if TYPE_CHECKING:
     from torsight.actuator.drive import Drive
@@ -26,8 +31,9 @@ if TYPE_CHECKING:
 
 STEP_S: Final = 1.0 / ROW_RATE_HZ
 """Rows of the thinned record: as many as a fit keeps."""
-LEAST_ROWS: Final = 50
-"""Rows before the model is asked first, ten seconds: a choice. It finds no heating in a shorter record, and says so."""
+LEAST_ROWS: Final = round(ATTENTION_S / STEP_S)
+"""Rows before the model is asked first, when a person begins to wonder. It finds no heating in a shorter record, and
+says so."""
 
 
 class Thinned:
@@ -265,20 +271,12 @@ class ModelWatch:
 
 def _quiet() -> None:
     """Leave Ctrl-C, and the processor where it is short, to the program that measures; end when it is killed."""
-    import signal
-    import threading
-
-    from torsight.viewer.program import step_back
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     step_back()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    import os
-    from multiprocessing import parent_process
-
     parent = parent_process()
     if parent is not None:
         parent.join()

@@ -7,25 +7,25 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
+from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
+from torsight.viewer.live.frames.intake import LiveFrame
 from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.model_watch import STEP_S
+from tracker.detect.marker_file import MarkerHints
+from tracker.follow.follower import Follower
 from tracker.frames.frame import Damage, Frame
+from tracker.initialise import find_start
 from tracker.rows import CODE, STATES
-
-if TYPE_CHECKING:
-    from torsight.core.optics.camera import Camera
-    from torsight.viewer.live.frames.intake import LiveFrame
-    from tracker.detect.marker_file import MarkerHints
-    from tracker.follow.follower import Follower
 
 _LOOK_EVERY_S: Final = 0.5 * THOUGHT_S
 """How often markers are looked for until they are seen."""
@@ -158,8 +158,6 @@ class LiveTracker:
         return Seen(position, covariance, angle, sigma, position_mm)
 
     def _start(self, frame: LiveFrame) -> bool:
-        from tracker.initialise import find_start
-
         if frame.luma is None or frame.damaged or frame.time_s - self._looked_s < _LOOK_EVERY_S:
             return False
         first_look = self._looked_s == -math.inf
@@ -233,10 +231,6 @@ def _nothing() -> Seen:
 
 def warm_up() -> None:
     """Follow four drawn dots for a moment: what is loaded on first use is loaded before the first frame comes."""
-    import cv2
-
-    from torsight.viewer.live.frames.intake import LiveFrame
-
     cv2.setNumThreads(1)
     tracker = LiveTracker(None, None, name="warm-up", tell=lambda *_: None)
     for index in range(12):

@@ -7,21 +7,20 @@ import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import not_written, read_table, write_table
 from torsight.core.files.tables import marker_columns, marker_values, write_angles
+from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import DEG
-
-if TYPE_CHECKING:
-    from torsight.core.optics.camera import Camera
-    from torsight.viewer.live.measure.tracking import Seen
-    from tracker.angle.plane import Orientation
+from torsight.viewer.live.measure.tracking import Seen
+from tracker.angle.orient import orient
+from tracker.angle.plane import Orientation
 
 FLUSH_S: Final = 0.25 * THOUGHT_S
 """How often lines are written: a process that is killed loses less than the last second."""
@@ -156,8 +155,6 @@ def finish(
     None where no frame came, or no markers were ever seen. The first ``swapped`` rows call the base stick moving,
     because no stick had moved yet.
     """
-    from tracker.angle.orient import orient
-
     path = folder / "markers.csv"
     if path.read_bytes().count(b"\n") < 2:
         return None

@@ -5,16 +5,14 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import tomli_w
 
 from torsight.core.files.storage import write_json, write_text
-
-if TYPE_CHECKING:
-    from torsight.viewer.live.record.outcome import Outcome
-    from tracker.angle.plane import Orientation
+from torsight.viewer.live.record.outcome import Outcome
+from tracker.angle.plane import Orientation
 
 
 def write_track_account(

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
-
-if TYPE_CHECKING:
-    from torsight.core.tracks import StickAngles
 
 
 @dataclass(slots=True)

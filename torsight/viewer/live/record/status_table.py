@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from torsight.core.words.wording import estimate, number
-
-if TYPE_CHECKING:
-    from torsight.viewer.live.record.outcome import Outcome
+from torsight.viewer.live.record.outcome import Outcome
 
 
 def standing(

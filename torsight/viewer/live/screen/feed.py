@@ -7,6 +7,7 @@ before; whatever cannot be handed over in time is left out, and only there.
 from __future__ import annotations
 
 import contextlib
+import signal
 import socket
 import threading
 import time
@@ -20,6 +21,7 @@ import numpy as np
 from torsight.core.files.paths import LOOPBACK
 from torsight.core.files.small_pictures import encoded
 from torsight.core.progress import ATTENTION_S, STUCK_S, THOUGHT_S
+from torsight.viewer import view_layout
 from torsight.viewer.live.frames.intake import WAITING_FRAMES
 from torsight.viewer.live.priority import LOGGING, served_first, step_back_others
 from torsight.viewer.live.screen.latency import CELLS, Latency
@@ -134,11 +136,7 @@ def _packed(kind: str, *entry: Any) -> tuple[Any, ...]:
 
 def serve(connection: Connection, port: int, counts: Any) -> None:
     """Log what comes through the connection, until it closes."""
-    import signal
-
     import rerun as rr
-
-    from torsight.viewer import view_layout
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     latency = Latency(counts)
