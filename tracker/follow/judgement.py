@@ -26,7 +26,7 @@ SHAKE_PX: Final = 2.0
 """Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of its step from one frame to the next, where both are independent."""
-_STANDS_PX: Final = 0.8
+STANDS_PX: Final = 0.8
 """Standard deviation of a base marker against where it stood: noise, and an edge of the moving stick nearby."""
 TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
@@ -261,7 +261,7 @@ def judge_base(scene: Scene) -> bool:
     elif not elsewhere:
         for end in range(2):
             (x, y), zero = at(scene, i + end), rig.zero[end]
-            off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / _STANDS_PX**2
+            off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / STANDS_PX**2
             if seen(scene, i + end) and not passes(off, 2):
                 scene.readings[i + end].state = LOST
     return _gone(scene, i) and _gone(scene, j)

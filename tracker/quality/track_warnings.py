@@ -36,7 +36,7 @@ _FEW: Final = 2
 def doubts(result: TrackResult) -> list[str]:
     """Return sentences that a person has to read before the angles are used; most tracks have none."""
     given = bool(result.report["markers"]["given"])
-    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else _faint_markers(result)
+    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else _rival_markers(result) + _faint_markers(result)
     # Circles of a stick that rests tell nothing of the axis.
     kind = result.report["markers"]["kind"]
     if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
@@ -64,6 +64,27 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
         "stick turn further once, with the camera where it is."
     )
     return [words]
+
+
+def _rival_markers(result: TrackResult) -> list[str]:
+    """Tell that other dots are about as likely to be the markers as those that were taken."""
+    markers = result.report["markers"]
+    rivals = markers.get("rivals", [])
+    if not rivals:
+        return []
+    others = " or ".join(f"{_in_words(rival)} ({rival['probability']:.0%})" for rival in rivals)
+    words = (
+        f"Other dots look like the sticks' markers, and neither the picture nor the motion rules them out: "
+        f"{_in_words(markers['taken'])} were taken ({markers['taken']['probability']:.0%}); it may be {others}. The "
+        "angles are wrong if so. track.png shows both; pick the markers with 'torsight markers', or cover the other "
+        "dots while filming."
+    )
+    return [words]
+
+
+def _in_words(couple: Mapping[str, Any]) -> str:
+    places = {stick: " and ".join(f"[{x:.0f}, {y:.0f}]" for x, y in couple[stick]) for stick in _STICKS}
+    return f"base {places['base']} with moving {places['moving']}"
 
 
 def _faint_markers(result: TrackResult) -> list[str]:
