@@ -107,11 +107,7 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[St
 
     Two dots lie on one stick when they are alike and the line between them has the brightness of the stick all along.
     """
-    pairs = [
-        Stick(a, b, score)
-        for a, b in itertools.combinations(clearest(dots), 2)
-        if not isinstance(score := judge_pair(luma, a, b), str)
-    ]
+    pairs = pairs_in(luma, dots)
     found: list[tuple[float, Stick, Stick]] = []
     for one, two in itertools.combinations(pairs, 2):
         if {id(one.inner), id(one.outer)} & {id(two.inner), id(two.outer)}:
@@ -120,6 +116,15 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[St
         if score > 0:
             found.append((score, one, two))
     return [(one, two) for _, one, two in sorted(found, key=lambda item: -item[0])]
+
+
+def pairs_in(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[Stick]:
+    """Return the pairs of dots that may lie on one stick."""
+    return [
+        Stick(a, b, score)
+        for a, b in itertools.combinations(clearest(dots), 2)
+        if not isinstance(score := judge_pair(luma, a, b), str)
+    ]
 
 
 def clearest(dots: Sequence[Dot]) -> list[Dot]:

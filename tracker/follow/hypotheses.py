@@ -29,10 +29,9 @@ from torsight.core.units import Floats
 from tracker.detect.sticks import Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
 from tracker.follow.innovation import SURE
-from tracker.follow.judgement import STANDS_PX
 from tracker.follow.marker import markers_on
 from tracker.follow.motion_model import STALE
-from tracker.follow.rotation_axis import solve_axis
+from tracker.follow.rotation_axis import STANDS_PX, axis_weight, suppose_axis
 from tracker.frames.frame import Frame
 from tracker.rows import SEEN
 
@@ -125,19 +124,16 @@ def _motion(state: DotState, places: Sequence[Places], size_px: tuple[int, int])
     axis = state.scene.sticks["axis"][0].copy()
     # Before anything moves the axis may be anywhere around the middle of the picture.
     anywhere_px2 = 0.25 * (width**2 + height**2)
-    axis["guess"], axis["guessed"] = 0.5 * complex(width, height), STANDS_PX**2 / anywhere_px2
-    frames = float(axis["frames"])
-    if not places or frames == 0.0:
+    suppose_axis(axis, 0.5 * width, 0.5 * height, math.sqrt(anywhere_px2))
+    if not places or not axis["known"]:
         return _Motion(0.0, 0.0, np.array([0.5 * width, 0.5 * height]), anywhere_px2, 0.0)
-    solve_axis(axis)
-    weight = axis["guessed"] + 2.0 * frames - 2.0 * abs(axis["unit"]) ** 2 / frames
     at, arms = np.array(places), axis["arm"][:, 0] + 1j * axis["arm"][:, 1]
     stick = at[:, 1] - at[:, 0]
     left = at - complex(*axis["centre"]) - (stick / np.abs(stick))[:, None] * arms
     middle = np.median(at.real, axis=0) + 1j * np.median(at.imag, axis=0)
     stands, turns = (float(np.median(np.sum(np.abs(off) ** 2, axis=1))) / STANDS_PX**2 for off in (at - middle, left))
     # Arms are told along the line through both markers: what is across it is how far the axis is beside.
-    return _Motion(stands, turns, axis["centre"], STANDS_PX**2 / weight, abs(float(arms.mean().imag)))
+    return _Motion(stands, turns, axis["centre"], STANDS_PX**2 / axis_weight(axis), abs(float(arms.mean().imag)))
 
 
 def _score(luma: NDArray[np.uint8], base: Stick, still: _Motion, moving: _Motion) -> float:
