@@ -6,13 +6,15 @@ track that was killed at any moment goes on from a state that was true.
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import os
 import shutil
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ from torsight.core.errors import OutputError, reason_of
 from torsight.core.files.storage import json_text, write_text
 from tracker.rows import ROW
 
-VERSION: Final = 7
+VERSION: Final = 8
 """Raised when the state of the follower changes its meaning: older checkpoints are then not gone on from."""
 _BLOCK: Final = 512
 """Rows that wait in memory at most."""
@@ -43,6 +45,45 @@ def source_key(paths: list[Path], *, settings: dict[str, Any]) -> str:
                 file.seek(-_SAMPLE, os.SEEK_END)
                 digest.update(file.read(_SAMPLE))
     return digest.hexdigest()
+
+
+class Kept:
+    """An object of which a checkpoint holds the attributes named in ``kept``, exactly."""
+
+    kept: ClassVar[tuple[str, ...]] = ()
+
+    def to_state(self) -> dict[str, Any]:
+        """Return everything that :meth:`restore` needs to go on in the same way."""
+        return {name: _packed(getattr(self, name)) for name in self.kept}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to a noted state, exactly; the object has to be made from the same first frames."""
+        for name in self.kept:
+            setattr(self, name, _unpacked(state[name], getattr(self, name)))
+
+
+def _packed(value: Any) -> Any:
+    """Return a value as JSON knows it: arrays as their bytes, which keep every digit."""
+    if isinstance(value, Kept):
+        return value.to_state()
+    if isinstance(value, np.ndarray):
+        return {"type": value.dtype.str, "shape": value.shape, "bytes": base64.b64encode(value.tobytes()).decode()}
+    return [_packed(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+def _unpacked(value: Any, now: Any) -> Any:
+    """Return what was packed; ``now`` is what stands in its place: what is kept itself, or records of the same type."""
+    if isinstance(now, Kept):
+        now.restore(value)
+        return now
+    if isinstance(value, dict):
+        records = isinstance(now, np.ndarray) and now.dtype.names
+        array = np.frombuffer(base64.b64decode(value["bytes"]), now.dtype if records else value["type"])
+        return array.reshape(value["shape"]).copy()
+    if isinstance(value, list):
+        before = now if isinstance(now, list) and len(now) == len(value) else [None] * len(value)
+        return [_unpacked(*pair) for pair in zip(value, before, strict=True)]
+    return value
 
 
 class RowStore:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +13,15 @@ from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.fiducials import tags_seen
-from tracker.detect.given_positions import LOOKED_AT, first_frame, looked_at
+from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, Stick, are_markers, sticks_in
+from tracker.detect.sticks import CLEAR, Stick, are_markers, couples_in, towards_axis
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
+from tracker.follow.hypotheses import Couple, weigh_couples
+from tracker.follow.innovation import SURE
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.frames.frame import Frame, FrameSource
-
-_BOTH: Final = 2
-"""Pictures that prove a tag to be one, see :func:`tracker.detect.fiducials.tags_seen`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +30,8 @@ class Start:
 
     ``markers`` are two of one stick, two of the other (none where a stick has no dots), found in ``frame``; ``moving``
     is the stick that moves, None where motion has yet to tell; ``doubtful``: they are so faint that only their motion
-    can tell them from background. ``first``, the first frame, is kept for sticks without dots.
+    can tell them from background. ``first``, the first frame, is kept for sticks without dots. ``taken`` is the couple
+    of sticks that was chosen among several, ``rivals`` those that neither picture nor motion rule out.
     """
 
     markers: list[Marker]
@@ -42,6 +41,8 @@ class Start:
     doubtful: bool = False
     first: Frame | None = None
     hints: MarkerHints | None = None
+    taken: Couple | None = None
+    rivals: tuple[Couple, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -78,17 +79,18 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
     kept: list[NDArray[np.uint8]] = []
-    best: tuple[float, int, NDArray[np.uint8], tuple[Stick, Stick]] | None = None
+    best: tuple[float, int, NDArray[np.uint8], list[tuple[Stick, Stick]]] | None = None
     last, tags = 0, ("", list[int]())
     for last, lent in looked_at(source, progress, what="the markers"):
         luma = lent.copy()
         # The first frame and the last two: markers may come into sight late.
         kept = [*kept[:1], *kept[1:][-1:], luma]
-        found = sticks_in(luma)
-        score = -np.inf if found is None else min(found[0].score, found[1].score)
-        if found is not None and are_markers(found) and (best is None or score > best[0]):
+        found = couples_in(luma)
+        score = min(stick.score for stick in found[0]) if found else -np.inf
+        if found and are_markers(found[0]) and (best is None or score > best[0]):
             best = (score, last, luma, found)
-        if score > CLEAR or (len(kept) == _BOTH and (tags := tags_seen(kept))[1]):
+        # Two pictures prove a tag to be one.
+        if score > CLEAR or (last == LOOKED_AT[1] and (tags := tags_seen(kept))[1]):
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if not kept:
@@ -106,9 +108,15 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             "of one stick no more than 3 times as large as those of the other; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
-    score, index, luma, sticks = best
-    markers = [marker for stick in sticks for marker in markers_on(luma, stick)]
-    return Start(markers, index, None, doubtful=score <= CLEAR)
+    score, index, luma, couples = best
+    weighed = [Couple(*towards_axis(*couples[0]), 1.0)]
+    if len(couples) > 1:
+        progress("looking which dots move", 0, LOOKED_AT[-1])
+        weighed = weigh_couples(luma, couples, (frame for frame in decoded(source) if frame.index > index))
+    taken, *others = weighed
+    markers = [marker for stick in (taken.base, taken.moving) for marker in markers_on(luma, stick)]
+    rivals = tuple(one for one in others if one.probability > 1.0 - SURE and not one.swaps(taken))
+    return Start(markers, index, None, doubtful=score <= CLEAR, taken=taken, rivals=rivals)
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:

@@ -178,6 +178,13 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
     return {"family": start.hints.family, "base_id": ids[base], "moving_id": ids[1 - base]}
 
 
+def _rivals(start: Start) -> dict[str, Any]:
+    """Return which dots were taken for the markers and which others may be, where nothing tells them apart."""
+    if start.taken is None or not start.rivals:
+        return {}
+    return {"taken": start.taken.to_json(), "rivals": [one.to_json() for one in start.rivals]}
+
+
 def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]:
     """Return by how much a moving stick with texture is turned where it looks the same, if it does anywhere."""
     if start.kinds[moving] != "texture" or start.first is None or start.first.luma is None:
@@ -215,6 +222,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             **_tags(start, base=base),
             "first_frame": start.frame,
             "faint": start.doubtful,
+            **_rivals(start),
             **follower.report(),
             **_alike(start, follower, moving=moving),
         },

@@ -35,11 +35,12 @@ CONSTANTS = {
     "appearance/lucas_kanade": ("SHARP_PX",),
     "appearance/motion_blur": ("_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/judgement": (
-        "SHAKE_PX", "_STANDS_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OFF_CIRCLE",
+        "SHAKE_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OFF_CIRCLE",
     ),
     "follow/learning": ("RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE",),
     "follow/reading": ("_DEVIATIONS", "_NEVER"),
+    "follow/rotation_axis": ("STANDS_PX", "OFF_CIRCLE_PX"),
     "follow/redetect": ("JUMP_PX", "_GROWTH", "_SLACK"),
 }  # fmt: skip
 

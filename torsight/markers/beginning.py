@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -30,33 +29,13 @@ class Beginning:
     """A source of the frames of the first seconds of another source."""
 
     def __init__(self, source: FrameSource, *, seconds: float) -> None:
-        self.name = source.name
-        self.damage = source.damage
+        self.name, self.damage = source.name, source.damage
+        self.size_px, self.pixel_aspect = source.size_px, source.pixel_aspect
+        # How many frames there are is not known before they are read.
+        self.frame_count: int | None = None
+        self.files, self.describe = source.files, source.describe
         self._source = source
         self._seconds = seconds
-
-    def files(self) -> list[Path]:
-        """Return the files that the frames come from."""
-        return self._source.files()
-
-    @property
-    def size_px(self) -> tuple[int, int]:
-        """Width and height as displayed."""
-        return self._source.size_px
-
-    @property
-    def frame_count(self) -> int | None:
-        """How many frames there are is not known before they are read."""
-        return None
-
-    @property
-    def pixel_aspect(self) -> float:
-        """Width of a pixel over its height as displayed."""
-        return self._source.pixel_aspect
-
-    def describe(self) -> dict[str, Any]:
-        """Return what is known of the film."""
-        return self._source.describe()
 
     def __iter__(self) -> Iterator[Frame]:
         """Give the frames up to the first one that is too late."""

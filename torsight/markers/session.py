@@ -15,7 +15,7 @@ from torsight.core.files.small_pictures import encoded
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
-from torsight.markers.beginning import Followed, follow_beginning, name_sticks, seconds_of
+from torsight.markers.beginning import Beginning, Followed, follow_beginning, name_sticks, seconds_of
 from torsight.markers.picks import (
     PICKED,
     SNAPS,
@@ -160,11 +160,18 @@ def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -
     The order, base first, is None where no markers are found or neither stick moves in the first ten seconds.
     """
     from tracker.detect.candidates import look
+    from tracker.detect.given_positions import first_frame
+    from tracker.initialise import find_start
 
     seen = look(first)
     if seen.sticks_px is None:
         return seen, None
-    return seen, name_sticks(source, seen.sticks_px, seconds=NAMING_S)
+    # Of several pairs of dots motion may tell others than the picture does.
+    start = find_start(Beginning(source, seconds=NAMING_S), None)
+    if start.taken is not None and start.frame == first_frame(source).index:
+        seen = look(first, taken=(start.taken.base, start.taken.moving))
+    named = None if seen.sticks_px is None else name_sticks(source, seen.sticks_px, seconds=NAMING_S)
+    return seen, named
 
 
 def require_saved(session: Session) -> dict[str, Any]:

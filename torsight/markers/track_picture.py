@@ -13,9 +13,19 @@ from torsight.core.parameter import REACH
 from torsight.core.series import runs, usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
-from torsight.core.words.colours import BASE_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import counted
-from torsight.markers.drawing import PLAIN, Box, Canvas, draw_grid, round_numbers, show_frame, show_stick
+from torsight.markers.drawing import (
+    PLAIN,
+    Box,
+    Canvas,
+    FrameView,
+    draw_grid,
+    round_numbers,
+    show_frame,
+    show_named,
+    show_stick,
+)
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
@@ -124,7 +134,8 @@ def _why(result: TrackResult, index: int) -> str:
 def _view(result: TrackResult) -> tuple[int, int, int, int]:
     """Return the part of the picture that holds all places of all markers, with room around them."""
     width, height = result.tracks.size_px
-    places = result.tracks.position_px.reshape(-1, 2)
+    rivals = [point for one in result.report["markers"].get("rivals", []) for point in (*one["base"], *one["moving"])]
+    places = np.concatenate([result.tracks.position_px.reshape(-1, 2), np.reshape(rivals, (-1, 2))])
     places = places[np.isfinite(places).all(axis=1)]
     if not len(places):
         return 0, 0, width, height
@@ -155,7 +166,18 @@ def _draw_frame(
         read = np.where(result.tracks.valid[one.index, :, None], result.tracks.position_px[one.index], np.nan)
         show_stick(frame, read[:2], colour=BASE_COLOUR, radius_px=radius)
         show_stick(frame, read[2:], colour=MOVING_COLOUR, radius_px=radius)
+        if one.index == 0:
+            _show_rivals(frame, result)
     canvas.frame_round()
+
+
+def _show_rivals(frame: FrameView, result: TrackResult) -> None:
+    """Draw the dots that may be the markers as well as those that were taken."""
+    taken = result.report["markers"].get("taken", {})
+    for rival in result.report["markers"].get("rivals", []):
+        for stick in ("base", "moving"):
+            if rival[stick] != taken[stick]:
+                show_named(frame, np.array(rival[stick]), [f"or {stick}"] * 2, [GIVEN_COLOUR] * 2)
 
 
 def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Shown]) -> None:

@@ -21,6 +21,7 @@ where they are in the picture.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -50,7 +51,7 @@ KNOWN: Final = np.deg2rad(0.2)
 """A tilt of which no more is left than can make this error of an angle is taken out, be it none."""
 _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
-_BELIEVED: Final = 0.95
+_BELIEVED: Final = math.erf(math.sqrt(0.5 * _SHOWN[0]))
 """Belief in a read-out from which some of it is taken out: two standard deviations, as for the stretch."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""

@@ -58,12 +58,14 @@ PHASES: Final = 8
 _MOST_COLUMNS: Final = COLUMNS + 2
 _ROUNDS: Final = 4
 """Steps at most: each goes no further than half a radius, so two radii are reached."""
-_CONVERGED: Final = 0.2
-"""Last step, px, up to which a reading counts as converged."""
+RATE: Final = 0.1
+"""Share of the new in averages of shape, fit, length, light (also that of the picture) and misses: ten frames, over
+which noise averages to a quarter."""
 SHARP_PX: Final = 1.5
 """Speed, or smear, per frame up to which a marker shows its shape: it blurs a dot by less than 0.5 px (1.5/√12)."""
 _NEAR_PX: Final = math.sqrt(0.5) / PHASES
-"""Offset from the model's place up to which no other one is nearer: half a diagonal of the places' grid."""
+"""Offset from the model's place up to which no other one is nearer, half a diagonal of the places' grid: there a
+reading has converged."""
 
 
 @lending
@@ -287,7 +289,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         # The model is linear only close by: another step from the nearest place at which models are kept.
         near = abs(dx) <= _NEAR_PX and abs(dy) <= _NEAR_PX
         if near or round_ == _ROUNDS - 1 or not math.isfinite(out.x) or not math.isfinite(out.y):
-            out.converged = abs(dx) < _CONVERGED and abs(dy) < _CONVERGED
+            out.converged = near
             take_reading(values, found, models[slot], extras[slot], pixels, marker, out)
             break
         limit = 0.5 * shape.radius

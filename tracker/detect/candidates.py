@@ -13,7 +13,7 @@ from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import HUGE_PX, Refused, find_and_refuse
 from tracker.detect.fiducials import tags_seen
-from tracker.detect.sticks import MOST, Stick, are_markers, choose_sticks, clearest, judge_pair, sticks_in
+from tracker.detect.sticks import MOST, Stick, are_markers, choose_sticks, clearest, judge_pair, pairs_in, sticks_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,26 +47,31 @@ class Sighting:
     reason: str
 
 
-def look(luma: NDArray[np.uint8]) -> Sighting:
-    """Look for markers in one picture (h, w) and keep account of every decision."""
+def look(luma: NDArray[np.uint8], *, taken: tuple[Stick, Stick] | None = None) -> Sighting:
+    """Look for markers in one picture (h, w) and keep account of every decision.
+
+    ``taken`` are the sticks that motion has told of several that the picture shows.
+    """
     dots, refused = find_and_refuse(luma)
-    sticks = sticks_in(luma, dots=dots)
+    sticks = taken or sticks_in(luma, dots=dots)
     found = sticks if sticks is not None and are_markers(sticks) else None
-    taken = [] if found is None else [dot for stick in found for dot in (stick.inner, stick.outer)]
-    others = [dot for dot in clearest(dots) if not any(_same(dot, marker) for marker in taken)]
-    rows: list[tuple[float, float, float, bool, bool, str]] = []
-    rows += [(dot.x_px, dot.y_px, dot.radius_px, True, True, "") for dot in taken]
-    paired = _paired(luma, [*taken, *others])
-    rows += [(dot.x_px, dot.y_px, dot.radius_px, True, False, _why(luma, dot, dots, paired, found)) for dot in others]
+    markers = [] if found is None else [dot for stick in found for dot in (stick.inner, stick.outer)]
+    others = [dot for dot in clearest(dots) if not any(_same(dot, marker) for marker in markers)]
+    paired = pairs_in(luma, dots)
+    told = [(dot, True, True, "") for dot in markers]
+    told += [(dot, True, False, _why(luma, dot, dots, paired, found)) for dot in others]
+    places: list[tuple[Dot | Refused, bool, bool, str]] = [*told]
     if found is None:  # what is no dot matters only where the markers may be among it
-        rows += [(at.x_px, at.y_px, at.radius_px, False, False, at.reason) for at in _apart(refused, dots)]
-    candidates = tuple(Candidate(number, *row) for number, row in enumerate(rows[:MOST], 1))
+        places += [(at, False, False, at.reason) for at in _apart(refused, dots)]
+    candidates = tuple(
+        Candidate(number, at.x_px, at.y_px, at.radius_px, is_dot, taken_for_one, reason)
+        for number, (at, is_dot, taken_for_one, reason) in enumerate(places[:MOST], 1)
+    )
     if found is None:
         family, numbers = tags_seen([luma])
         reason = f"tags of {family} are seen, numbers {listed([str(number) for number in numbers])}" if numbers else ""
         return Sighting(candidates, None, reason or _why_none(luma, dots, paired, sticks))
-    places = np.array([[dot.x_px, dot.y_px] for dot in taken]).reshape(2, 2, 2)
-    return Sighting(candidates, places, "")
+    return Sighting(candidates, np.array([stick.places_px for stick in found]), "")
 
 
 def _same(one: Dot, two: Dot) -> bool:
@@ -83,27 +88,19 @@ def _apart(refused: Iterable[Refused], dots: Sequence[Dot]) -> list[Refused]:
     return kept
 
 
-def _paired(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[Dot, Dot]]:
-    """Return which dots may lie on one stick."""
-    return [
-        (one, two)
-        for index, one in enumerate(dots)
-        for two in dots[:index]
-        if not isinstance(judge_pair(luma, one, two), str)
-    ]
-
-
 def _why(
     luma: NDArray[np.uint8],
     dot: Dot,
     dots: Sequence[Dot],
-    paired: Sequence[tuple[Dot, Dot]],
+    paired: Sequence[Stick],
     found: tuple[Stick, Stick] | None,
 ) -> str:
     """Return in words why a dot was not taken for a marker."""
-    if any(dot is one or dot is two for one, two in paired):
+    if any(dot is pair.inner or dot is pair.outer for pair in paired):
         if found is not None:
-            return "a dot that may lie on a stick, but the dots taken stand out more or match better"
+            return (
+                "a dot that may lie on a stick, but the dots taken stand out more, match better, or move as sticks do"
+            )
         return "a dot that may lie on a stick, but no second stick goes with it"
     others = [other for other in dots if other is not dot]
     if not others:
@@ -117,7 +114,7 @@ def _why(
 def _why_none(
     luma: NDArray[np.uint8],
     dots: Sequence[Dot],
-    paired: Sequence[tuple[Dot, Dot]],
+    paired: Sequence[Stick],
     sticks: tuple[Stick, Stick] | None,
 ) -> str:
     """Return in words why no markers were found."""
@@ -128,6 +125,6 @@ def _why_none(
         return f"the clearest four of {count} dots are so faint that they may be texture"
     if len(paired) < 2:
         return f"{count} dots found, but {len(paired)} of at least 2 pairs lie on a stick with nothing between them"
-    if choose_sticks(luma, dots) is not None:
+    if choose_sticks(luma, dots):
         return f"two pairs were found, but other ones of the {count} dots stand out twice as clearly"
     return f"{len(paired)} pairs of dots found, but no two of them are like the sticks of one rig"

@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.units import Flags, Floats
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import find_and_refuse
 
@@ -28,8 +29,6 @@ MOST: Final = 24
 """Dots among which the sticks are looked for: pairs of pairs go with the fourth power, and no person reads more."""
 PARALLEL: Final = 0.2
 """Sine of the angle (12 degrees) at which two lines have to meet to tell a place, or a plane."""
-_AXIS_REACH: Final = 4.0
-"""How far beyond a stick's markers, in their distance, the axis may lie."""
 _STRIP: Final = 0.8
 """Share of the line between two dots that has to be stick."""
 
@@ -45,7 +44,25 @@ class Stick:
     @property
     def length_px(self) -> float:
         """Distance between its dots."""
-        return math.hypot(self.outer.x_px - self.inner.x_px, self.outer.y_px - self.inner.y_px)
+        return _gap(self.inner, self.outer)
+
+    @property
+    def places_px(self) -> list[list[float]]:
+        """Where its dots are, the inner one first."""
+        return [[dot.x_px, dot.y_px] for dot in (self.inner, self.outer)]
+
+    def is_of(self, other: Stick) -> bool:
+        """Return whether these are the same two dots, whichever is the inner one."""
+        return {id(self.inner), id(self.outer)} == {id(other.inner), id(other.outer)}
+
+    def turned(self) -> Stick:
+        """Return the stick with its inner dot as the outer one."""
+        return replace(self, inner=self.outer, outer=self.inner)
+
+    def towards(self, x_px: float, y_px: float) -> Stick:
+        """Return the stick with the dot that is nearer to a place as the inner one."""
+        away = [math.hypot(dot.x_px - x_px, dot.y_px - y_px) for dot in (self.inner, self.outer)]
+        return self if away[0] <= away[1] else self.turned()
 
 
 def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
@@ -53,14 +70,31 @@ def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> 
 
     ``dots`` are those of :func:`tracker.detect.dots.find_and_refuse`, where they were found already.
     """
+    found = couples_in(luma, dots=dots)
+    return towards_axis(*found[0]) if found else None
+
+
+def couples_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> list[tuple[Stick, Stick]]:
+    """Return the couples of pairs of dots that may be the sticks in a picture, the clearest first.
+
+    After the first one come those that are as clear, within the factor by which other dots may stand out more: the
+    picture does not tell them apart. None at all where two dots of no stick stand out far more than those of the first.
+    """
     dots = find_and_refuse(luma)[0] if dots is None else dots
     found = choose_sticks(luma, dots)
-    if found is None or min(stick.score for stick in found) > CLEAR:
-        return found
-    chosen = [dot for stick in found for dot in (stick.inner, stick.outer)]
-    limit = _CLEARER * min(clearness(dot) for dot in chosen)
-    clearer = [dot for dot in dots if clearness(dot) > limit and not any(dot is other for other in chosen)]
-    return None if len(clearer) >= 2 else found
+    if not found:
+        return []
+    worst = _worst(found[0])
+    if worst <= CLEAR:
+        chosen = [dot for stick in found[0] for dot in (stick.inner, stick.outer)]
+        limit = _CLEARER * min(clearness(dot) for dot in chosen)
+        if sum(clearness(dot) > limit and not any(dot is other for other in chosen) for dot in dots) >= 2:
+            return []
+    return [couple for couple in found if _worst(couple) * _CLEARER > worst]
+
+
+def _worst(couple: tuple[Stick, Stick]) -> float:
+    return min(stick.score for stick in couple)
 
 
 def are_markers(sticks: tuple[Stick, Stick]) -> bool:
@@ -68,28 +102,29 @@ def are_markers(sticks: tuple[Stick, Stick]) -> bool:
     return min(stick.score for stick in sticks) > _LEAST
 
 
-def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> tuple[Stick, Stick] | None:
-    """Return the two sticks, inner marker first where the picture tells it, or None.
+def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[Stick, Stick]]:
+    """Return all couples of pairs of dots that may be two sticks, the clearest first.
 
-    Two dots lie on one stick when they are alike and the line between them has the brightness of the stick all
-    along. Of all couples of such pairs the clearest wins; both lines then run towards the axis, which tells inner
-    from outer.
+    Two dots lie on one stick when they are alike and the line between them has the brightness of the stick all along.
     """
-    pairs = [
-        Stick(a, b, score)
-        for a, b in itertools.combinations(clearest(dots), 2)
-        if not isinstance(score := judge_pair(luma, a, b), str)
-    ]
-    best: tuple[float, Stick, Stick] | None = None
+    pairs = pairs_in(luma, dots)
+    found: list[tuple[float, Stick, Stick]] = []
     for one, two in itertools.combinations(pairs, 2):
         if {id(one.inner), id(one.outer)} & {id(two.inner), id(two.outer)}:
             continue
         score = one.score + two.score + _couple_score(one, two)
-        if score > 0 and (best is None or score > best[0]):
-            best = (score, one, two)
-    if best is None:
-        return None
-    return towards_axis(best[1], best[2])
+        if score > 0:
+            found.append((score, one, two))
+    return [(one, two) for _, one, two in sorted(found, key=lambda item: -item[0])]
+
+
+def pairs_in(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[Stick]:
+    """Return the pairs of dots that may lie on one stick."""
+    return [
+        Stick(a, b, score)
+        for a, b in itertools.combinations(clearest(dots), 2)
+        if not isinstance(score := judge_pair(luma, a, b), str)
+    ]
 
 
 def clearest(dots: Sequence[Dot]) -> list[Dot]:
@@ -100,16 +135,11 @@ def clearest(dots: Sequence[Dot]) -> list[Dot]:
 def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
     """Order each stick's dots by their distance from where the two sticks' lines cross."""
     axis = crossing(one, two)
-    (one, back), (two, there) = ((stick, Stick(stick.outer, stick.inner, stick.score)) for stick in (one, two))
     if axis is None:
         # Parallel sticks: the ends that lie closest together are the inner ones.
-        pairs = (one, two), (back, there), (one, there), (back, two)
+        pairs = itertools.product((one, one.turned()), (two, two.turned()))
         return min(pairs, key=lambda pair: _gap(pair[0].inner, pair[1].inner))
-
-    def away(stick: Stick) -> float:
-        return math.hypot(stick.inner.x_px - axis[0], stick.inner.y_px - axis[1])
-
-    return min(one, back, key=away), min(two, there, key=away)
+    return one.towards(*axis), two.towards(*axis)
 
 
 def crossing(one: Stick, two: Stick) -> tuple[float, float] | None:
@@ -198,13 +228,34 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
 
 def _strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot, distance: float) -> float:
     """Return the share of the line between two dots that is as bright as the stick around them."""
-    first, last = a.radius_px + 2.0, distance - b.radius_px - 2.0
-    along = np.linspace(first, last, max(8, int(last - first))) / distance
-    x = np.rint(a.x_px + along * (b.x_px - a.x_px)).astype(np.int64)
-    y = np.rint(a.y_px + along * (b.y_px - a.y_px)).astype(np.int64)
-    expected = a.light + along * (b.light - a.light)
+    along = np.array([a.radius_px + 2.0, distance - b.radius_px - 2.0]) / distance
+    return float(np.mean(_as_bright(luma, (a, b), (b.x_px, b.y_px), along)))
+
+
+def reaches(luma: NDArray[np.uint8], stick: Stick, x_px: float, y_px: float) -> float:
+    """Return how much likelier it is that a stick goes on from its inner dot to a place than that it does not.
+
+    By the share f of the line that is as bright as the stick: f / (1 − f), each with one point more of either kind.
+    """
+    dot = stick.inner
+    distance = max(math.hypot(x_px - dot.x_px, y_px - dot.y_px), 1.0)
+    alike = _as_bright(luma, (dot, dot), (x_px, y_px), np.array([min((dot.radius_px + 2.0) / distance, 1.0), 1.0]))
+    return float((alike.sum() + 1) / ((~alike).sum() + 1))
+
+
+def _as_bright(luma: NDArray[np.uint8], dots: tuple[Dot, Dot], end: tuple[float, float], along: Floats) -> Flags:
+    """Return which points of a line from the first of two dots to a place are as bright as the stick around both.
+
+    ``along`` (2,) is from where to where, as shares of the line.
+    """
+    (a, b), height, width = dots, *luma.shape
+    distance = math.hypot(end[0] - a.x_px, end[1] - a.y_px)
+    share = np.linspace(along[0], along[1], max(8, int((along[1] - along[0]) * distance)))
+    x = np.clip(np.rint(a.x_px + share * (end[0] - a.x_px)), 0, width - 1).astype(np.int64)
+    y = np.clip(np.rint(a.y_px + share * (end[1] - a.y_px)), 0, height - 1).astype(np.int64)
+    expected = a.light + share * (b.light - a.light)
     limit = max(0.3 * min(a.step, b.step), 3.0 * max(a.residual, b.residual))
-    return float(np.mean(np.abs(luma[y, x] - expected) < limit))
+    return np.asarray(np.abs(luma[y, x] - expected) < limit)
 
 
 def _couple_score(one: Stick, two: Stick) -> float:
@@ -225,5 +276,5 @@ def _couple_score(one: Stick, two: Stick) -> float:
     for stick in (one, two):
         ux, uy = stick.outer.x_px - stick.inner.x_px, stick.outer.y_px - stick.inner.y_px
         along = ((axis[0] - stick.inner.x_px) * ux + (axis[1] - stick.inner.y_px) * uy) / (ux * ux + uy * uy)
-        beyond += 1.0 if 0.0 <= max(-along, along - 1.0) < _AXIS_REACH else -1.0
+        beyond += -1.0 if 0.0 < along < 1.0 else 1.0
     return beyond - unlikely

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
+from tracker.checkpoint import Kept
 from tracker.detect.sticks import crossing_point
 from tracker.follow.frame_step import DONE, START, advance
 from tracker.follow.learning import skip
@@ -21,10 +21,11 @@ from tracker.follow.rotation_axis import suppose_axis
 from tracker.follow.state import Scene, state_type
 
 
-class DotState:
+class DotState(Kept):
     """All that is known of the dots of one stick or of two, as one record; one alone may be ``still``."""
 
     drawn = False
+    kept = ("_all",)
 
     def __init__(self, markers: Sequence[Marker], *, still: bool = False) -> None:
         self._all = np.zeros((), state_type(len(markers) // 2))
@@ -77,7 +78,8 @@ class DotState:
         base["still"], base["start_rad"] = True, rig["last_rad"]
         centre = crossing_point(*ends, *self.ends(moving))
         if centre is not None:
-            suppose_axis(scene.sticks[moving]["axis"], *centre)
+            # Markers are put on the middle of a stick within their radius.
+            suppose_axis(scene.sticks[moving]["axis"], *centre, self.radius_px)
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Follow the markers into the next frame and return their readings, which the next frame overwrites.
@@ -95,13 +97,12 @@ class DotState:
         """Pass over a frame that shows nothing."""
         skip(self.scene, time_s)
 
-    def to_state(self) -> dict[str, Any]:
-        """Return everything that :meth:`restore` needs to go on in the same way."""
-        return {"dots": base64.b64encode(self._all.tobytes()).decode()}
-
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a noted state, exactly; it has to be made from the same first frame."""
-        self._all[...] = np.frombuffer(base64.b64decode(state["dots"]), self._all.dtype)[0]
+        # The scene's parts are views of it.
+        known = self._all
+        super().restore(state)
+        known[...], self._all = self._all, known
         for _, _, extras in self.scene.looks:
             extras[:, -1] = 0.0
 

@@ -3,39 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import lending
 from torsight.core.units import Floats
-from tracker.appearance.lucas_kanade import READING, Luma
+from tracker.appearance.lucas_kanade import RATE, READING
+from tracker.checkpoint import Kept
 from tracker.follow.followed_dots import DotState
 from tracker.follow.innovation import SIGMAS
 from tracker.follow.judgement import MOVED_RAD, TURN_RAD, base_shift
-from tracker.follow.learning import RATE, write_row
+from tracker.follow.learning import write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
 from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN
 
-_SPARSE: Final = 16
-"""Every so many pixels along x and y are looked at for the brightness: 1,200 of VGA tell it to a hundredth."""
 _DARK_SHARE: Final = 0.4
 """Share of the usual brightness of the picture below which the light is off: dots no longer show then."""
-
-
-@lending
-def brightness_of(luma: Luma) -> float:
-    """Return the brightness of a picture, from a sparse grid."""
-    total, count = 0, 0
-    for y in range(0, luma.shape[0], _SPARSE):
-        for x in range(0, luma.shape[1], _SPARSE):
-            total += luma[y, x]
-            count += 1
-    return total / count
 
 
 class Stick(Protocol):
@@ -68,7 +56,7 @@ class Stick(Protocol):
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a noted state, exactly."""
 
 
@@ -79,12 +67,14 @@ def nothing(state: int, *, markers: int = 2) -> NDArray[np.void]:
     return readings
 
 
-class Follower:
+class Follower(Kept):
     """Follows two sticks, of which dots of both are followed as one: ``moving`` is None until it shows.
 
     Tags and texture are followed each by itself, the base first where it is known: none is taken for another stick's
     marker.
     """
+
+    kept = ("moving", "_brightness", "_noise", "_shift", "_zero", "_starts", "sticks")
 
     def __init__(self, sticks: Sequence[Stick], *, moving: int | None) -> None:
         self.sticks = list(sticks)
@@ -94,7 +84,7 @@ class Follower:
         self._noise: float | None = None
         self._shift, self._zero = np.zeros(2), np.full((2, 2), np.nan)
         dots = sticks[0] if len(sticks) == 1 else None
-        self._starts = dots.starts_rad if isinstance(dots, DotState) else [math.nan, math.nan]
+        self._starts = np.array(dots.starts_rad if isinstance(dots, DotState) else [math.nan, math.nan])
         self._rows = np.zeros(1, ROW)
         if moving is not None:
             self._name_moving(moving)
@@ -116,7 +106,7 @@ class Follower:
     def _read(self, frame: Frame) -> NDArray[np.void]:
         if frame.luma is None or frame.damaged:
             return self._pass(frame.time_s, DAMAGED)
-        level = brightness_of(frame.luma)
+        level = cv2.mean(frame.luma)[0]
         if level < _DARK_SHARE * self._brightness:
             return self._pass(frame.time_s, DARK)
         self._brightness = level if self._brightness == 0.0 else self._brightness + RATE * (level - self._brightness)
@@ -165,8 +155,8 @@ class Follower:
             math.nan if readings["state"][i : i + 2].any() else direction(*map(place_of, readings[i : i + 2]))
             for i in (0, 2)
         ]
-        self._starts = [one if math.isnan(first) else first for one, first in zip(now, self._starts, strict=True)]
-        angles = [turned(one, first) for one, first in zip(now, self._starts, strict=True)]
+        self._starts = np.where(np.isnan(self._starts), now, self._starts)
+        angles = [turned(one, first) for one, first in zip(now, self._starts.tolist(), strict=True)]
         for stick in (0, 1):
             other = SIGMAS * TURN_RAD if math.isnan(now[1 - stick]) else angles[1 - stick]
             if angles[stick] > MOVED_RAD + 3.0 * other and not math.isnan(self._starts[1 - stick]):
@@ -186,27 +176,3 @@ class Follower:
             "stick_length_px": float(np.nanmedian([stick.length_px for stick in self.sticks])),
             "shutter_share_of_frame": max(stick.shutter_share for stick in self.sticks),
         }
-
-    def to_state(self) -> dict[str, Any]:
-        """Return everything that :meth:`restore` needs to go on in the same way."""
-        return {
-            "moving": self.moving,
-            "brightness": self._brightness,
-            "noise": self._noise,
-            "shift": self._shift.tolist(),
-            "zero": self._zero.tolist(),
-            "starts": self._starts,
-            "sticks": [stick.to_state() for stick in self.sticks],
-        }
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a noted state, exactly."""
-        self.moving = state["moving"]
-        self._brightness, self._noise = float(state["brightness"]), state["noise"]
-        # What is not finite is null there.
-        self._shift, self._zero, starts = (
-            np.array(state[key], dtype=np.float64) for key in ("shift", "zero", "starts")
-        )
-        self._starts = starts.tolist()
-        for stick, content in zip(self.sticks, state["sticks"], strict=True):
-            stick.restore(content)

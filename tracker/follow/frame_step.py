@@ -15,6 +15,7 @@ from tracker.follow.judgement import (
     judge_base,
     judge_moving,
     judge_pair,
+    note_covered,
     seen,
 )
 from tracker.follow.learning import note
@@ -51,7 +52,7 @@ def read_all(scene: Scene, luma: Luma) -> None:
             if is_base(rig, index // 2) != base:
                 continue
             marker = scene.markers[index]
-            if base and rig.above >= KNOWN and covers(scene, (marker.x, marker.y), index):
+            if base and rig.above >= KNOWN and covers(scene, rig.moving, (marker.x, marker.y), index):
                 scene.readings[index].state = SHADOWED
             else:
                 read_marker(scene, luma, index)
@@ -85,5 +86,7 @@ def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
             return stop
     if rig.moving >= 0:
         rig.unknown = 0 if find_shift(scene) else rig.unknown + 1
+        if len(scene.sticks) > 1:
+            note_covered(scene)
     note(scene, luma, time_s)
     return DONE

@@ -7,12 +7,15 @@ Applications to Tracking and Navigation, 2001, section 5.4).
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from torsight.core.compiled import lending
 
 SIGMAS: Final = 3.0
 """Standard deviations of a normal variable that are allowed: 99.73 % of what is right passes."""
+SURE: Final = math.erf(SIGMAS / math.sqrt(2.0))
+"""The probability of that: what is as probable is settled."""
 _LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06, 21.85)
 """Quantiles of χ² with one to seven degrees of freedom for the same probability."""
 

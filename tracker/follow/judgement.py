@@ -18,7 +18,7 @@ from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
 from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.motion_model import STALE, is_base
-from tracker.follow.rotation_axis import arm_px, on_circle, turned
+from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, arm_px, on_circle, turned
 from tracker.follow.state import KEPT, Scene
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
@@ -26,8 +26,6 @@ SHAKE_PX: Final = 2.0
 """Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of its step from one frame to the next, where both are independent."""
-_STANDS_PX: Final = 0.8
-"""Standard deviation of a base marker against where it stood: noise, and an edge of the moving stick nearby."""
 TURN_RAD: Final = math.radians(0.7)
 """Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
@@ -52,9 +50,7 @@ SOON: Final = KEPT - 1
 """Frames after which a lost marker is no longer taken to be next to where it is expected: its readings reach back no
 further."""
 _OFF_CIRCLE: Final = 0.1
-_OFF_CIRCLE_PX: Final = 5.0
-"""Three standard deviations of a marker's distance from its axis, share and px: perspective of 10 %, and what a first
-guess of the axis is off."""
+"""Three standard deviations of a marker's distance from its axis, as a share, besides those in px: perspective."""
 _ALONE, _TWO, _OWN = range(3)
 """One dot of the moving stick is seen; two are; both are known to be its own."""
 BEYOND: Final = 0.6
@@ -88,9 +84,9 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
 
 
 @lending
-def covers(scene: Scene, point: Point, index: int) -> bool:
-    """Return whether the moving stick, as it is seen or expected, reaches into a base marker's window at a place."""
-    i = 2 * scene.rig[0].moving
+def covers(scene: Scene, stick: int, point: Point, index: int) -> bool:
+    """Return whether a stick, as it is seen or expected, reaches into the window of another's marker at a place."""
+    i = 2 * stick
     shape = scene.markers[i].shape
     # Where its edges are not seen it is at least as wide as what is compared with its dots.
     width = shape.strip if math.isfinite(shape.strip) else shape.window
@@ -111,7 +107,7 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     """
     off = abs(length - own.length)
     if own.still:
-        drift = abs(length - own.shortest) / (_OFF_CIRCLE * own.shortest + _OFF_CIRCLE_PX)
+        drift = abs(length - own.shortest) / (_OFF_CIRCLE * own.shortest + OFF_CIRCLE_PX)
         return SIGMAS * max(off / (_LENGTH_PX + _LENGTH * own.length), drift)  # type: ignore[no-any-return]
     if lost > 0:
         off = min(off, max(length - own.longest, own.shortest - length, 0.0))
@@ -120,13 +116,18 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
 
 
 @lending
-def circle_sigma_px(own: Record, end: int) -> float:
-    """Return the standard deviation of a marker's distance from the axis.
+def circle_sigma_px(away_px: float, varies: float) -> float:
+    """Return the standard deviation of the distance from the axis of a marker that is usually so far ``away_px``.
 
-    Seen from aside circles are ellipses, as flat as the stick's own length varies.
+    Seen from aside circles are ellipses, as flat as the stick's own length ``varies``, as a share.
     """
-    varies = own.longest / own.shortest - 1.0
-    return ((_OFF_CIRCLE + varies) * arm_px(own.axis, end) + _OFF_CIRCLE_PX) / SIGMAS  # type: ignore[no-any-return]
+    return ((_OFF_CIRCLE + varies) * away_px + OFF_CIRCLE_PX) / SIGMAS
+
+
+@lending
+def own_circle_sigma_px(own: Record, end: int) -> float:
+    """Return the same of a marker of a stick; ``own`` is a STICK."""
+    return circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0)
 
 
 @lending
@@ -139,7 +140,7 @@ def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
     if not axis.known:
         return 0.0
     away = math.hypot(point[0] - axis.centre[0] - shift[0], point[1] - axis.centre[1] - shift[1])
-    return abs(away - arm_px(axis, end)) / circle_sigma_px(own, end)
+    return abs(away - arm_px(axis, end)) / own_circle_sigma_px(own, end)
 
 
 @compiled
@@ -217,7 +218,7 @@ def _cover(scene: Scene, index: int) -> int:
     """
     marker, reading, i = scene.markers[index], scene.readings[index], 2 * scene.rig[0].moving
     here = (marker.x, marker.y)
-    if not covers(scene, here, index):
+    if not covers(scene, scene.rig[0].moving, here, index):
         return 0
     state, reading.state = reading.state, SHADOWED
     a, b, radius = at(scene, i), at(scene, i + 1), marker.shape.radius
@@ -261,7 +262,7 @@ def judge_base(scene: Scene) -> bool:
     elif not elsewhere:
         for end in range(2):
             (x, y), zero = at(scene, i + end), rig.zero[end]
-            off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / _STANDS_PX**2
+            off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / STANDS_PX**2
             if seen(scene, i + end) and not passes(off, 2):
                 scene.readings[i + end].state = LOST
     return _gone(scene, i) and _gone(scene, j)
@@ -340,7 +341,7 @@ def goes_with_picture(scene: Scene, shift: Floats) -> bool:
     found = 0.0
     for end in range(2):
         apart = (off[end, 0] - shift[0]) ** 2 + (off[end, 1] - shift[1]) ** 2
-        found += apart / (circle_sigma_px(own, end) ** 2 + rolled_px**2)
+        found += apart / (own_circle_sigma_px(own, end) ** 2 + rolled_px**2)
     return passes(found, 4)
 
 
@@ -392,6 +393,30 @@ def judge_moving(scene: Scene) -> bool:
             if seen(scene, index):
                 scene.readings[index].state = LOST
     return not (seen(scene, i) and seen(scene, j))
+
+
+@compiled
+def note_covered(scene: Scene) -> None:
+    """Say of a moving marker that went below the base, and was not seen since, that the base lies over it.
+
+    It was seen until then, not far from the base's edge, and the stick not on the base's own surface: there it would be
+    above, as one that is known to be, and what hides it is something else.
+    """
+    rig, i, base = scene.rig[0], 2 * scene.rig[0].moving, 1 - scene.rig[0].moving
+    one, two = scene.markers[2 * base], scene.markers[2 * base + 1]
+    width, above = min(one.shape.strip, one.shape.window), rig.above >= KNOWN
+    for index in (i, i + 1):
+        marker = scene.markers[index]
+        away = to_strip((marker.x, marker.y), (one.x, one.y), (two.x, two.y), BEYOND)
+        above = above or (marker.lost == 0 and away < width)
+    for index in (i, i + 1):
+        marker, hidden, path = scene.markers[index], not seen(scene, index), scene.readings[index].path
+        # A step that is longer than the base is wide may lead past it.
+        near = marker.lost == 0 and math.hypot(path[0], path[1]) < 2.0 * width
+        goes_below = near and not above and covers(scene, base, at(scene, index), index)
+        marker.below = hidden and (marker.below > 0 or goes_below)
+        if marker.below:
+            scene.readings[index].state = SHADOWED
 
 
 @lending

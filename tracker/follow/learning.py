@@ -15,7 +15,7 @@ import numpy as np
 from torsight.core.compiled import compiled, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
-from tracker.appearance.lucas_kanade import SHARP_PX, Luma
+from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
 from tracker.follow.judgement import SOON, at, circles_off, seen
 from tracker.follow.motion_model import STALE, is_base, predict, ways
@@ -24,11 +24,9 @@ from tracker.follow.rotation_axis import learn_axis
 from tracker.follow.state import KEPT, Scene
 from tracker.rows import SEEN
 
-RATE: Final = 0.1
-"""Share of the new in averages of shape, fit, length, light (also that of the picture) and misses: ten frames, over
-which noise averages to a quarter."""
-_CHANGE_PX: Final = 0.15
-"""Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order."""
+_CHANGE_PX: Final = 1.0 / PHASES
+"""Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order, as places
+between those at which models are kept."""
 _RADIUS_RANGE: Final = (0.7, 1.4)
 """Radius over the first one within which a dot's shape is followed."""
 

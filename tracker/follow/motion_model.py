@@ -14,8 +14,8 @@ from tracker.follow.state import Scene
 
 STALE: Final = 15
 """Frames for which a lost marker is carried on along its last motion: half a second at 30 frames a second."""
-STEADY: Final = 1
-"""Which way to predict is the steady one."""
+REST, STEADY, AVERAGED, CURVED = range(4)
+"""The ways to predict: at rest, steady, averaged over three steps, curved."""
 
 
 @lending
@@ -26,7 +26,7 @@ def is_base(rig: Record, stick: int) -> bool:
 
 @compiled
 def ways(marker: Record, time_s: float) -> Floats:
-    """Return where a marker's last readings carry it (4, 2): at rest, steady, averaged over three steps, curved.
+    """Return where a marker's last readings carry it by each way (4, 2).
 
     A smooth fast motion wants the curved way, a shaking camera the averaged one.
     """
@@ -38,7 +38,8 @@ def ways(marker: Record, time_s: float) -> Floats:
         return out
     t1, t2, t0 = h[count - 1, 0], h[count - 2, 0], h[0, 0]
     for axis in (1, 2):
-        out[1:, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t2) * (h[count - 1, axis] - h[count - 2, axis])
+        step = h[count - 1, axis] - h[count - 2, axis]
+        out[STEADY:, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t2) * step
     if count < 3:
         return out
     t3 = h[count - 3, 0]
@@ -47,8 +48,8 @@ def ways(marker: Record, time_s: float) -> Floats:
     b = (time_s - t1) * (time_s - t3) / ((t2 - t1) * (t2 - t3))
     c = (time_s - t1) * (time_s - t2) / ((t3 - t1) * (t3 - t2))
     for axis in (1, 2):
-        out[2, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t0) * (h[count - 1, axis] - h[0, axis])
-        out[3, axis - 1] = a * h[count - 1, axis] + b * h[count - 2, axis] + c * h[count - 3, axis]
+        out[AVERAGED, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t0) * (h[count - 1, axis] - h[0, axis])
+        out[CURVED, axis - 1] = a * h[count - 1, axis] + b * h[count - 2, axis] + c * h[count - 3, axis]
     return out
 
 

@@ -22,16 +22,17 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_in
+from tracker.detect.sticks import MOST
 from tracker.follow.frame_step import stick_at
 from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.judgement import (
     NEAR,
     SHAKE_PX,
     UNSEEN_PX,
-    circle_sigma_px,
     covers,
     goes_with_picture,
     near_base,
+    own_circle_sigma_px,
     rigid_misfit,
     sure_misfit,
 )
@@ -51,8 +52,6 @@ _GROWTH: Final = 2.5
 _SLACK: Final = 0.05
 """Share of the step allowed for smear: a marker that is found again may be moving. Without it a tenth of the frames of
 the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
-_MOST: Final = 14
-"""Places that are read, by correlation and contrast: four dots, and ten that look alike."""
 _EAGER, SELDOM = 20, 3
 """Frames for which a lost stick is looked for in each, and then in every so many, for what that costs."""
 
@@ -90,7 +89,7 @@ class Prediction:
         half = SIGMAS * self.sigma_px + (0.5 * math.dist(*self.ends) if len(ends) > 1 else 0.0)
         low, high = middle - half, middle + half
         if self.own["axis"]["known"] and not self.own["still"]:
-            reach = max(arm_px(self.own["axis"], end) + SIGMAS * circle_sigma_px(self.own, end) for end in ends)
+            reach = max(arm_px(self.own["axis"], end) + SIGMAS * own_circle_sigma_px(self.own, end) for end in ends)
             centre = self.own["axis"]["centre"] + self.shift
             low, high = np.maximum(low, centre - reach), np.minimum(high, centre + reach)
         low, high = (np.clip(rim, 0.0, size_px).astype(int).tolist() for rim in (np.floor(low), np.ceil(high)))
@@ -120,7 +119,7 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
         for index, reading in zip((2 * stick, 2 * stick + 1), found[0][1:], strict=True):
             # The moving stick's edge in the window shifts a base dot, which still helped to find the pair.
             hidden = is_base(scene.rig[0], stick) and _both_seen(scene, 1 - stick)
-            reading["state"] = SHADOWED if hidden and covers(scene, place_of(reading), index) else SEEN
+            reading["state"] = SHADOWED if hidden and covers(scene, 1 - stick, place_of(reading), index) else SEEN
             scene.readings[index] = reading
 
 
@@ -203,7 +202,7 @@ def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Poi
     """Return the places in a region that look most like a dot of the marker's radius, the likeliest first."""
     radius, light_dot = float(marker["shape"]["radius"]), marker["shape"]["contrast"] > 0.0
     places = [place for place in places_in(luma, radius, region) if place[4] == light_dot]
-    return [(x, y) for _, x, y, _, _ in sorted(places, key=lambda place: -place[0])[:_MOST]]
+    return [(x, y) for _, x, y, _, _ in sorted(places, key=lambda place: -place[0])[:MOST]]
 
 
 def _both_seen(scene: Scene, stick: int) -> bool:

@@ -16,8 +16,8 @@ import numpy as np
 from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
+from tracker.follow.innovation import SIGMAS
 
-PARTS: Final = 36
 AXIS: Final = np.dtype(
     [
         ("known", "i8"),
@@ -30,18 +30,19 @@ AXIS: Final = np.dtype(
         ("guess", "c16"),
         ("guessed", "f8"),
         ("last_rad", "f8"),
-        ("seen", "i8", (PARTS,)),
     ]
 )
 """Axis c and arms q (inner, outer), px, in the picture of the camera as it stood at the start. Sums over the frames
 that were added: their number, exp(iψ), both places, and each place times exp(−iψ). A first guess of the axis, and its
-weight. The direction at which a frame was added last; how many frames were added of each ten degrees."""
-_PRIOR: Final = 0.05
-"""Weight of the first guess of the axis, in frames: two frames outweigh it forty times."""
+weight. The direction at which a frame was added last."""
+STANDS_PX: Final = 0.8
+"""Standard deviation of a marker against where it should be: noise, and an edge of the other stick nearby."""
+OFF_CIRCLE_PX: Final = 5.0
+"""Three standard deviations of a marker's distance from its axis: what a first guess of the axis is off."""
+_KNOWN: Final = (SIGMAS * STANDS_PX / OFF_CIRCLE_PX) ** 2
+"""Weight, in frames, from which the axis is known as well as that."""
 _STEP_RAD: Final = math.radians(3.0)
 """How far the stick has to turn before another frame is added: closer ones tell the same."""
-_ARC: Final = 3
-"""Parts of ten degrees in which the stick was seen from which the axis is known well enough to look around it."""
 
 
 @lending
@@ -57,9 +58,9 @@ def turned(one: float, other: float) -> float:
 
 
 @compiled
-def suppose_axis(axis: Record, x: float, y: float) -> None:
-    """Take a first guess of the axis, which motion will soon outweigh."""
-    axis.guess, axis.guessed = complex(x, y), _PRIOR
+def suppose_axis(axis: Record, x: float, y: float, sigma_px: float) -> None:
+    """Take a first guess of the axis and its standard deviation, which motion will soon outweigh."""
+    axis.guess, axis.guessed = complex(x, y), (STANDS_PX / sigma_px) ** 2
     solve_axis(axis)
 
 
@@ -69,8 +70,6 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
     angle = math.atan2(outer[1] - inner[1], outer[0] - inner[0])
     if turned(angle, axis.last_rad) < _STEP_RAD:
         return
-    part = int((angle % (2.0 * math.pi)) / (2.0 * math.pi) * PARTS) % PARTS
-    axis.seen[part] += 1
     axis.last_rad = angle
     unit, one, two = cmath.exp(1j * angle), complex(inner[0], inner[1]), complex(outer[0], outer[1])
     axis.frames += 1.0
@@ -81,16 +80,19 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
     solve_axis(axis)
 
 
+@lending
+def axis_weight(axis: Record) -> float:
+    """Return how well the axis is known: over how many markers, each with an error of its own, its place is a mean."""
+    turned_frames = 2.0 * axis.frames - 2.0 * abs(axis.unit) ** 2 / max(axis.frames, 1.0)
+    return axis.guessed + turned_frames  # type: ignore[no-any-return]
+
+
 @compiled
 def solve_axis(axis: Record) -> None:
     """Solve the normal equations: of the arms for a given axis, so that one equation is left for that."""
-    parts = 0
-    for k in range(PARTS):
-        parts += axis.seen[k] > 0
-    axis.known = parts >= (1 if axis.guessed > 0.0 else _ARC)
+    n, weight = axis.frames, axis_weight(axis)
+    axis.known = n > 0.0 and (axis.guessed > 0.0 or weight > _KNOWN)
     if axis.known:
-        n = axis.frames
-        weight = axis.guessed + 2.0 * n - 2.0 * abs(axis.unit) ** 2 / n
         right = axis.guessed * axis.guess + axis.places - axis.unit * (axis.back[0] + axis.back[1]) / n
         centre = right / weight
         axis.centre[0], axis.centre[1] = centre.real, centre.imag

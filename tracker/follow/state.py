@@ -20,6 +20,7 @@ MARKER: Final = np.dtype(
         ("x", "f8"),
         ("y", "f8"),
         ("lost", "i8"),
+        ("below", "i8"),
         ("count", "i8"),
         ("history", "f8", (KEPT, 3)),
         ("miss", "f8", (4,)),
@@ -33,11 +34,11 @@ MARKER: Final = np.dtype(
         ("shape", SHAPE),
     ]
 )
-"""A marker. x, y: where it is, or is taken to be while it is not seen, px. lost: frames since it was read. history:
-(time_s, x, y) of the last ``count`` readings less the shift of the camera, the newest last. miss: running mean square
-errors of the ways to predict it, px². light, step: running means, grey levels. residual, patch: of the fit, logarithms
-of their share of the step, running mean and mean deviation. slope: of the light. change: of radius and stretch against
-``shape``, running means."""
+"""A marker. x, y: where it is, or is taken to be while it is not seen, px. lost: frames since it was read. below:
+whether it went below the base and was not seen since. history: (time_s, x, y) of the last ``count`` readings less the
+shift of the camera, the newest last. miss: running mean square errors of the ways to predict it, px². light, step:
+running means, grey levels. residual, patch: of the fit, logarithms of their share of the step, running mean and mean
+deviation. slope: of the light. change: of radius and stretch against ``shape``, running means."""
 
 STICK: Final = np.dtype(
     [("length", "f8"), ("shortest", "f8"), ("longest", "f8"), ("start_rad", "f8"), ("still", "i8"), ("axis", AXIS)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 from collections.abc import Collection, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -19,8 +18,6 @@ from tracker.frames.decoder import Decoder
 from tracker.frames.display import Display, display_of, luma_of, transfer_of
 from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes, pictures_of
 
-_FROM_KEY: Final = 300
-"""Frames that are decoded at most to reach one that was sought: encoders set a key frame every 250 at the latest."""
 _CAPTURE_KEYS: Final = ("com.android.capture.fps",)
 """Metadata in which phones note the rate of a slow-motion film (Android's MediaRecorder)."""
 _SLOWER: Final = 1.5
@@ -185,8 +182,7 @@ class FilmSource:
                 # Damaged here: a pass from the start knows which frames are whole.
                 with contextlib.suppress(av.error.FFmpegError, OSError):
                     container.seek(first, stream=stream)
-                    frames = (frame for frame in container.decode(stream) if frame.pts is not None)
-                    for frame in itertools.islice(frames, _FROM_KEY):
+                    for frame in (frame for frame in container.decode(stream) if frame.pts is not None):
                         while waiting and waiting[-1] < frame.pts:
                             waiting.pop()
                         if waiting and waiting[-1] == frame.pts:

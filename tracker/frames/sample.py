@@ -6,8 +6,7 @@ import contextlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import av
 import numpy as np
@@ -92,16 +91,9 @@ class Clip:
         self.first = first
         self.frame_count = min(count, len(stamps) - first)
         self.size_px, self.pixel_aspect = source.size_px, source.pixel_aspect
+        self.files, self.describe = source.files, source.describe
         self.damage = Damage()
         self.name = f"{source.name}, frames {first} to {first + self.frame_count - 1}"
-
-    def files(self) -> list[Path]:
-        """Return the files that the frames come from."""
-        return self._source.files()
-
-    def describe(self) -> dict[str, Any]:
-        """Return what is known of the whole source."""
-        return self._source.describe()
 
     def __iter__(self) -> Iterator[Frame]:
         """Give the frames of the clip; what cannot be decoded is left out."""

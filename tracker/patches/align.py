@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Floats
-from tracker.patches.alignment import Part, Template, align_warp, largest_step, sample, step_warp
+from tracker.patches.alignment import GAIN, LIGHT, Part, Template, align_warp, largest_step, sample, step_warp
 from tracker.patches.warps import jacobian, project
 
 Look = Callable[[Floats, Floats], Floats]
@@ -210,7 +210,7 @@ class Patch:
     def _weights(self, left: Floats, found: Floats) -> Floats:
         """Return Tukey's weights of the points from what the model leaves at them."""
         sigma = robust_sigma(left)
-        limit = max(self._other * self.spread * abs(float(found[3])), _TUKEY * sigma)
+        limit = max(self._other * self.spread * abs(float(found[GAIN])), _TUKEY * sigma)
         return np.asarray(np.square(np.clip(1.0 - np.square(left / limit), 0.0, None)))
 
     def _fit(self, seen: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
@@ -220,7 +220,7 @@ class Patch:
         if inverse is not self._inverse:
             used = self._basis[:, :3] * root[:, None]
             plain = root * values - used @ np.linalg.lstsq(used, root * values, rcond=None)[0]
-        gain, total = float(found[3]), float(weight.sum())
+        gain, total = float(found[GAIN]), float(weight.sum())
         variance = max(float(left @ left) / max(total - len(found), 1.0), _ROUNDED)
         return Fit(
             warp=warp,
@@ -228,7 +228,7 @@ class Patch:
             inside=_correlation((self._basis @ found)[self._within], values[self._within])
             if self._within is not None
             else math.nan,
-            light=float(found[0]),
+            light=float(found[LIGHT]),
             gain=gain,
             residual=math.sqrt(variance),
             kept=float(np.count_nonzero(weight > 0.0)) / len(weight),

@@ -39,8 +39,8 @@ class Part(NamedTuple):
     high: tuple[float, float]
 
 
-_GAIN: Final = 3
-"""Row of the solution that holds the contrast over the template's."""
+LIGHT, ALONG_X, ALONG_Y, GAIN = range(4)
+"""First rows of the solution: light at the middle, its slopes, and the contrast over the template's."""
 _LEAST_SPREAD: Final = 1.0
 """Grey levels below which a patch shows nothing: rounding alone spreads a third of that."""
 _FARTHEST: Final = 0.7
@@ -61,7 +61,7 @@ def in_part(warp: Floats, rim: Floats, part: Part) -> bool:
 @compiled
 def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tuple[bool, Floats]:
     """Return whether a step leads somewhere, and the warp after it: W D⁻¹."""
-    gain, count = found[_GAIN], len(template.generators)
+    gain, count = found[GAIN], len(template.generators)
     if abs(gain) * template.spread < _LEAST_SPREAD:
         return False, warp
     change = np.eye(3)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
+from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words
 from tracker.detect.given_positions import LOOKED_AT, looked_at
@@ -30,13 +31,11 @@ _WINDOWS_PX: Final = (8.0, 11.0, 15.0)
 _HOLDS: Final = 0.8
 """Share of the structure of the largest patch that a smaller one has to hold to be taken. Texture all around gives it a
 quarter or a half; around a spot on blank ground the larger one adds nothing but the shading, which does not turn."""
-_SPREAD: Final = 2.0
-"""Grey levels of texture below which there is none: noise alone spreads as far."""
 _STRUCTURE_PX: Final = 2.0
 """Blur before structure is looked for: noise of two grey levels then has slopes of 0.1 levels per px."""
 _SLOPE: Final = 0.6
 """Least slope (rms, grey levels per px) along the weakest direction: six times that of noise. Real texture has 2 to 10,
-the straight edge of a pipe in a film in H.264 0.3 to 0.5."""
+the straight edge of a pipe in a film in H.264 0.3 to 0.5. What has less along the strongest one is no texture."""
 _TRIED: Final = 3
 """Frames in which other families are looked for."""
 
@@ -73,7 +72,7 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
                 limit=f"{_WINDOWS_PX[0]:g} px of room",
             )
         patches.append(texture_patch(first.luma, x, y, window_px=window))
-        _check_texture(first.luma, x, y, window, spread=patches[-1].spread, where=where)
+        _check_texture(first.luma, x, y, window, where=where)
     window_px = min(windows)
     looks = [texture_look(first.luma, x, y, window_px=window_px, blur_px=1.0) for x, y in points]
     (x1, y1), (x2, y2) = points
@@ -88,21 +87,21 @@ def _window_px(luma: NDArray[np.uint8], x: float, y: float) -> float:
     radii = [radius for radius in _WINDOWS_PX if radius <= room] or [room]
     if room > radii[-1] and radii[-1] < _WINDOWS_PX[-1]:
         radii.append(room)
-    held = [_structure(luma, x, y, radius) for radius in radii]
+    held = [float(_structure(luma, x, y, radius)[0]) for radius in radii]
     return next(radius for radius, part in zip(radii, held, strict=True) if part >= _HOLDS * held[-1])
 
 
-def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, spread: float, where: str) -> None:
+def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, where: str) -> None:
     """Refuse a point around which nothing shows where it is."""
-    if spread < _SPREAD:
+    weakest, strongest = np.sqrt(_structure(luma, x, y, window_px) / (math.pi * window_px**2)).tolist()
+    if strongest < _SLOPE:
         raise NoResultError(
             "has no texture around it that could be followed",
             where=where,
-            value=f"spread of {spread:.1f} grey levels",
-            limit=f"{_SPREAD:g} grey levels or more within {window_px:g} px",
+            value=f"slope of {strongest:.2f} grey levels per px",
+            limit=f"{_SLOPE:g} or more within {window_px:g} px",
             do="choose a point with clear structure",
         )
-    weakest = math.sqrt(_structure(luma, x, y, window_px) / (math.pi * window_px**2))
     if weakest < _SLOPE:
         raise NoResultError(
             "lies on an edge or a line, along which the patch around it looks the same",
@@ -113,8 +112,11 @@ def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float
         )
 
 
-def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) -> float:
-    """Return the sum of the squared slopes of the brightness along the direction in which it is least, grey levels²."""
+def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) -> Floats:
+    """Return the sums (2,) of the squared slopes of the brightness, grey levels².
+
+    Along the direction in which it is least, and across that.
+    """
     half = int(window_px)
     cx, cy = round(x), round(y)
     margin = half + round(3.0 * _STRUCTURE_PX)
@@ -124,7 +126,7 @@ def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) ->
     inside = np.hypot(u, v) <= half
     down, right = (np.asarray(axis)[inside] for axis in np.gradient(soft))
     tensor = np.array([[right @ right, right @ down], [right @ down, down @ down]])
-    return float(max(np.linalg.eigvalsh(tensor)[0], 0.0))
+    return np.maximum(np.linalg.eigvalsh(tensor), 0.0)
 
 
 def look_for_tags(source: FrameSource, hints: MarkerHints, *, progress: Progress) -> None:

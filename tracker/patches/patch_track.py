@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Callable, Iterator
 from typing import Any, Final
@@ -12,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
-from tracker.appearance.lucas_kanade import Point
+from tracker.appearance.lucas_kanade import RATE, Point
+from tracker.checkpoint import Kept
 from tracker.follow.judgement import SOON
-from tracker.follow.learning import RATE
 from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch, cut_out
 from tracker.patches.warps import place, similarity, size_of, turn_of
@@ -37,12 +36,14 @@ Judge = Callable[[Fit], str]
 """Takes how a patch was found and returns why it is not taken; empty where it is."""
 
 
-class PatchTrack:
+class PatchTrack(Kept):
     """A patch, where it was last, and how well it usually fits.
 
     ``points`` (n, 2) of its template are those that the flow follows; ``warp`` is where it is, was seen last, or is
     looked for first; ``lost`` counts frames since it was seen; ``usual`` is the running mean of its correlation.
     """
+
+    kept = ("warp", "lost", "usual", "_history", "_corner", "_seen")
 
     def __init__(self, patch: Patch, points: Floats, warp: Floats) -> None:
         self.warp = warp
@@ -138,30 +139,6 @@ class PatchTrack:
     def miss(self) -> None:
         """Note that it was not seen."""
         self.lost += 1
-
-    def to_state(self) -> dict[str, Any]:
-        """Return what :meth:`restore` needs."""
-        seen = self._seen
-        return {
-            "warp": self.warp.tolist(),
-            "lost": self.lost,
-            "usual": self.usual,
-            "history": [[time_s, warp.tolist()] for time_s, warp in self._history],
-            "corner": list(self._corner),
-            "seen": None if seen is None else base64.b64encode(seen.tobytes()).decode(),
-        }
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a noted state, exactly."""
-        self.warp = np.array(state["warp"], dtype=np.float64)
-        self.lost, self.usual = int(state["lost"]), float(state["usual"])
-        self._history = [(float(time_s), np.array(warp, dtype=np.float64)) for time_s, warp in state["history"]]
-        x, y = state["corner"]
-        self._corner = (int(x), int(y))
-        self._seen = None
-        if state["seen"] is not None:
-            seen = np.frombuffer(base64.b64decode(state["seen"]), np.uint8)
-            self._seen = seen.reshape(math.isqrt(len(seen)), -1).copy()
 
 
 def put(readings: NDArray[np.void], index: int, fit: Fit, at: Point, covariance: Floats, *, spread: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
+from tracker.checkpoint import Kept
 from tracker.detect.fiducials import find_tags
 from tracker.follow.follower import nothing
 from tracker.patches.align import Fit, Patch
@@ -29,13 +31,15 @@ _GREW: Final = 1.25
 """Change of size from which a tag's template is made anew."""
 
 
-class TagStick:
+class TagStick(Kept):
     """A stick with a tag, found by OpenCV's detector, then followed.
 
     Its markers are the middles of the tag's left and right edge, so that the stick points along the tag's own x axis.
     """
 
     drawn = True
+    shutter_share = 0.0
+    """Not told by a tag."""
 
     def __init__(self, family: str, number: int) -> None:
         self.family, self.number = family, number
@@ -50,11 +54,6 @@ class TagStick:
     def length_px(self) -> float:
         """The tag's side."""
         return math.nan if self._found is None else self._found[0].side_px * size_of(self._found[1].warp)
-
-    @property
-    def shutter_share(self) -> float:
-        """Not told by a tag."""
-        return 0.0
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return what is read of both markers in the next frame."""
@@ -109,7 +108,7 @@ class TagStick:
         tag, track = self._found
         return {"side_px": tag.side_px, "soft": tag.soft, "track": track.to_state()}
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a noted state, exactly."""
         self._found = None
         if state:

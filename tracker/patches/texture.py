@@ -18,8 +18,6 @@ from tracker.patches.warps import Point
 
 _TURN_DOUBT: Final = 4.0
 """How much worse a patch may show its turn than its place. Texture has 1 to 2.6, dots on paper have 6 to 9."""
-_ANGLES: Final = 24
-"""Turns at which a patch is looked for. Between two of them its rim is off by 2 px, a step of the coarse search."""
 _COARSE: Final = 2
 """Pixels per step of the coarse search."""
 _KEPT: Final = 8
@@ -77,7 +75,9 @@ class TurnedSearch:
         self._offset = offset_px
         half = int(window_px / math.sqrt(2.0) / _COARSE)
         self._half = half
-        self._turns = [0.0] if still else [math.tau * number / _ANGLES for number in range(_ANGLES)]
+        # From one turn to the next a patch's rim goes two steps of the search: half way between it is off by one.
+        turns = math.ceil(math.pi * window_px / _COARSE)
+        self._turns = [0.0] if still else [math.tau * number / turns for number in range(turns)]
         v, u = (axis.ravel() * float(_COARSE) for axis in np.mgrid[-half : half + 1, -half : half + 1])
         side = 2 * half + 1
         self._templates: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
@@ -88,7 +88,7 @@ class TurnedSearch:
             one, two = (look(x, y).astype(np.float32).reshape(side, side) for look in looks)
             self._templates.append((one, two))
         # How far the second point is off where the turn is wrong by half a step, or the camera is rolled.
-        wrong_rad = 3.0 * TURN_RAD if still else math.pi / _ANGLES
+        wrong_rad = 3.0 * TURN_RAD if still else math.pi / turns
         self._loose = 2 * math.ceil(math.hypot(*offset_px) * math.sin(wrong_rad) / _COARSE) + 1
 
     def find(self, luma: NDArray[np.uint8], region: Region) -> list[Candidate]:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
+from tracker.checkpoint import Kept
 from tracker.follow.innovation import passes
 from tracker.follow.judgement import SHAKE_PX, circle_misfit, further, rigid_misfit
 from tracker.follow.redetect import SELDOM, Prediction, jump_px
@@ -37,7 +37,7 @@ _OWN_TURN_RAD: Final = math.radians(12.0)
 sides and its diagonals bent by 11 degrees against each other."""
 
 
-class TextureStick:
+class TextureStick(Kept):
     """A stick with texture around two of its points, each followed by its patch of the first frame.
 
     The points are at a constant distance, and both patches turn as the line through them does: a patch that slides
@@ -46,6 +46,9 @@ class TextureStick:
     """
 
     drawn = False
+    shutter_share = 0.0
+    """Not told by texture."""
+    kept = ("_own", "_tracks")
 
     def __init__(
         self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
@@ -74,11 +77,6 @@ class TextureStick:
     def length_px(self) -> float:
         """Distance of both points."""
         return float(self._own["length"][0])
-
-    @property
-    def shutter_share(self) -> float:
-        """Not told by texture."""
-        return 0.0
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return what is read of both markers in the next frame."""
@@ -238,16 +236,3 @@ class TextureStick:
             if not self._at([one, two], self._points)
         ]
         return math.degrees(min(turns, default=math.nan))
-
-    def to_state(self) -> dict[str, Any]:
-        """Return what :meth:`restore` needs."""
-        return {
-            "own": base64.b64encode(self._own.tobytes()).decode(),
-            "tracks": [track.to_state() for track in self._tracks],
-        }
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a noted state, exactly."""
-        self._own = np.frombuffer(base64.b64decode(state["own"]), STICK).copy()
-        for track, content in zip(self._tracks, state["tracks"], strict=True):
-            track.restore(content)

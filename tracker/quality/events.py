@@ -16,8 +16,6 @@ from tracker.rows import CODE
 if TYPE_CHECKING:
     from tracker.track import TrackResult
 
-_SHORTEST: Final = 2
-"""Frames for which a marker must be away to be told, unless the angle is lost with it."""
 _KINDS: Final = {
     "hidden": ("occlusion", "{name} is covered or blurred"),
     "lost": ("lost", "{name} is not found"),
@@ -66,7 +64,8 @@ def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list
     away = (state != CODE["seen"]) & (state != CODE["dark"]) & (state != CODE["damaged"])
     events: list[dict[str, Any]] = []
     for run in _runs(away):
-        if len(run) < _SHORTEST and angles.valid[run].all():
+        if len(run) == 1 and angles.valid[run[0]]:
+            # Away for a single frame, which has its angle all the same.
             continue
         counts = np.bincount(state[run], minlength=len(CODE))
         reason = max(_KINDS, key=lambda key: int(counts[CODE[key]]))

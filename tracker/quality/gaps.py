@@ -37,7 +37,10 @@ _DO: Final = {
         "structure all around them, or stick dots or tags on."
     ),
     "picture": "a marker leaves the picture; film from further away.",
-    "sticks": "the sticks pass so close to each other that their markers mix; mount them further apart.",
+    "sticks": (
+        "one stick lies over the other's markers, or so close to them that they mix; mount the moving stick on the "
+        "camera's side and the sticks further apart."
+    ),
     "shutter": (
         "the moving stick is fast there and its markers are smeared over {smear_px:.0f} px; film with a shorter "
         "shutter time and more light, or move more slowly."

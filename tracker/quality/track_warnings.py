@@ -15,8 +15,7 @@ from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation, stick_direction
 from tracker.angle.row_time import circles
 from tracker.follow.innovation import passes
-from tracker.follow.judgement import MOVED_RAD, circle_misfit
-from tracker.follow.state import STICK
+from tracker.follow.judgement import MOVED_RAD, circle_sigma_px
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -27,8 +26,6 @@ _GONE: Final = 0.5
 """Share of frames without the base from which it is doubted."""
 _WANDERS: Final = 0.25
 """Share of frames off their circles from which the axis is doubted: a marker misread now and then has less."""
-_LOOKED_AT: Final = 200
-"""Frames that tell that share to a thirtieth."""
 _FEW: Final = 2
 """Frames of both sticks that prove which one turns."""
 
@@ -36,7 +33,11 @@ _FEW: Final = 2
 def doubts(result: TrackResult) -> list[str]:
     """Return sentences that a person has to read before the angles are used; most tracks have none."""
     given = bool(result.report["markers"]["given"])
-    found = (_exchanged_sticks(result.tracks) or _missing_base(result)) if given else _faint_markers(result)
+    found = (
+        (_exchanged_sticks(result.tracks) or _missing_base(result))
+        if given
+        else _rival_markers(result) + _faint_markers(result)
+    )
     # Circles of a stick that rests tell nothing of the axis.
     kind = result.report["markers"]["kind"]
     if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
@@ -64,6 +65,27 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
         "stick turn further once, with the camera where it is."
     )
     return [words]
+
+
+def _rival_markers(result: TrackResult) -> list[str]:
+    """Tell that other dots are about as likely to be the markers as those that were taken."""
+    markers = result.report["markers"]
+    rivals = markers.get("rivals", [])
+    if not rivals:
+        return []
+    others = " or ".join(f"{_in_words(rival)} ({rival['probability']:.0%})" for rival in rivals)
+    words = (
+        f"Other dots look like the sticks' markers, and neither the picture nor the motion rules them out: "
+        f"{_in_words(markers['taken'])} were taken ({markers['taken']['probability']:.0%}); it may be {others}. The "
+        "angles are wrong if so. track.png shows both; pick the markers with 'torsight markers', or cover the other "
+        "dots while filming."
+    )
+    return [words]
+
+
+def _in_words(couple: Mapping[str, Any]) -> str:
+    places = {stick: " and ".join(f"[{x:.0f}, {y:.0f}]" for x, y in couple[stick]) for stick in _STICKS}
+    return f"base {places['base']} with moving {places['moving']}"
 
 
 def _faint_markers(result: TrackResult) -> list[str]:
@@ -160,19 +182,15 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
     both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & tracks.valid[:, :2].any(axis=1))
     if axis is None or not len(both):
         return []
-    points = tracks.position_px[both, 2:][:: max(1, len(both) // _LOOKED_AT)] - axis
-    stick = np.zeros(1, STICK)
-    stick["axis"]["known"], stick["shortest"], stick["longest"] = 1, 1.0, 1.0
-    stick["axis"]["arm"][0, :, 0] = np.median(np.hypot(points[..., 0], points[..., 1]), axis=0)
-    nowhere = np.zeros(2)
-    off = 0
-    for pair in points.tolist():
-        misfits = [circle_misfit(stick[0], nowhere, (x, y), end) for end, (x, y) in enumerate(pair)]
-        off += not passes(sum(misfit**2 for misfit in misfits), 2)
-    if off < _WANDERS * len(points):
+    away_px = np.linalg.norm(tracks.position_px[both, 2:] - axis, axis=-1)
+    usual_px = np.median(away_px, axis=0)
+    sigma_px = np.array([circle_sigma_px(px, 0.0) for px in usual_px.tolist()])
+    chi_squared = np.sum(np.square((away_px - usual_px) / sigma_px), axis=1)
+    off = sum(not passes(value, 2) for value in chi_squared.tolist())
+    if off < _WANDERS * len(both):
         return []
     words = (
-        f"The moving stick goes around no fixed axis: in {off} of {counted(len(points), 'frame')} looked at its "
+        f"The moving stick goes around no fixed axis: in {off} of {counted(len(both), 'frame')} its "
         "markers are off the circles that the others show. Angles are those of a stick on a fixed axis; look in "
         "track.png whether the markers are what was read."
     )

@@ -27,6 +27,11 @@ def suddenly(rate_deg_s: float) -> Rig:
     return replace(RIG, angle_deg=lambda t: 60.0 - np.where(t < 0.5, 30.0 * t, 15.0 + rate_deg_s * (t - 0.5)))
 
 
+def below(time_s: np.ndarray) -> np.ndarray:
+    """Turn until the base, which lies above, hides the moving stick; stay there, and come back."""
+    return 60.0 - np.interp(time_s, [0.0, 0.6, 1.1, 1.7], [0.0, 60.0, 60.0, 0.0])
+
+
 @dataclass
 class Changed:
     """A rig whose pictures are changed, by their number."""
@@ -69,6 +74,7 @@ def absent(number: int, picture: np.ndarray) -> np.ndarray:
         ("late", Changed(RIG, absent), "found from frame 30 on"),
         ("light", replace(RIG, dark_s=(0.4, 1.0)), "steady lamp"),
         ("hand", replace(RIG, covers=[Cover(0.4, 1.0, "moving")]), "keep hands"),
+        ("sticks", replace(RIG, angle_deg=below, base_on_top=True, frames=50), "on the camera's side"),
         ("interlaced", Woven(suddenly(250.0), lambda _, picture: picture), "interlaced without saying so"),
     ],
 )

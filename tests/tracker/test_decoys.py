@@ -1,0 +1,75 @@
+"""Dots that look like markers beside the rig: the right ones are taken, or it is said that they may be others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from decoy_films import Bar, DecoyFilm
+
+from torsight.cli.track import track_to_folder
+from torsight.core.files.storage import read_json
+from torsight.markers.session import find_markers, first_picture
+from tracker.angle.orient import orient
+from tracker.frames.source import open_source
+from tracker.initialise import find_start
+from tracker.track import track_film
+
+# Of these 1 had its base from the decoys, 8 had no result, and 15 was off by 126 degrees when the picture alone chose.
+SEEDS = (1, 3, 8, 15)
+
+
+def error_deg(film: DecoyFilm, angle_rad: np.ndarray) -> float:
+    """Return the usual error of the angles, whole turns apart."""
+    return float(np.nanmedian(np.abs((np.rad2deg(angle_rad) - film.truth_deg + 180.0) % 360.0 - 180.0)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_decoys_are_not_taken_for_a_stick(seed: int, tmp_path: Path) -> None:
+    film = DecoyFilm.of(seed)
+    assert film.decoys
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert "rivals" not in result.report["markers"]
+    # Twenty times the bound for these dots, 1.06 · 2 / 120 · √(1 / 4) px over 40 px, and the drawing's sixteenths.
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
+
+
+def opposite(film: DecoyFilm) -> DecoyFilm:
+    """Return a film in which the base goes on beyond the axis, with two more dots: nothing tells which are meant."""
+    base = film.base
+    other = Bar(**{**vars(base), "turn_deg": base.turn_deg + 180.0})
+    return replace(film, decoys=(other,), shake_px=np.zeros_like(film.shake_px))
+
+
+def test_what_nothing_tells_apart_is_said_with_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = opposite(DecoyFilm.of(1))
+    track_to_folder(film.write(tmp_path / "film.mkv"), out=tmp_path / "out")
+    told = read_json(tmp_path / "out" / "track.json")
+    markers = told["markers"]
+    (rival,) = markers["rivals"]
+    places = sorted([markers["taken"]["base"], rival["base"]])
+    expected = sorted([film.base.dots_px.tolist(), film.decoys[0].dots_px.tolist()])
+    np.testing.assert_allclose(places, expected, atol=0.2)
+    assert markers["taken"]["probability"] + rival["probability"] == pytest.approx(1.0, abs=0.01)
+    (about,) = [text for text in told["advice"] if "Other dots look like" in text]
+    assert "torsight markers" in about
+    assert "Other dots look like" in capsys.readouterr().err
+
+
+def test_couples_of_which_the_film_tells_nothing_are_as_the_picture_has_them(tmp_path: Path) -> None:
+    film = replace(DecoyFilm.of(1), angle_deg=np.full(20, 100.0))
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.rivals
+    assert start.taken is not None
+    assert start.taken.probability < 0.5
+
+
+def test_the_page_for_markers_shows_what_motion_tells(tmp_path: Path) -> None:
+    film = DecoyFilm.of(3)
+    source = open_source(film.write(tmp_path / "film.mkv"))
+    _, named = find_markers(source, first_picture(source)[0])
+    assert named is not None
+    # A shake of one pixel, four standard deviations.
+    np.testing.assert_allclose(named, np.concatenate([film.base.dots_px, film.at(0).dots_px]), atol=4.0)
