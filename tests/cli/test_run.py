@@ -1,12 +1,9 @@
-"""The main job on a film of a rig with a hidden effect: every file of the contract, and the same again."""
+"""The main job on a film of a rig with a hidden effect: every file of the contract."""
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -14,9 +11,7 @@ import numpy as np
 import pytest
 
 from tests.command_line import leave
-from tests.docs.docs_world import small_scene
 from tests.few_effects import try_few
-from tests.recordings import fingerprint
 from torsight.cli.run import other_versions
 from torsight.core.files.storage import read_json, read_table
 from torsight.synthetic.scene import demo_scene, scene_from
@@ -50,15 +45,6 @@ DISCOVERY_KEYS = {
     "parameters",
     "next_experiment",
 }
-ROOT = Path(__file__).parents[2]
-AGAIN = """
-import sys
-import pytest
-from tests.few_effects import try_few
-from torsight.cli.main import main
-try_few(pytest.MonkeyPatch())
-main(sys.argv[1:])
-"""
 SCENE = """
 seed = 23
 [protocol]
@@ -155,26 +141,6 @@ def test_the_summary_of_an_ambiguous_run_says_what_to_do_next(finished: Path, tm
     found |= {"verdict": "ambiguous", "next_experiment": {"text": "Heat A slowly."}}
     (tmp_path / "discovery.json").write_text(json.dumps(found), encoding="utf-8")
     assert "Next experiment   Heat A slowly." in summary(tmp_path)
-
-
-def test_provenance_is_enough_to_do_it_again_with_any_number_of_threads(tmp_path: Path) -> None:
-    """Same numbers, same bytes: every file but the recording, and all of its data; only its stamps may differ."""
-    # The report says the name of its folder.
-    out, again = tmp_path / "out", tmp_path / "again" / "out"
-    render_scene(small_scene(), out=tmp_path / "rig")
-    with pytest.MonkeyPatch.context() as patch:
-        try_few(patch)
-        assert leave("run", str(tmp_path / "rig" / "experiment.toml"), "--out", str(out)) == 0
-    # Here linear algebra has one thread (tests/conftest.py).
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "2")
-    command = [sys.executable, "-c", AGAIN, "run", "--from", str(out / "provenance.json"), "--out", str(again)]
-    done = subprocess.run(command, env={**os.environ, **threads}, capture_output=True, text=True, check=False, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    assert {path.name for path in again.iterdir()} == {path.name for path in out.iterdir()} >= {*FILES}
-    for path in out.glob("*.*"):
-        if path.name != "recording.rrd":
-            assert (again / path.name).read_bytes() == path.read_bytes(), path.name
-    assert fingerprint(again / "recording.rrd") == fingerprint(out / "recording.rrd")
 
 
 def test_an_input_that_changed_since_is_refused(

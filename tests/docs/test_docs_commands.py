@@ -26,9 +26,11 @@ from types import ModuleType
 import pytest
 
 from tests.browser import ask
+from tests.cli.test_run import FILES
 from tests.docs.docs_world import fill_in, make_world, small_scene
 from tests.docs.documented import PAGES, ROOT, commands
 from tests.few_effects import try_few
+from tests.recordings import fingerprint
 from torsight.cli.main import main
 from torsight.cli.reference import command_reference
 from torsight.cli.run import UNFINISHED
@@ -39,6 +41,14 @@ from torsight.core.tracks import MARKERS
 from torsight.viewer import save_pictures
 from torsight.viewer.program import free_port
 
+AGAIN = """
+import sys
+import pytest
+from tests.few_effects import try_few
+from torsight.cli.main import main
+try_few(pytest.MonkeyPatch())
+main(sys.argv[1:])
+"""
 TEXTS = {page.name: page.read_text(encoding="utf-8") for page in PAGES} | {"commands.md": command_reference()}
 PAGES_WITH_COMMANDS = sorted(name for name, text in TEXTS.items() if commands(text))
 
@@ -83,7 +93,7 @@ class World:
             _pick(words)
             return
         if words[:2] == ["run", "--from"]:
-            # Done again, to the last byte, in tests/cli/test_run.py.
+            # Done again, to the last byte, by a test of its own below.
             assert read_json(self.folder / words[2])["command"]
             return
         if words[:2] == ["live", "0"]:
@@ -205,7 +215,8 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
         _stand_in(patch, folder)
         made.give("torsight run experiment.toml --out results")
     # Pages may be run by different workers: what one of them leaves, the next one finds here.
-    shutil.copytree(folder / "results", folder / "out")
+    for name in ("out", "first/results"):
+        shutil.copytree(folder / "results", folder / name)
     for name in ("angle.csv", "provenance.json"):
         shutil.copy(folder / "results" / name, folder)
     campaign = folder / "campaign" / "one"
@@ -215,6 +226,23 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     film = (folder / "experiment.toml").read_text(encoding="utf-8")
     (campaign / "experiment.toml").write_text(film.replace('[video]\npath = "film.mp4"', '[angle]\nfile = "angle.csv"'))
     return made
+
+
+def test_provenance_is_enough_to_do_it_again_with_any_number_of_threads(world: World) -> None:
+    """Same numbers, same bytes: every file but the recording, and all of its data; only its stamps may differ."""
+    # The report says the name of its folder.
+    out, again = (world.folder / name / "results" for name in ("first", "second"))
+    # Here linear algebra has one thread (tests/conftest.py).
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "2")
+    command = [sys.executable, "-c", AGAIN, "run", "--from", str(out / "provenance.json"), "--out", str(again)]
+    environment = os.environ | threads | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, cwd=world.folder)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in again.iterdir()} == {path.name for path in out.iterdir()} >= {*FILES}
+    for path in out.glob("*.*"):
+        if path.name != "recording.rrd":
+            assert (again / path.name).read_bytes() == path.read_bytes(), path.name
+    assert fingerprint(again / "recording.rrd") == fingerprint(out / "recording.rrd")
 
 
 @pytest.mark.parametrize("page", PAGES_WITH_COMMANDS)

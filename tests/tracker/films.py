@@ -13,6 +13,8 @@ from pathlib import Path
 import av
 import numpy as np
 
+LOSSLESS = ("ffv1", "rawvideo")
+
 
 @dataclass
 class Cover:
@@ -334,13 +336,16 @@ def _texture(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
 
 
 def write_film(
-    rig: Rig, path: Path, *, codec: str = "ffv1", crf: int | None = None, options: dict | None = None
+    rig: Rig, path: Path, *, codec: str = "rawvideo", crf: int | None = None, options: dict | None = None
 ) -> Path:
-    """Encode a rig's frames with their times; returns the path."""
+    """Encode a rig's frames with their times; returns the path.
+
+    Without a codec they are stored as they are: to pack and unpack them takes half as long as to draw them.
+    """
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=int(rig.fps))
         stream.width, stream.height = rig.size
-        stream.pix_fmt = "gray" if codec == "ffv1" else "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        stream.pix_fmt = "gray" if codec in LOSSLESS else "yuvj420p" if codec == "mjpeg" else "yuv420p"
         stream.options = dict(options or {})
         if crf is not None:
             stream.options = {"crf": str(crf), "preset": "veryfast", **(options or {})}

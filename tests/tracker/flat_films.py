@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 FINE = 3
+LOSSLESS = ("ffv1", "rawvideo")
 
 
 @dataclass
@@ -122,16 +123,16 @@ class FlatFilm:
                 cv2.circle(fine, place, round(hand.radius_mm * FINE), hand.level, -1)
         return fine
 
-    def write(self, path: Path, *, codec: str = "ffv1", crf: int = 18) -> Path:
-        """Encode the film: FFV1, or H.264 with its rate factor."""
+    def write(self, path: Path, *, codec: str = "rawvideo", crf: int = 18) -> Path:
+        """Write the film: pictures as they are, FFV1, or H.264 with its rate factor."""
         with av.open(str(path), "w") as container:
             stream = container.add_stream(codec, rate=Fraction(self.fps))
             stream.width, stream.height = self.size
-            stream.pix_fmt = "gray" if codec == "ffv1" else "yuv420p"
-            stream.options = {} if codec == "ffv1" else {"crf": str(crf), "preset": "veryfast"}
+            stream.pix_fmt = "gray" if codec in LOSSLESS else "yuv420p"
+            stream.options = {} if codec in LOSSLESS else {"crf": str(crf), "preset": "veryfast"}
             for number, picture in enumerate(self.pictures()):
                 frame = av.VideoFrame.from_ndarray(picture, format="gray")
-                if codec != "ffv1":
+                if codec not in LOSSLESS:
                     planes = np.full((self.size[1] * 3 // 2, self.size[0]), 128, np.uint8)
                     planes[: self.size[1]] = picture
                     frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")

@@ -53,7 +53,7 @@ def bound_deg(rig: Rig) -> float:
     return float(np.rad2deg(np.sqrt(2.0) * sigma_px / (rig.moving_px[1] - rig.moving_px[0])))
 
 
-def run(rig: Rig, *, given: bool = True, codec: str = "ffv1", crf: int | None = None) -> Outcome:
+def run(rig: Rig, *, given: bool = True, codec: str = "rawvideo", crf: int | None = None) -> Outcome:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         film = write_film(rig, folder / ("film.mp4" if codec == "libx264" else "film.mkv"), codec=codec, crf=crf)

@@ -120,7 +120,7 @@ class _Trial:
     spread: float
 
     @classmethod
-    def of(cls, window: Floats, values: Floats, free: int) -> _Trial:
+    def of(cls, window: Floats, values: Floats, free: int, spread: float) -> _Trial:
         """Solve the linear part for a given shape (variable projection); the first ``free`` values are to be fitted."""
         shape, rows = np.zeros(1, SHAPE), np.empty((10, window.shape[1]))
         shape["radius"], shape["edge"], shape["stretch"] = values[2], values[3], values[4:6]
@@ -128,7 +128,6 @@ class _Trial:
         plain, wanted = rows[:4], np.vstack([window[2], rows[4 : 4 + free]])
         weights = np.linalg.solve(plain @ plain.T, plain @ wanted.T)
         left = wanted - weights.T @ plain
-        spread = float(np.sum((window[2] - window[2].mean()) ** 2))
         return cls(values, weights[:, 0], left[0], weights[1, 0] * left[1:], spread)
 
     @property
@@ -150,7 +149,8 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
     window = _cut(luma, start[0], start[1], window_px)
     if window is None:
         return None
-    found, damping = _Trial.of(window, start, free), 1e-3
+    spread = float(np.sum((window[2] - window[2].mean()) ** 2))
+    found, damping = _Trial.of(window, start, free, spread), 1e-3
     for step in range(_ROUNDS):
         if found.explained < (_DOUBTFUL if step < _LOOK else _HOPELESS):
             return None
@@ -161,7 +161,7 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
         values = found.values.copy()
         values[:free] += np.clip(delta, -0.3 * radius_px, 0.3 * radius_px)
         values[3] = max(values[3], _SHARPEST_PX)
-        trial = _Trial.of(window, values, free) if _is_sane(values, found.values, start, radius_px) else None
+        trial = _Trial.of(window, values, free, spread) if _is_sane(values, found.values, start, radius_px) else None
         if trial is None or trial.square > found.square:
             damping = 10.0 * max(damping, 1e-4)
             continue
