@@ -19,9 +19,9 @@ from tracker.detect.sticks import CLEAR, Stick, are_markers, couples_in, towards
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.hypotheses import Couple, weigh_couples
-from tracker.follow.innovation import SURE
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.frames.frame import Frame, FrameSource
+from tracker.innovation import SURE
 
 
 @dataclass(frozen=True, slots=True)

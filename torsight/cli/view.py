@@ -58,9 +58,10 @@ def view(
     if serve:
         browser_port = chosen_port(web_port, 9090, option="--web-port")
         arguments = ["--serve-web", "--web-viewer-port", str(browser_port), str(recording)]
-        say(f"In a browser  {browser_address(browser_port, address_of(own_port))}  (Ctrl-C ends it)")
     viewer = Viewer(arguments, port=own_port)
     try:
+        if serve:
+            say(f"In a browser  {browser_address(browser_port, address_of(own_port))}  (Ctrl-C ends it)")
         code = viewer.wait()
         reason = viewer.why_ended()
     except Ended as ended:

@@ -21,8 +21,8 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
-from tracker.follow.innovation import SIGMAS
 from tracker.follow.judgement import SHAKE_PX
+from tracker.innovation import SIGMAS
 
 _MOVED: Final = 1.5
 """Motion (rms over the film) over the noise of one frame from which it is taken out."""

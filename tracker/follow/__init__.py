@@ -2,10 +2,10 @@
 
 In: a picture (uint8), its time (s), and the state of all that is known. Out: what was read of every marker, positions
 in px (y down), covariances in px², and why a marker was not read. ``frame_step`` is one frame: ``motion_model``,
-``reading``, ``judgement``, ``learning``, compiled, on ``state``; ``innovation`` is the test by which what was found
-is held against what was predicted; ``redetect`` looks for what failed it; ``rotation_axis`` learns about what a stick
-turns; ``marker`` is a dot as following begins, ``dots`` those of a stick or of two, ``follower`` goes through a film
-with two sticks of any kinds.
+``reading``, ``judgement``, ``learning``, compiled, on ``state``; ``redetect`` looks for what failed the test of
+:mod:`tracker.innovation`; ``rotation_axis`` learns about what a stick turns; ``marker`` is a dot as following begins,
+``followed_dots`` those of a stick or of two, ``follower`` goes through a film with two sticks of any kinds, and
+``hypotheses`` weighs which two of several pairs of dots they are.
 
 What half and twice the constants do is measured by ``benchmarks/tracking/constants.py``.
 """

@@ -14,12 +14,12 @@ from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import RATE, READING
 from tracker.checkpoint import Kept
 from tracker.follow.followed_dots import DotState
-from tracker.follow.innovation import SIGMAS
 from tracker.follow.judgement import MOVED_RAD, TURN_RAD, base_shift
 from tracker.follow.learning import write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
+from tracker.innovation import SIGMAS
 from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN
 
 _DARK_SHARE: Final = 0.4

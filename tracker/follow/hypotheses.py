@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.detect.sticks import Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
-from tracker.follow.innovation import SURE
 from tracker.follow.marker import markers_on
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import STANDS_PX, axis_weight, suppose_axis
 from tracker.frames.frame import Frame
+from tracker.innovation import SURE
 from tracker.rows import SEEN
 
 Places = NDArray[np.complex128]
@@ -76,7 +76,7 @@ def weigh_couples(
     """Return couples of pairs, each with either as the base, the likeliest first.
 
     ``luma`` is the picture in which they were found, ``frames`` are those after it: they are taken until a couple is as
-    sure as :data:`tracker.follow.innovation.SURE`, or to their end. Couples of which the film tells nothing keep their
+    sure as :data:`tracker.innovation.SURE`, or to their end. Couples of which the film tells nothing keep their
     order.
     """
     pairs = {id(pair): pair for couple in couples for pair in couple}

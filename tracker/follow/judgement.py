@@ -16,10 +16,10 @@ from torsight.core.compiled import compiled, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
-from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.motion_model import STALE, is_base
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, arm_px, on_circle, turned
 from tracker.follow.state import KEPT, Scene
+from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
 SHAKE_PX: Final = 2.0

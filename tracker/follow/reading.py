@@ -13,8 +13,8 @@ from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Luma, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
-from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.state import Scene
+from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, OUTSIDE, SEEN
 
 LEAST_STEP: Final = 4.0

@@ -24,7 +24,6 @@ from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_in
 from tracker.detect.sticks import MOST
 from tracker.follow.frame_step import stick_at
-from tracker.follow.innovation import SIGMAS, passes
 from tracker.follow.judgement import (
     NEAR,
     SHAKE_PX,
@@ -40,6 +39,7 @@ from tracker.follow.motion_model import is_base
 from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px
 from tracker.follow.state import Scene
+from tracker.innovation import SIGMAS, passes
 from tracker.rows import SEEN, SHADOWED
 
 Record = Any
@@ -48,7 +48,7 @@ JUMP_PX: Final = 15.0
 """Standard deviation of where a stick is against its prediction: a camera that is bumped, a stick that starts."""
 _GROWTH: Final = 2.5
 """Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
-(Bar-Shalom and others, as in :mod:`tracker.follow.innovation`, section 6.2.3)."""
+(Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
 _SLACK: Final = 0.05
 """Share of the step allowed for smear: a marker that is found again may be moving. Without it a tenth of the frames of
 the disc on a pivot (benchmarks/tracking/table.py) have no angle."""

@@ -16,7 +16,7 @@ import numpy as np
 from torsight.core.compiled import compiled, lending
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
-from tracker.follow.innovation import SIGMAS
+from tracker.innovation import SIGMAS
 
 AXIS: Final = np.dtype(
     [

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
-from tracker.follow.innovation import passes
 from tracker.follow.judgement import SHAKE_PX, circle_misfit, further, rigid_misfit
 from tracker.follow.redetect import SELDOM, Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
+from tracker.innovation import passes
 from tracker.patches.align import Fit, Patch
 from tracker.patches.patch_track import AS_USUAL, KEPT, PatchTrack, put
 from tracker.patches.texture import TurnedSearch

@@ -14,8 +14,8 @@ from torsight.core.words.wording import counted
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation, stick_direction
 from tracker.angle.row_time import circles
-from tracker.follow.innovation import passes
 from tracker.follow.judgement import MOVED_RAD, circle_sigma_px
+from tracker.innovation import passes
 from tracker.rows import CODE
 from tracker.track import TrackResult
 

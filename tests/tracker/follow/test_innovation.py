@@ -1,7 +1,7 @@
 import pytest
 from scipy.stats import chi2, norm
 
-from tracker.follow.innovation import _LIMITS, SIGMAS, passes
+from tracker.innovation import _LIMITS, SIGMAS, passes
 
 
 def test_limits_are_the_quantiles_of_chi_squared() -> None:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracker.follow.innovation import passes
 from tracker.follow.motion_model import ways
 from tracker.follow.redetect import direction
 from tracker.follow.rotation_axis import AXIS, direction_from, learn_axis, on_circle
 from tracker.follow.state import KEPT, MARKER
+from tracker.innovation import passes
 
 TIMES_S = np.array([0.0, 0.03, 0.07, 0.1])
 
