@@ -55,6 +55,29 @@ def test_what_only_extends_an_answer_is_no_other_answer() -> None:
     assert {decision.chosen.members, *(one.members for one in decision.rivals)} == {("coulomb",), ("twin",)}
 
 
+def test_what_its_extensions_hold_an_answer_holds() -> None:
+    """What is as improbable as 3 % is no rival of an answer that nearly all other sets contain."""
+    s = signals()
+    candidates = {
+        name: {f"{name}_n": noise(60 + i, size=1.0, tau=6.0)} for i, name in enumerate(("twin", "one", "two"))
+    }
+    candidates["coulomb"] = {"coulomb_n": np.sign(s["speed"])}
+    made = replace(machine(0.3 * np.sign(s["speed"]), seed=5, candidates=candidates), drivers={})
+    settings = Settings(most=2)
+    search = Search(made, settings=settings, progress=silent)
+    field = search.run()
+    shares = {("coulomb",): 0.93, ("twin",): 0.03, ("coulomb", "one"): 0.02, ("coulomb", "two"): 0.02}
+    sets = {
+        members: replace(
+            one, log_evidence=float(np.log(shares.get(members, 1e-9))) + settings.price(search.choices) * len(members)
+        )
+        for members, one in field.explanations.items()
+    }
+    decision = decide(replace(field, explanations=sets), settings=settings, choices=search.choices, can_hold_out=False)
+    assert decision.chosen.members == ("coulomb",)
+    assert decision.rivals == ()
+
+
 def test_a_form_that_is_less_probable_than_nothing_gives_no_name() -> None:
     """Its residual may be as small as the law's where only pulled values or errors of the inputs tell the two apart."""
     made = machine(0.5 * signals()["position"], seed=7, candidates={"spring": {"spring_n": signals()["position"]}})

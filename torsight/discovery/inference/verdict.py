@@ -114,17 +114,20 @@ class _Judge:
     def answers(self) -> list[Explanation]:
         """Return the best set of every answer of the smallest group that holds the credible share, best first.
 
-        Where what all of them share is one of them, that is what is certain: the one answer.
+        An answer holds what its extensions hold: they say the same, and that more may be missing. Where what all of
+        the answers share is one of them, that is what is certain: the one answer.
         """
         groups: dict[Places, list[EffectSet]] = {}
         for members in self._field.explanations:
             groups.setdefault(self.places(members), []).append(members)
         weight = {places: sum(self.probability[m] for m in sets) for places, sets in groups.items()}
-        told, sum_told = [], 0.0
+        told: list[Places] = []
         for places in sorted(weight, key=lambda key: (-weight[key], sorted(key))):
             told.append(places)
-            sum_told += weight[places]
-            if sum_told >= self._settings.credible:
+            held = (
+                share for other, share in weight.items() if other in told or any(one and one <= other for one in told)
+            )
+            if sum(held) >= self._settings.credible:
                 break
         shared = frozenset.intersection(*told)
         if shared in told and shared:
