@@ -6,7 +6,8 @@ Logs of known wires (ramps, holds, natural cooling, a controlled top that oversh
 second with noise of 0.02 to 0.25 °C; some behind a sensor with a lag of 3 s) are conditioned, and drive the plain model
 of the reference rig. Columns: rms error of the temperature in mK, and of the slope in mK/s; what errors are over their
 sigmas (rms); bias of the tops, mK; rms error of the model's angle, in thousandths of a degree, against the same wire
-without noise. Behind a lag the angle is not looked at: the model takes it as an effect.
+without noise. Behind a lag the angle is not looked at: the model takes it as an effect. The last line is of the two
+wires with a lag: as they come out between two time constants of the grid that fits use (_LAG_GRID_S), and for their own.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.half_and_twice import half_and_twice
 from torsight.actuator import ActuatorModel, reference_spec
+from torsight.actuator.drive import _LAG_GRID_S
 from torsight.actuator.record.conditioning import condition
 from torsight.core.records import SyncedTable
 
@@ -78,6 +80,10 @@ def main() -> None:
                 continue
             for factor in half_and_twice(name, module):
                 line(f"{module_name} {name} × {factor:g}", options.seeds)
+    between, own = np.sqrt(
+        np.mean([lagged(wire, seed) for wire in WIRES[-2:] for seed in range(options.seeds)], axis=0)
+    )
+    print(f"{'between time constants, and for its own':36s} {between:7.2f} {own:7.2f} mK")
 
 
 def line(title: str, seeds: int) -> None:
@@ -91,18 +97,33 @@ def line(title: str, seeds: int) -> None:
 
 def measured(wire: Wire, seed: int) -> Iterator[tuple[float, float, float, float, float]]:
     """Give the rms errors of one log."""
-    fine_s, fine_c = true_wire(wire)
-    every = round(wire.interval_s / FINE_S)
-    time_s, temp_c = fine_s[::every], fine_c[::every]
-    noise = wire.noise_c * np.random.default_rng(seed).standard_normal(len(time_s))
-    read = np.round(behind(fine_c, wire.lag_s)[::every] + noise, 2)
+    time_s, temp_c, read = logged(wire, seed)
     found = condition(time_s, read, lag_s=wire.lag_s)
     error = found.temp_c - temp_c
-    slope = found.rate_c_s - np.gradient(fine_c, FINE_S)[::every]
+    slope = found.rate_c_s - np.gradient(true_wire(wire)[1], FINE_S)[:: round(wire.interval_s / FINE_S)]
     pull = float(np.sqrt(np.mean((error / np.maximum(found.sigma_c, 1e-3)) ** 2)))
     top = float(found.temp_c.max() - temp_c.max())
     angle = np.nan if wire.lag_s else angle_error_deg(time_s, temp_c, read)
     yield 1e3 * rms(error), 1e3 * rms(slope), pull, 1e3 * top, 1e3 * angle
+
+
+def logged(wire: Wire, seed: int) -> tuple[Array, Array, Array]:
+    """Return times, the wire's temperatures and what is read of them."""
+    fine_s, fine_c = true_wire(wire)
+    every = round(wire.interval_s / FINE_S)
+    time_s, temp_c = fine_s[::every], fine_c[::every]
+    noise = wire.noise_c * np.random.default_rng(seed).standard_normal(len(time_s))
+    return time_s, temp_c, np.round(behind(fine_c, wire.lag_s)[::every] + noise, 2)
+
+
+def lagged(wire: Wire, seed: int) -> tuple[float, float]:
+    """Return the mean square error behind a lag, from its neighbours on the grid and from itself, mK²."""
+    time_s, temp_c, read = logged(wire, seed)
+    above = next(lag_s for lag_s in _LAG_GRID_S if lag_s > wire.lag_s)
+    below = max(lag_s for lag_s in _LAG_GRID_S if lag_s <= wire.lag_s)
+    low, high, own = (condition(time_s, read, lag_s=lag_s).temp_c for lag_s in (below, above, wire.lag_s))
+    share = (wire.lag_s - below) / (above - below)
+    return 1e6 * rms(low + share * (high - low) - temp_c) ** 2, 1e6 * rms(own - temp_c) ** 2
 
 
 def rms(values: Array) -> float:
