@@ -7,7 +7,7 @@ second with noise of 0.02 to 0.25 °C; some behind a sensor with a lag of 3 s) a
 of the reference rig. Columns: rms error of the temperature in mK, and of the slope in mK/s; what errors are over their
 sigmas (rms); bias of the tops, mK; rms error of the model's angle, in thousandths of a degree, against the same wire
 without noise. Behind a lag the angle is not looked at: the model takes it as an effect. The last line is of the two
-wires with a lag: as they come out between two time constants of the grid that fits use (_LAG_GRID_S), and for their own.
+wires with a lag: as they come out between two time constants of the grid of fits (_LAG_GRID_S), and for their own.
 """
 
 from __future__ import annotations
