@@ -28,8 +28,8 @@ from torsight.core.units import Floats
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
 _BLOCK_S: Final = 0.1
-"""Readings that are closer are taken together: with twice of it slopes err by 7 % more and
-tops by 21 % (benchmarks/actuator/log_constants.py)."""
+"""Readings that are closer are taken together: with twice of it slopes err by 7 % more and tops by 21 %
+(benchmarks/actuator/log_constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,12 +89,12 @@ def _apart(readings: _Readings, wanted_s: Floats, lines_c: Floats) -> Conditione
     """
     time_s, temp_c = readings.time_s, readings.temp_c
     corners = corner_gaps(time_s, temp_c, readings.noise_c)
-    smoothed, left_over = temp_c.copy(), np.full(len(temp_c), readings.sigma_c)
+    known_c, left_over = temp_c.copy(), np.full(len(temp_c), readings.sigma_c)
     for rows in np.split(np.arange(len(temp_c)), np.flatnonzero(corners) + 1):
         if len(rows) >= SHORTEST and readings.noise_c > NEGLIGIBLE_C:
             piece = replace(readings, time_s=time_s[rows], temp_c=temp_c[rows])
-            smoothed[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
-    value, sigma = between(time_s, smoothed, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
+            known_c[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
+    value, sigma = between(time_s, known_c, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
     rate = np.asarray(np.gradient(value, wanted_s))
     if readings.noise_c > NEGLIGIBLE_C:
         alike = readings.interval_s / usual_step(wanted_s)
