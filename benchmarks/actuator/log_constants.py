@@ -29,6 +29,7 @@ from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.drive import _LAG_GRID_S
 from torsight.actuator.record.conditioning import condition
 from torsight.core.records import SyncedTable
+from torsight.core.series import rms
 
 Array = NDArray[np.float64]
 FINE_S = 0.01
@@ -124,11 +125,6 @@ def lagged(wire: Wire, seed: int) -> tuple[float, float]:
     low, high, own = (condition(time_s, read, lag_s=lag_s).temp_c for lag_s in (below, above, wire.lag_s))
     share = (wire.lag_s - below) / (above - below)
     return 1e6 * rms(low + share * (high - low) - temp_c) ** 2, 1e6 * rms(own - temp_c) ** 2
-
-
-def rms(values: Array) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def true_wire(wire: Wire) -> tuple[Array, Array]:

@@ -19,6 +19,7 @@ from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.record.conditioning import condition
 from torsight.core.records import SyncedTable, TemperatureLog
+from torsight.core.series import rms
 from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
@@ -79,11 +80,6 @@ def programme(rng: np.random.Generator) -> tuple[Array, list[Array]]:
         within = (time_s >= 400.0 * number) & (time_s < 400.0 * (number + 1))
         wires[number % 2][within] = own[within]
     return time_s, wires
-
-
-def rms(values: Array) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 if __name__ == "__main__":

@@ -83,17 +83,20 @@ def weigh_couples(
     states = {key: DotState(markers_on(luma, pair)) for key, pair in pairs.items()}
     places: dict[int, list[Places]] = {key: [] for key in pairs}
     height, width = luma.shape
+
+    def weighed() -> list[Couple]:
+        motion = {key: _motion(state, places[key], (width, height)) for key, state in states.items()}
+        return _weighed(luma, couples, motion)
+
     for number, frame in enumerate(frames, 1):
         if frame.luma is not None:
             for key, state in states.items():
                 seen = state.step(frame.luma, frame.time_s, np.zeros(2))
                 if (seen["state"] == SEEN).all():
                     places[key].append(seen["x"] + 1j * seen["y"])
-        if number % STALE == 0:
-            motion = {key: _motion(state, places[key], (width, height)) for key, state in states.items()}
-            if _weighed(luma, couples, motion)[0].probability > SURE:
-                break
-    return _weighed(luma, couples, {key: _motion(state, places[key], (width, height)) for key, state in states.items()})
+        if number % STALE == 0 and (found := weighed())[0].probability > SURE:
+            return found
+    return weighed()
 
 
 def _weighed(

@@ -144,16 +144,17 @@ def _carried(matrix: Floats, vector: Floats, square: Floats, room: Floats) -> No
 
 
 @compiled
+def _rooms(size: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return zeros for what a pass carries along: a transition, room for products, a square and a vector."""
+    return np.zeros((size, size)), np.zeros((size + 1, size)), np.zeros((size, size)), np.zeros(size)
+
+
+@compiled
 def _filter(time_s: Floats, temp_c: Floats, noise: float, lag_s: float, jumps: Floats, forward: _Forward) -> None:
     """Go through the readings once, and keep what is known before each of them."""
     size = forward.state.shape[1]
     wire = size - 3
-    matrix, room, spread, state = (
-        np.zeros((size, size)),
-        np.zeros((size + 1, size)),
-        np.zeros((size, size)),
-        np.zeros(size),
-    )
+    matrix, room, spread, state = _rooms(size)
     state[: wire + 1] = temp_c[0]
     for i in range(size):
         spread[i, i] = _UNKNOWN[4 - size + i]
@@ -220,12 +221,7 @@ def _smooth(time_s: Floats, lag_s: float, jumps: Floats, forward: _Forward, foun
     """
     size = forward.state.shape[1]
     wire = size - 3
-    matrix, room, known, pull = (
-        np.zeros((size, size)),
-        np.zeros((size + 1, size)),
-        np.zeros((size, size)),
-        np.zeros(size),
-    )
+    matrix, room, known, pull = _rooms(size)
     span_s = -1.0
     for k in range(time_s.size - 1, -1, -1):
         _told(forward, k, pull, known, room)

@@ -341,9 +341,10 @@ class Search:
         ``longest`` is the correlation time, in samples, that is assumed at most.
         """
         best = self._best()
-        # A law comes out of its measurement under the weights of what it was measured beside.
-        self._keep([self._settled(best.fitter.problem, best.fit, best.laws)])
-        best = self._best()
+        if best.laws:
+            # A law comes out of its measurement under the weights of what it was measured beside.
+            self._keep([self._settled(best.fitter.problem, best.fit, best.laws)])
+            best = self._best()
         before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
         said = best.likelihood.in_scales(best.residual)
         self._correlation_samples = min(correlation_samples(said, self._stretches), longest)
