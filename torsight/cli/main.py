@@ -91,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _tell(error, debug=debug)
         code = error.exit_code
     except Ended as ended:
-        code = _interrupted(128 + ended.number)
+        code = 0 if ended.usual else _interrupted(128 + ended.number)
     except KeyboardInterrupt:
         code = _interrupted(130)
     except Exception as error:  # noqa: BLE001 - the last resort: no traceback reaches a user

@@ -65,9 +65,8 @@ def view(
         code = viewer.wait()
         reason = viewer.why_ended()
     except Ended as ended:
-        if ended.number != signal.SIGINT:
-            raise
-        return
+        ended.usual = ended.number == signal.SIGINT
+        raise
     finally:
         viewer.end()
     if code != 0:

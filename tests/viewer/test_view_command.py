@@ -1,0 +1,48 @@
+"""``torsight view``: what the command does besides opening the viewer."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from torsight.cli.main import main
+from torsight.viewer import program
+
+
+class SlowViewer:
+    """A viewer that takes its time to end, longer than the process waits before it asks itself again."""
+
+    def __init__(self, arguments: list[str], *, port: int) -> None:
+        del arguments, port
+        self.open = True
+
+    def wait(self) -> int:
+        signal.raise_signal(signal.SIGINT)
+        raise AssertionError("Ctrl-C went by")
+
+    def end(self) -> None:
+        time.sleep(0.3)
+        self.open = False
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_ctrl_c_ends_it_well_however_long_the_viewer_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    started: list[SlowViewer] = []
+
+    def start(arguments: list[str], *, port: int) -> SlowViewer:
+        started.append(SlowViewer(arguments, port=port))
+        return started[-1]
+
+    monkeypatch.setattr(program, "Viewer", start)
+    (tmp_path / "recording.rrd").touch()
+    with pytest.raises(SystemExit) as left:
+        main(["view", str(tmp_path), "--serve", "--web-port", "0"])
+    assert left.value.code == 0
+    assert [viewer.open for viewer in started] == [False]
+    assert "interrupted" not in capsys.readouterr().err
