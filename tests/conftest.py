@@ -73,6 +73,14 @@ def own_temporary_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterato
     shutil.rmtree(folder, ignore_errors=True)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def one_fit_at_a_time() -> Iterator[None]:
+    """Beside other workers of pytest a search's second thread takes more time than it saves."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("torsight.discovery.inference.fitting.WORKERS", 1)
+        yield
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of real measurements that nobody of this project made; skips where it is absent."""

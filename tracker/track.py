@@ -162,7 +162,8 @@ def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoRe
 def _followed(table: NDArray[np.void], start: Start) -> str:
     """Return in words which dots were taken for the markers."""
     radii = sorted(marker.radius_px for marker in start.markers)
-    seen = np.abs(table["step"][table["state"] == CODE["seen"]])
+    steps: NDArray[np.float64] = table["step"]
+    seen = np.abs(steps[table["state"] == CODE["seen"]])
     where = np.where((table["state"] == CODE["seen"])[..., None], table["position_px"], np.nan)
     last = [points[np.isfinite(points[:, 0])][-1:].ravel() for points in np.moveaxis(where, 1, 0)]
     places = ", ".join(f"[{x:.0f}, {y:.0f}]" for x, y in (point for point in last if len(point)))

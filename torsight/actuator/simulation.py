@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, Ports
-from torsight.actuator.record.segments import by_role
-from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.stepping import kernel
 from torsight.actuator.stepping import kernel_laws as places
 from torsight.core.units import DEG, MNM, Floats, Ints
@@ -86,32 +84,14 @@ def run_ports(
     ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
 ) -> Simulation:
     """Run the kernel on ports, from the angle as read at the first row."""
-    start = _unread(start_angle_rad, ports)
-    temps = np.stack(by_role(ports.active, ports.temp_a_c, ports.temp_b_c))
-    directions = np.ones(temps.shape, np.int8)
-    for row in (0, 1) if ports.passive_share > 0.0 else (0,):
-        directions[row] = turning_points(temps[row], ports.half, REVERSAL_C)
-    per_s = np.zeros(len(ports.time_s))
-    per_s[1:] = 1.0 / np.diff(ports.time_s)
-    half_turn = 0.5 * ports.rig.theta_p_rad
-    out, unwound = kernel.run(
-        places.Samples(per_s, temps, ports.active, ports.half, directions, ports.friction_scale, ports.load_change()),
-        np.stack([ports.theta_l_scale, ports.theta_l_loss_rad], axis=1),
-        scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
-        _tables(ports),
-        np.stack([ports.section_weight, ports.section_drop_c, ports.section_drop_share]),
-        start + half_turn,
-    )
-    phi = out[0] - half_turn
-    angle = phi
-    for reading in ports.reading:
-        angle = reading(angle, ports.time_s)
+    out, unwound = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
+    phi = out[0] - 0.5 * ports.rig.theta_p_rad
     friction = out[4] - out[3]
     if ports.stray_nm is not None:
         friction = friction + np.interp(phi, ports.phi_grid_rad(), ports.stray_nm)
     return Simulation(
         time_s=ports.time_s,
-        angle_rad=angle,
+        angle_rad=_read(phi, ports),
         phi_rad=phi,
         xi_a=out[1],
         xi_b=out[2],
@@ -122,6 +102,37 @@ def run_ports(
         temp_b_c=ports.temp_b_c,
         unwound_rad=(float(unwound[0]), float(unwound[1])),
     )
+
+
+def angle_of_ports(
+    ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
+) -> Floats:
+    """Return ``angle_rad`` (n,) of :func:`run_ports` alone."""
+    out, _ = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
+    return _read(out[0] - 0.5 * ports.rig.theta_p_rad, ports)
+
+
+def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg: float | None) -> tuple[Floats, Floats]:
+    """Return what :func:`torsight.actuator.stepping.kernel.run` gives."""
+    start = _unread(start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad
+    courses = (ports.time_s, ports.temp_a_c, ports.temp_b_c, ports.active, ports.half)
+    per_s, temps, directions = kernel.sampled(*courses, ports.passive_share > 0.0)
+    return kernel.run(
+        places.Samples(per_s, temps, ports.active, ports.half, directions, ports.friction_scale, ports.load_change()),
+        np.array((ports.theta_l_scale, ports.theta_l_loss_rad)).T.copy(),
+        scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
+        _tables(ports),
+        np.array((ports.section_weight, ports.section_drop_c, ports.section_drop_share)),
+        start,
+    )
+
+
+def _read(phi_rad: Floats, ports: Ports) -> Floats:
+    """Return the angle (n,) as a camera would read it."""
+    angle = phi_rad
+    for reading in ports.reading:
+        angle = reading(angle, ports.time_s)
+    return angle
 
 
 def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> NDArray[np.void]:
@@ -193,7 +204,11 @@ def _tables(ports: Ports) -> Floats:
         ports.dwell_factor,
     )
     size = max([2, *(len(table) for table in given if table is not None)])
-    return np.stack([np.zeros(size) if table is None else table for table in given])
+    tables = np.zeros((len(given), size))
+    for row, table in enumerate(given):
+        if table is not None:
+            tables[row] = table
+    return tables
 
 
 def _unread(angle_rad: float, ports: Ports) -> float:

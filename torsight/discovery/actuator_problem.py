@@ -247,7 +247,7 @@ class ActuatorProblem(OptionalMembers):
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         if drive not in self._thinned:
             self._thinned[drive] = drive.at(self.rows)
-        return self.model(effects).simulate(self._thinned[drive], values, history=self.history).angle_rad / DEG
+        return self.model(effects).angle_rad(self._thinned[drive], values, history=self.history) / DEG
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:

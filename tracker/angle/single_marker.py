@@ -60,7 +60,8 @@ def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.intp
     if len(np.unique(direction_bins(turn))) < _PARTS:
         return None
     values, normal = circles(points, turn)
-    left = points[..., 0] + 1j * points[..., 1] - values[0] - np.exp(1j * turn)[:, None] * values[1:]
+    place: Complex = points[..., 0] + 1j * points[..., 1]
+    left = place - (values[0] + np.outer(np.exp(1j * turn), values[1:]))
     mean_square = float(np.sum(np.abs(left) ** 2)) / (4 * len(rows) - 2 * len(values))
     # The misfit of a tilted circle is correlated over many frames: it does not average out as noise does.
     return values, np.asarray(_CORRELATED * mean_square * np.linalg.inv(normal))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
 from tracker.quality.events import event, events_of_right, find_events
@@ -117,7 +117,8 @@ def noise_account(
 ) -> dict[str, Any]:
     """Return noise, the bound that it sets, and the sigma that was reached."""
     seen = rows["state"] == CODE["seen"]
-    white = np.sqrt(0.5 * (rows["covariance_px2"][..., 0] + rows["covariance_px2"][..., 2]))
+    covariance: Floats = rows["covariance_px2"]
+    white = np.sqrt(0.5 * (covariance[..., 0] + covariance[..., 2]))
     reached = np.sqrt(0.5 * np.trace(tracks.covariance_px2, axis1=2, axis2=3))
     sigma = angles.sigma_rad[angles.valid & angles.branch_certain] / DEG
     return {

@@ -373,7 +373,6 @@ def in_parallel(
     *,
     step: str = "",
     progress: Progress = silent,
-    workers: int = WORKERS,
 ) -> list[_R]:
     """Return ``function`` of each item in order; results do not depend on the number of workers.
 
@@ -381,7 +380,7 @@ def in_parallel(
     """
     found: list[_R] = []
     progress(step, 0, len(work))
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(WORKERS) as pool:
         for result in pool.map(function, work):
             found.append(result)
             progress(step, len(found), len(work))
