@@ -7,6 +7,8 @@ import numpy as np
 from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernels
 from torsight.core.units import DEG, Floats
 
+_COUNTS = (2.0, 5.0)
+"""Over how many counts changes last or a limit is come near; records have four to twelve half-cycles."""
 _WANDERS = 0.1
 """What a clock wanders by as a share of what it may be off: computers that nobody put together differ by seconds and
 drift by tenths of a second an hour (200 ppm), and a network's corrections move either by some tens of milliseconds
@@ -71,13 +73,22 @@ def through_zero(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def counted(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return a slope, a decay towards a limit, and a slope with a smooth function; all vanish at the first node."""
+    """Return a slope, decays towards a limit, and sums of changes that last for a while; all vanish at the first node.
+
+    What changes from one count to the next is an Ornstein-Uhlenbeck process: beyond the record it goes on as it did
+    last, for about as long as changes last, and then stays (without a length: a random walk).
+    """
     off = nodes - nodes[0]
     forms = [("slope", off)]
-    forms += [(f"towards a limit, {n} of them", 1.0 - np.exp(-off / n)) for n in (2.0, 5.0) if len(nodes) > n]
-    smooth = smooth_kernels(off, shares=(0.7, 0.35), line=True)
-    steps = Kernel("from one to the next", np.minimum.outer(off, off) / max(off[-1], 1.0), smooth=True)
-    return (*usual_kernels(forms), *(Kernel(k.name, _pinned(k.matrix), smooth=True) for k in smooth), steps)
+    forms += [(f"towards a limit, {n} of them", 1.0 - np.exp(-off / n)) for n in _COUNTS if len(nodes) > n]
+    common = np.minimum.outer(off, off)
+    sums = {"from one to the next": common}
+    for n in _COUNTS:
+        faded, apart = np.exp(-off / n), np.exp(-np.abs(np.subtract.outer(off, off)) / n)
+        # Covariance of the process's integral from 0 to either count.
+        sums[f"changes that last for {n:g}"] = 2.0 * common + n * (np.add.outer(faded, faded) - apart - 1.0)
+    whole = (Kernel(name, matrix / matrix[-1, -1], smooth=True) for name, matrix in sums.items())
+    return (*usual_kernels(forms), *whole)
 
 
 def drifting(nodes: Floats) -> tuple[Kernel, ...]:
