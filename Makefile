@@ -19,8 +19,6 @@ unexport PYTHONDONTWRITEBYTECODE
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "torsight needs Python 3.11 or newer: install it, or name it with 'make PYTHON=...'" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	# The pip that comes with Python 3.11 takes twice as long to find what fits this computer.
-	$(PIP_INSTALL) --upgrade pip
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(PIP_INSTALL) --editable .
