@@ -126,3 +126,21 @@ def test_a_wave_with_few_nodes_a_period_is_a_wave_between_them():
 
     assert off("friction_angle_deg") < 0.05
     assert off("friction_temp_active_c") > 0.1
+
+
+@pytest.mark.parametrize("family", ["phase_cycle", "phase_half_cycle", "friction_cycle"])
+def test_beyond_the_record_a_law_over_counts_goes_on_for_a_while_and_then_stays(family):
+    nodes, known = np.arange(30.0), slice(1, 5)
+    for kernel in FAMILIES[family].kernels(nodes):
+        np.testing.assert_allclose(kernel.matrix[0], 0.0, atol=1e-12)
+        if not kernel.smooth:
+            continue
+        # It has risen by one from each count to the next.
+        weights = np.linalg.solve(kernel.matrix[known, known], nodes[known])
+        changes = np.diff((kernel.matrix[:, known] @ weights)[4:])
+        if kernel.name == "from one to the next":
+            np.testing.assert_allclose(changes, 0.0, atol=1e-9)
+            continue
+        assert 0.5 < changes[0] < 1.0
+        assert (np.diff(changes) < 0.0).all()
+        assert 0.0 < changes[-1] < 0.02

@@ -137,7 +137,7 @@ def _friction_test(*, seed: int) -> FrictionTest:
     drive = model.prepare(table)
 
     def played_with(free: Floats) -> FrictionTest:
-        modelled = model.simulate(drive, {"tau_c_mnm": free[0], "zero_deg": free[1]}).angle_rad
+        modelled = model.angle_rad(drive, {"tau_c_mnm": free[0], "zero_deg": free[1]})
         return FrictionTest(float(free[0]), drive.temp_a_c, drive.angle_rad / DEG, modelled / DEG)
 
     start = np.array([REFERENCE_VALUES["tau_c_mnm"], 0.0])

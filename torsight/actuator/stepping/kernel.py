@@ -27,7 +27,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.stepping.kernel_balance import (
     AHEAD,
     BEFORE,
@@ -75,7 +74,6 @@ from torsight.actuator.stepping.kernel_balance import (
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
     STRAY,
-    Samples,
     Scalars,
     State,
     cold_torque,
@@ -96,8 +94,9 @@ from torsight.actuator.stepping.kernel_roots import (
     stick,
     sticking_end,
 )
+from torsight.actuator.stepping.samples import Samples
 from torsight.core.compiled import compiled, inlined, lending
-from torsight.core.units import Floats, Ints
+from torsight.core.units import Floats
 
 
 @lending
@@ -378,26 +377,6 @@ def step_through(
     who = int(g[WHO])
     own = beside(g[X_NOW], c, p, tables)
     wound[who] = max(_wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables) - g[X_NOW], 0.0)
-
-
-@compiled
-def sampled(
-    time_s: Floats, temp_a_c: Floats, temp_b_c: Floats, active: NDArray[np.int8], half: Ints, passive: bool
-) -> tuple[Floats, Floats, NDArray[np.int8]]:
-    """Return ``per_s``, ``temps`` and ``directions`` of :class:`~torsight.actuator.stepping.kernel_laws.Samples`.
-
-    The spring that is not driven has turns only where it is ``passive`` that it transforms, too.
-    """
-    n = time_s.size
-    per_s, temps, directions = np.zeros(n), np.empty((2, n)), np.ones((2, n), np.int8)
-    for k in range(n):
-        if k > 0:
-            per_s[k] = 1.0 / (time_s[k] - time_s[k - 1])
-        who = int(active[k])
-        temps[who, k], temps[1 - who, k] = temp_a_c[k], temp_b_c[k]
-    for row in range(2 if passive else 1):
-        directions[row] = turning_points(temps[row], half, REVERSAL_C)
-    return per_s, temps, directions
 
 
 @compiled

@@ -15,11 +15,10 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.actuator.stepping.phase import LN_100
 from torsight.core.compiled import inlined, lending
-from torsight.core.units import Floats, Ints
+from torsight.core.units import Floats
 
 ROUNDED: Final = 1e-14
 """What a fraction, or an angle in radians, moves by where it has come to rest: fifty times the rounding of a one."""
@@ -44,37 +43,6 @@ SCALARS: Final = np.dtype(
 
 # Rows of the tables.
 FRICTION_DOWN, FRICTION_UP, STRAY, SIDE_A, SIDE_B, LOADING_A, LOADING_B, SPEED, DWELL = 0, 1, 2, 3, 4, 5, 6, 7, 8
-
-
-class Samples(NamedTuple):
-    """What drives the springs, sample by sample.
-
-    Attributes
-    ----------
-    per_s : (n,) float64
-        One over the time since the sample before, 1/s (0 for the first).
-    temps : (2, n) float64
-        Wire temperature of the spring that is driven in this half-cycle, and of the other, °C.
-    active : (n,) int8
-        0 while A is driven, 1 while B is.
-    half : (n,) int64
-        Number of the half-cycle, from 0.
-    directions : (2, n) int8
-        From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``.
-    friction_scale : (n,) float64
-        Factor on the friction at each sample.
-    load_change : (3, n) float64
-        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
-        column where nothing of it is.
-    """
-
-    per_s: Floats
-    temps: Floats
-    active: NDArray[np.int8]
-    half: Ints
-    directions: NDArray[np.int8]
-    friction_scale: Floats
-    load_change: Floats
 
 
 class State(NamedTuple):

@@ -82,7 +82,7 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) 
         nonlocal done
         done = min(done + 1, needed)
         progress("what discovery can tell", done, needed)
-        return models[rival.effects].simulate(drive, values).angle_rad
+        return models[rival.effects].angle_rad(drive, values)
 
     gains = linear_gains(predict, explanations, Weight.of(weight))
     progress("what discovery can tell", needed, needed)

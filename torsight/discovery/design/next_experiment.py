@@ -225,7 +225,7 @@ class _Planner:
         """Return the planned record as a problem, and the information that it would carry."""
         own, first = self._problem.drive, self._rivals[0]
         values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
-        angle_rad = self._problem.with_laws(first.forms).model(first.effects).simulate(drive, values).angle_rad
+        angle_rad = self._problem.with_laws(first.forms).model(first.effects).angle_rad(drive, values)
         sigma_rad = float(np.nanmedian(own.angle_sigma_rad)) if np.isfinite(own.angle_sigma_rad).any() else 0.0
         planned = ActuatorProblem(
             replace(
@@ -268,7 +268,7 @@ class _Planner:
         turns_deg = 360.0 * self._problem.drive.turns
         for one in self._rivals:
             values = {p.name: float(v) for p, v in zip(one.parameters, one.x, strict=True)}
-            angle_rad = self._problem.with_laws(one.forms).model(one.effects).simulate(drive, values).angle_rad
+            angle_rad = self._problem.with_laws(one.forms).model(one.effects).angle_rad(drive, values)
             columns[f"{'+'.join(one.name)}_deg"] = (angle_rad / DEG + turns_deg).round(3)
         return columns
 

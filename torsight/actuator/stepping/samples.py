@@ -1,0 +1,65 @@
+# ruff: noqa: FBT001
+# Compiled functions call each other by position, flags too.
+"""What drives the springs, sample by sample: in, both wires' temperatures; out, what the stepping rule goes through."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.actuator.record.turns import REVERSAL_C, turning_points
+from torsight.core.compiled import compiled
+from torsight.core.units import Floats, Ints
+
+
+class Samples(NamedTuple):
+    """What drives the springs, sample by sample.
+
+    Attributes
+    ----------
+    per_s : (n,) float64
+        One over the time since the sample before, 1/s (0 for the first).
+    temps : (2, n) float64
+        Wire temperature of the spring that is driven in this half-cycle, and of the other, °C.
+    active : (n,) int8
+        0 while A is driven, 1 while B is.
+    half : (n,) int64
+        Number of the half-cycle, from 0.
+    directions : (2, n) int8
+        From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``.
+    friction_scale : (n,) float64
+        Factor on the friction at each sample.
+    load_change : (3, n) float64
+        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
+        column where nothing of it is.
+    """
+
+    per_s: Floats
+    temps: Floats
+    active: NDArray[np.int8]
+    half: Ints
+    directions: NDArray[np.int8]
+    friction_scale: Floats
+    load_change: Floats
+
+
+@compiled
+def sampled(
+    time_s: Floats, temp_a_c: Floats, temp_b_c: Floats, active: NDArray[np.int8], half: Ints, passive: bool
+) -> tuple[Floats, Floats, NDArray[np.int8]]:
+    """Return ``per_s``, ``temps`` and ``directions`` of :class:`Samples`.
+
+    The spring that is not driven has turns only where it is ``passive`` that it transforms, too.
+    """
+    n = time_s.size
+    per_s, temps, directions = np.zeros(n), np.empty((2, n)), np.ones((2, n), np.int8)
+    for k in range(n):
+        if k > 0:
+            per_s[k] = 1.0 / (time_s[k] - time_s[k - 1])
+        who = int(active[k])
+        temps[who, k], temps[1 - who, k] = temp_a_c[k], temp_b_c[k]
+    for row in range(2 if passive else 1):
+        directions[row] = turning_points(temps[row], half, REVERSAL_C)
+    return per_s, temps, directions
