@@ -28,7 +28,7 @@ EffectSet = tuple[str, ...]
 WORKERS: Final = 2
 _Model = Callable[[Floats], Floats]
 _SCOUT_ITERATIONS: Final = 2
-_WORTH: Final = 1.0
+WORTH: Final = 1.0
 """Decrease of the objective, one unit of information, below which an effect beside a fitted set is not followed."""
 _TRIALS: Final = 150
 """Predictions of a search by trials: as many as derivatives by 25 values at six places take."""
@@ -199,7 +199,7 @@ class Fitter:
         away = {p.name: p.value for p in self.problem.parameters}
         points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
         starts = [{**parent.values, **point} for point in points]
-        below = parent.cost - _WORTH
+        below = parent.cost - WORTH
         found = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, near=parent, below=below)
         if from_means:
             starts = [{**start, **away} for start in starts]
@@ -253,7 +253,7 @@ class Fitter:
             gained = found.cost - again.cost
             if gained > 0.0:
                 found = again
-            if gained < _WORTH:
+            if gained < WORTH:
                 return found
 
     def _switched_off(self, parent: Fit, name: str) -> dict[str, float]:

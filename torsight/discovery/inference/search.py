@@ -18,7 +18,7 @@ from torsight.core.law import Law
 from torsight.core.progress import Progress
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation, Field, Places, curvature_spread, places_of
-from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, less
+from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, in_parallel, less
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.measure import Measured, log_evidence, measure_law
 from torsight.discovery.inference.noise import (
@@ -100,10 +100,17 @@ class Search:
         that wanders), one may take up with values that are wrong, down to what passes for noise.
         """
         best = self._best()
-        if parent is best and len(best.members) == 1:
-            return True
-        most = parent.log_evidence + self.promise(parent) - self.needed * (len(parent.members) + 1)
+        return (parent is best and len(best.members) == 1) or self._within_reach(parent, more=1)
+
+    def _within_reach(self, one: Explanation, *, more: int = 0) -> bool:
+        """Return whether a set, with so many members more, could be told beside the best one if all went well."""
+        best = self._best()
+        most = one.log_evidence + self.promise(one) - self.needed * (len(one.members) + more)
         return most > best.log_evidence - self.needed * len(best.members) - 0.5 * self._settings.apart
+
+    def _promising(self, size: int) -> list[Explanation]:
+        """Return the best sets of so many members, as far as another fit of them could matter."""
+        return [one for one in self._ranked(size)[: 2 * self._settings.beam] if self._within_reach(one)]
 
     def promise(self, explanation: Explanation) -> float:
         """Return the most that anything could gain beyond a set: until only noise is left and no value is pulled."""
@@ -208,7 +215,7 @@ class Search:
         The valley of a pair may lie by one of its parts and not by the other. Another form of a law is tried where the
         law has led everything else: with what the set says of its other members, and not with what they are alone.
         """
-        best = [one.members for one in self._ranked(size)[: 2 * self._settings.beam]]
+        best = [one.members for one in self._promising(size)]
         self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
         work = [
@@ -245,7 +252,11 @@ class Search:
 
     def with_effect(self, parent: Explanation, name: str) -> Explanation:
         """Fit one more effect beside a fitted set."""
-        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > 0.0)
+        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > _SETTLED)
+        if fit.cost > parent.cost - WORTH:
+            # Where nothing is gained the residual is the parent's, and worth the same.
+            evidence = log_evidence(parent.fitter, fit, parent.likelihood) + _banks(parent.laws)
+            return replace(parent, fit=fit, log_evidence=evidence)
         return self._settled(parent.fitter.problem, fit, parent.laws)
 
     def _with_law(self, parent: Explanation, law: Law) -> Explanation:
@@ -258,7 +269,7 @@ class Search:
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
         under = parent.likelihood
         found = [measure_law(problem, law, fit.values, effects=parent.members, likelihood=under, known=known)]
-        if self._pulled(parent) > 0.0:
+        if self._pulled(parent) > _SETTLED:
             nominal = parent.fitter.nominal
             known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
             means = {**fit.values, **nominal.values}
@@ -289,7 +300,7 @@ class Search:
 
         And from each effect's own starts: with everything else where the set is, another of them may lead further.
         """
-        best = self._ranked(size)[: 2 * self._settings.beam]
+        best = self._promising(size)
         if not best:
             return
         names = [p.name for p in self._problem.parameters]
