@@ -29,7 +29,9 @@ from numpy.typing import NDArray
 
 from torsight.actuator.stepping.kernel_balance import (
     AHEAD,
+    AT_REST,
     BEFORE,
+    BEGUN,
     CHANGED,
     CROSS,
     FACTOR,
@@ -178,7 +180,7 @@ def _start_half_cycle(
         least = min(most, least / p["first_share"] - side_torque(x, p, tables))
         g[TAU_NOW] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
-    q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, g[TAU_NOW], 1.0, 0.0
+    q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING], q[AT_REST] = x, g[TAU_NOW], 1.0, 0.0, 0.0
     q[THETA_L] = _recoverable(wound[who], left, p, tables)
     for j in range(w.shape[1]):
         w[0, j], w[1, j], w[2, j] = 1.0, 1.0, 0.0
@@ -204,6 +206,7 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
     if g[CHANGED] > 0.0:
         _copy(state)
         q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
+        q[AT_REST] = 0.0
         q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables)
         for j in range(w.shape[1]):
             w[1, j], w[2, j] = w[0, j], 0.0
@@ -226,6 +229,43 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
 
 
 @lending
+def _transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats) -> None:
+    """Let the active spring's phase follow its temperature while friction holds the angle."""
+    c, q, g, w = state.c, state.q, state.g, state.w
+    before = g[XI_NOW]
+    g[XI_NOW] = stick(g[X_NOW], before, c, q, w, p, tables, sections)
+    q[AT_REST] += abs(g[XI_NOW] - before)
+    g[TAU_NOW] = made_torque(g[X_NOW], g[XI_NOW], c, q, p, tables)
+    advance(g[TAU_NOW], c, p, sections, w)
+
+
+@lending
+def _slide_anew(sense: float, limit: float, reached: float, state: State, p: Scalars, tables: Floats) -> None:
+    """Take the reference state where sticking ends, on the way from ξ as it is to what the sample reaches.
+
+    Where it slid this way before, and has transformed at rest since (friction rose meanwhile): by the paper's rule
+    anew, yet a standstill of no length must change nothing, nor must sliding of no length before a long one. So as
+    large a part of it is taken anew as what has transformed since it first slid has done so at rest.
+    """
+    c, q, x, end = state.c, state.q, state.g[X_NOW], state.g[XI_NOW]
+    own = beside(x, c, p, tables)
+    held = made_torque(x, end, c, q, p, tables)
+    # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
+    if reached != end and sense * (limit - held) < 0.0:
+        end, held = sticking_end(x, limit - own, end, reached, q, p), limit
+    if q[SLIDING] != sense:
+        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING], q[BEGUN] = x, held - own, end, sense, end
+    else:
+        rested = q[AT_REST] + abs(end - state.g[XI_NOW])
+        share = min(1.0, rested / max(abs(end - q[BEGUN]), rested))
+        stretch = x - q[X_REF] - q[THETA_L] * (end - q[XI_REF])
+        q[TAU_REF] += share * (p["k_a"] + end * (p["k_m"] - p["k_a"])) * stretch
+        q[X_REF], q[XI_REF] = x - (1.0 - share) * stretch, end
+        q[BEGUN] += share * (end - q[BEGUN])
+    q[AT_REST] = 0.0
+
+
+@lending
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
@@ -242,14 +282,8 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         reached = wire_fraction(limit, c, p, sections, w) if attempt == 0 else g[XI_NOW]
         if sense * (limit - made_torque(x, reached, c, q, p, tables)) > SLIP_TOLERANCE:
             begins = q[SLIDING] != sense
-            if begins:
-                # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
-                end = g[XI_NOW]
-                held = made_torque(x, end, c, q, p, tables)
-                if attempt == 0 and sense * (limit - held) < 0.0:
-                    end, held = sticking_end(x, limit - beside(x, c, p, tables), end, reached, q, p), limit
-                held -= beside(x, c, p, tables)
-                q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = x, held, end, sense
+            if begins or q[AT_REST] > 0.0:
+                _slide_anew(sense, limit, reached if attempt == 0 else g[XI_NOW], state, p, tables)
             if begins or hold > scale:
                 first = excess(x, sense, state, p, o, tables, sections)
             else:
@@ -265,9 +299,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
                 q[SLIDING] = 0.0
             return True
         if attempt == 0:
-            g[XI_NOW] = stick(x, g[XI_NOW], c, q, w, p, tables, sections)
-            g[TAU_NOW] = made_torque(x, g[XI_NOW], c, q, p, tables)
-            advance(g[TAU_NOW], c, p, sections, w)
+            _transform_at_rest(state, p, tables, sections)
     return False
 
 
@@ -310,7 +342,7 @@ def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with so many sections of the wire, not yet wound."""
-    c, q, g, w = np.zeros(15), np.zeros(6), np.zeros(11), np.ones((7, sections))
+    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(11), np.ones((7, sections))
     c[FACTOR] = 1.0
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
     return State(c, q, g, w, q.copy(), w.copy(), np.empty(2))

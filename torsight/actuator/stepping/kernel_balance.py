@@ -41,7 +41,7 @@ from torsight.core.units import Floats
 # Places in c, q and g.
 TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD = 8, 9, 10, 11, 12, 13, 14
-X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR = 0, 1, 2, 3, 4, 5
+X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR, BEGUN, AT_REST = 0, 1, 2, 3, 4, 5, 6, 7
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 PACE, XI_BEFORE = 5, 6
 """Rows of w: by how much ξ changed per second over the sample before, and ξ at its end."""
