@@ -144,3 +144,25 @@ def test_beyond_the_record_a_law_over_counts_goes_on_for_a_while_and_then_stays(
         assert 0.5 < changes[0] < 1.0
         assert (np.diff(changes) < 0.0).all()
         assert 0.0 < changes[-1] < 0.02
+
+
+def test_what_friction_held_at_the_start_is_no_edge_where_friction_depends_on_the_temperature(drive, laws):
+    """Friction that falls a little as the wire warms lets it slip before anything transforms, and not for the rest."""
+    law = laws["friction_temp_active_c"]
+    form = law.free()
+    friction = -0.001 * (law.nodes - law.nodes[0]) + 0.8 * (1.0 + np.tanh((law.nodes - 50.0) / 8.0))
+    values = dict(zip(form.names, friction.tolist(), strict=True))
+    model = ActuatorModel(reference_spec(), ("home_torque",), laws=(form,))
+    angles = [model.angle_rad(drive, {**model.nominal(), **values, "home_hold": hold}) for hold in (1.0, 0.999)]
+    np.testing.assert_allclose(*angles, atol=0.2 * DEG)
+
+
+def test_beyond_the_record_a_law_is_as_uncertain_as_its_prior(laws):
+    law = laws["friction_temp_active_c"]
+    assert 0 < np.count_nonzero(law.reached) < len(law.nodes)
+    for kernel in law.kernels:
+        basis = law.form(kernel, 2.0).basis
+        np.testing.assert_allclose(basis @ basis.T, 4.0 * kernel.matrix, atol=0.02 * np.abs(kernel.matrix).max())
+        # The coefficients of which the record says nothing change nothing that it has reached.
+        beyond = ~np.abs(basis[law.reached]).any(axis=0)
+        assert beyond.any() or np.linalg.matrix_rank(kernel.matrix) < np.count_nonzero(law.reached)

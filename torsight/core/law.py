@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from torsight.core.parameter import Parameter
 from torsight.core.series import rms, usual_step
-from torsight.core.units import Floats
+from torsight.core.units import Flags, Floats
 
 TIME = "time_s"
 """The driver that is the record's own time."""
@@ -99,12 +99,37 @@ class Law:
         """Return the law with its values on the nodes as parameters."""
         return LawForm(self.id, self.nodes, np.eye(len(self.nodes)), self.unit, self.scale, prior=False)
 
+    @property
+    def reached(self) -> Flags:
+        """Nodes (k,) that the record says something of: those beside the covered range or in it."""
+        low, high = self.covered
+        following, before = np.append(self.nodes[1:], np.inf), np.append(-np.inf, self.nodes[:-1])
+        return np.asarray((following > low) & (before < high))
+
     def form(self, kernel: Kernel, size: float) -> LawForm:
-        """Return the law under one kernel of one size: independent coefficients with standard deviation one."""
-        share, directions = np.linalg.eigh(kernel.matrix)
-        kept = share > _KEPT * share[-1]
-        basis = directions[:, kept][:, ::-1] * np.sqrt(share[kept][::-1]) * size
-        return LawForm(self.id, self.nodes, basis, self.unit, self.scale, prior=True)
+        """Return the law under one kernel of one size: independent coefficients with standard deviation one.
+
+        First those of the nodes that the record reaches. What they leave open of the others has coefficients of its
+        own: the record says nothing of them, so that beyond it a law is as uncertain as its prior.
+        """
+        reached = self.reached
+        known, across = kernel.matrix[np.ix_(reached, reached)], kernel.matrix[np.ix_(~reached, reached)]
+        largest = float(np.linalg.norm(kernel.matrix, 2))
+        own, inverse = _root(known, largest)
+        beyond = across @ inverse
+        left, _ = _root(kernel.matrix[np.ix_(~reached, ~reached)] - beyond @ beyond.T, largest)
+        basis = np.zeros((len(self.nodes), own.shape[1] + left.shape[1]))
+        basis[np.ix_(reached, np.arange(own.shape[1]))] = own
+        basis[~reached] = np.hstack([beyond, left])
+        return LawForm(self.id, self.nodes, basis * size, self.unit, self.scale, prior=True)
+
+
+def _root(covariance: Floats, largest: float) -> tuple[Floats, Floats]:
+    """Return B (k, r) with B Bᵀ a covariance, and Bᵀ's inverse on its span, without directions of next to no size."""
+    share, directions = np.linalg.eigh(covariance)
+    kept = np.flatnonzero(share > _KEPT * largest)[::-1]
+    root = np.sqrt(share[kept])
+    return directions[:, kept] * root, directions[:, kept] / root
 
 
 @functools.cache

@@ -244,7 +244,9 @@ class Slopes:
         missed = at_x - self.at_x - self.jacobian @ (x - self.x)
         self.x, self.at_x = x, at_x
         self.moved += moved
-        if trusted and self.moved < _FAR:
+        # What does nothing here, as a law's value where no driver goes, has no share in what the derivatives missed.
+        step[~self.jacobian.any(axis=0)] = 0.0
+        if trusted and self.moved < _FAR and step.any():
             self.jacobian = self.jacobian + np.outer(missed, step / (step @ step) / self._space.scale)
         else:
             self.refresh()
