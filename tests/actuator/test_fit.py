@@ -154,7 +154,20 @@ def test_uncertain_whole_turns_are_no_lack_of_motion():
     angle = model.simulate(model.prepare_log(log, start_angle_rad=3.0)).angle_rad
     sigma = np.where(np.arange(len(log)) < 0.7 * len(log), 2.0 * np.pi, 1e-3)
     table = SyncedTable(log.time_s, angle, sigma, log.temp_a_c, log.temp_b_c)
-    require_motion(model.prepare(table), where="r.csv")
+    require_motion(model, model.prepare(table), where="r.csv")
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(-1.0, "turns against the spring that is heated.*exchange the columns"), (DEG, "seems to be in radians")],
+)
+def test_an_angle_of_the_other_sign_or_unit_is_refused(factor, said):
+    log, _ = programme([(0, [(80.0, 0.3)]), (1, [(80.0, 0.3)])])
+    model = ActuatorModel(reference_spec())
+    angle = factor * model.simulate(model.prepare_log(log, start_angle_rad=3.0)).angle_rad
+    table = SyncedTable(log.time_s, angle, np.full(len(log), 1e-4), log.temp_a_c, log.temp_b_c)
+    with pytest.raises(InputError, match=said):
+        fit_model(model, model.prepare(table), where="r.csv")
 
 
 def test_model_file_round_trip_and_prediction(tmp_path):

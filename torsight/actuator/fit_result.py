@@ -18,7 +18,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.stepping.cycle import Cycle
-from torsight.core.errors import NoResultError
+from torsight.core.errors import InputError, NoResultError
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.series import APART, extent
@@ -29,6 +29,8 @@ from torsight.core.words.wording import estimate as estimate_words
 _SILENT: Final = 0.9
 """Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
 all information about it is the record's (1 − 0.9² = 0.19)."""
+_ALIKE: Final = 2.0
+"""Factor within which a way is as far as the characterised values say; a choice: degrees and radians differ by 57."""
 _SCALE_NOTE: Final = (
     "only the ratios of moduli, friction torque and stress influences show in an angle-temperature record: "
     "the torque's absolute size rests on the characterised values"
@@ -133,13 +135,15 @@ class FitResult(Frozen, Shown):
         }
 
 
-def require_motion(drive: Drive, *, where: str) -> None:
-    """Refuse a record in which the actuator does not move.
+def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
+    """Refuse a record in which the actuator does not move, or as no actuator of this kind can.
 
     Raises
     ------
     NoResultError
-        Saying how far it moved, and how warm the springs became.
+        Where it does not move: saying how far it moved, and how warm the springs became.
+    InputError
+        Where it turns against the springs that are heated, or as far in degrees as it should in radians.
     """
     angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
     # A row whose whole turn is not certain says so by its sigma: that is no noise of its reading.
@@ -156,6 +160,33 @@ def require_motion(drive: Drive, *, where: str) -> None:
             limit=f"{least / DEG:.2f}° or more",
             do="heat a spring through its transformation, and check that the markers of the moving stick are tracked",
         )
+    moved, against = _moved_and_against(drive)
+    if against > moved:
+        raise InputError(
+            "the actuator turns against the spring that is heated",
+            where=f"{where}, columns angle_deg, temp_a_c, temp_b_c",
+            value=f"{against / DEG:.0f}° against it, {moved / DEG:.0f}° with it",
+            limit="heating A turns the angle down, heating B up",
+            do="exchange the columns of A and B, or change the sign of the angle",
+        )
+    plain = float(np.ptp(model.simulate(drive).angle_rad))
+    if plain < _ALIKE * (high - low) / DEG < _ALIKE**2 * plain:
+        raise InputError(
+            "the angle seems to be in radians",
+            where=f"{where}, column angle_deg",
+            value=f"a range of {(high - low) / DEG:.1f}",
+            limit=f"about {plain / DEG:.0f}° by the characterised values",
+            do="give the angle in degrees",
+        )
+
+
+def _moved_and_against(drive: Drive) -> tuple[float, float]:
+    """Return how far the angle went, while a spring was heated, the way that it drives, and how far the other way."""
+    drives_up = drive.cycles.active[1:] == 1
+    warmer = np.where(drives_up, np.diff(drive.temp_b_c), np.diff(drive.temp_a_c)) > 0.0
+    way = np.where(warmer, np.nan_to_num(np.diff(drive.angle_rad)), 0.0) * np.where(drives_up, 1.0, -1.0)
+    strokes = np.bincount(drive.cycles.half[1:], weights=way)
+    return float(np.sum(np.maximum(strokes, 0.0))), float(np.sum(np.maximum(-strokes, 0.0)))
 
 
 def middle_deg(drive: Drive) -> float:

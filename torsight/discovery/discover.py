@@ -77,8 +77,9 @@ def discover(
     InputError, NoResultError
         When the record cannot drive the model.
     """
-    drive = ActuatorModel(spec).prepare(table, where=where)
-    require_motion(drive, where=where)
+    model = ActuatorModel(spec)
+    drive = model.prepare(table, where=where)
+    require_motion(model, drive, where=where)
     problem = ActuatorProblem(drive, spec, seed=seed, clock_sigma_s=clock_sigma_s)
     findings = find_missing(problem, seed=seed, progress=progress).found
     return _report(problem, findings, seed=seed, progress=progress)

@@ -47,7 +47,7 @@ def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent
     NoResultError
         When nothing moves.
     """
-    require_motion(drive, where=where)
+    require_motion(model, drive, where=where)
     forms = model.laws
     problem = ActuatorProblem(drive, model.spec, forms=forms, phase_law=model.phase_law, theta_l_deg=model.theta_l_deg)
     named = [effect.id for effect in model.chosen if effect not in always_fitted()]

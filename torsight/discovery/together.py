@@ -137,7 +137,7 @@ def discover_together(
     model, drives = ActuatorModel(spec), []
     for table, name in zip(tables, told, strict=True):
         drive = model.prepare(table, where=name)
-        require_motion(drive, where=name)
+        require_motion(model, drive, where=name)
         drives.append(drive)
     sigmas_s = clock_sigmas_s or [None] * len(drives)
     problem = SeveralRecords.of(drives, spec, clock_sigmas_s=sigmas_s, seed=seed)
