@@ -14,7 +14,7 @@ from numba import njit
 
 from tests.scripts import script
 from torsight.core.errors import InputError
-from torsight.discovery import Event, Reading, Solver, candidate, law, model_problem, ode, parameter
+from torsight.discovery import Event, Reading, Solver, candidate, find_missing, law, model_problem, ode, parameter
 from torsight.discovery.own.answer.saved import SavedModel
 from torsight.discovery.own.compiled import quicken
 from torsight.discovery.own.model.check import check_problem
@@ -119,6 +119,74 @@ def test_a_bounce_is_an_event() -> None:
     np.testing.assert_allclose(made, 1000.0 * np.where(time < hit, 1.0 - 4.905 * time**2, after), atol=1e-3)
 
 
+def heated(rows: int = 600) -> dict[str, np.ndarray]:
+    """Return a plate behind a heater that is switched every 50 rows: C dT/dt = P - h T, row by row in closed form."""
+    power = np.repeat(np.random.default_rng(4).permutation([0.0, 10.0, 20.0, 35.0, 50.0, 60.0] * 2), 50)[:rows]
+    plate, left = np.empty(rows), math.exp(-0.35 / 45.0 * 2.0)
+    plate[0] = 0.0
+    for row in range(rows - 1):
+        plate[row + 1] = power[row] / 0.35 + (plate[row] - power[row] / 0.35) * left
+    return {"time_s": 2.0 * np.arange(rows), "power": power, "plate": plate}
+
+
+def plate(held: str | tuple[str, ...] = ()) -> Ode:
+    return ode(
+        lambda _t, x, u, p: ((u.power - p.loss * x[0]) / p.capacity,),
+        states="plate",
+        output="plate",
+        inputs="power",
+        held=held,
+        initial=[0.0],
+    )
+
+
+@pytest.mark.parametrize("make", [lambda model: model, Ode.compiled], ids=["scipy", "compiled"])
+def test_an_input_that_is_held_keeps_its_value_until_the_next_row(make: Any) -> None:
+    record = heated()
+    given = Values({"loss": 0.35, "capacity": 45.0}), Record(record, "plate")
+    np.testing.assert_allclose(make(plate("power"))(*given)["plate"], record["plate"], rtol=WANTED, atol=WANTED)
+    # Lines between the rows are half a row early at every switch.
+    assert np.abs(make(plate())(*given)["plate"] - record["plate"]).max() > 0.5
+    # A command of one row while everything rests is not stepped over: 60 W for 2 s, and what is left of it.
+    record["power"] = np.where(np.arange(600) == 400, 60.0, 0.0)
+    after = 60.0 / 0.35 * (1.0 - math.exp(-0.7 / 45.0)) * np.exp(-0.35 / 45.0 * 2.0 * np.arange(199))
+    made = make(plate("power"))(given[0], Record(record, "plate"))["plate"]
+    np.testing.assert_allclose(made, np.r_[np.zeros(401), after], atol=WANTED)
+
+
+@pytest.mark.parametrize("make", [lambda model: model, Ode.compiled], ids=["scipy", "compiled"])
+def test_a_jump_of_a_held_input_may_be_an_event(make: Any) -> None:
+    counter = ode(
+        lambda _t, x, _u, _p: (0.0 * x[0],),
+        states="count",
+        output="count",
+        inputs="switch",
+        held="switch",
+        initial=[0.0],
+        events=Event(lambda _t, _x, u, _p: u.switch - 0.5, lambda _t, x, _u, _p: (x[0] + 1.0,), direction=1),
+    )
+    switch = (np.arange(40) // 10) % 2.0
+    made = make(counter)(Values({}), Record({"time_s": np.arange(40.0), "switch": switch}, "switch"))["count"]
+    # Switched on in rows 10 and 30; a row shows what was before.
+    np.testing.assert_allclose(made, np.repeat([0.0, 1.0, 2.0], [11, 20, 9]), atol=WANTED)
+
+
+def test_a_clean_record_with_a_switched_input_lacks_nothing_where_it_is_held() -> None:
+    record = heated()
+    record["plate"] = record["plate"] + 0.05 * np.random.default_rng(5).standard_normal(600)
+    free = [parameter("capacity", 40.0), parameter("loss", 0.3)]
+    found = {
+        held: find_missing(model_problem(plate(held), record, free, output="plate", reading=Reading(sigma=0.05)))
+        for held in ("power", ())
+    }
+    assert found["power"].verdict == "none"
+    assert not any("held=" in one for one in found["power"].warnings)
+    assert found["power"].parameters["capacity"].value == pytest.approx(45.0, rel=0.01)
+    # Lines are another model, and a note says what may be the cause.
+    assert found[()].verdict != "none"
+    assert any("'power' stands still and jumps" in one and "held=['power']" in one for one in found[()].warnings)
+
+
 @pytest.mark.parametrize("per_s", [0.5, 3.0, 7.0])
 def test_events_lie_between_rows_or_at_them(per_s: float) -> None:
     """A counter that begins anew at one; with seven in a second three events lie between two rows."""
@@ -136,6 +204,8 @@ def test_events_lie_between_rows_or_at_them(per_s: float) -> None:
 
 
 def test_what_is_not_declared_is_told() -> None:
+    with pytest.raises(InputError, match="ode, held: is no input"):
+        ode(plain, states=("x", "v"), output="x", inputs="force", held="farce")
     with pytest.raises(InputError, match="'y' is no state"):
         ode(plain, states=("x", "v"), output="y")
     record = Record({"time_s": TIME, "force": np.zeros(201)}, "one")

@@ -167,6 +167,22 @@ def test_every_kind_of_answer_has_its_words(run: Path, changes: dict[str, object
     assert words in text_of(run)
 
 
+def test_a_record_that_fixes_no_values_says_so_before_that_nothing_is_missing(run: Path) -> None:
+    """Two half-cycles, each from the other: 4.69° off at a floor of 0.05°; the fit to both leaves 0.07°."""
+    errors = {"rmse_train_deg": 0.07, "rmse_held_out_deg": 4.69, "r2_held_out": 0.999}
+    evidence = {"over_floor_before": 1.47, "over_floor_after": 1.47}
+    changes = {"verdict": "none", "effects": [], "before": errors, "after": errors, "held_out": [0, 1]}
+    rewrite(run, "discovery", **changes, noise_floor_deg=0.05, evidence=evidence)
+    text = text_of(run)
+    doubt = "does not fix the model&#39;s values: half-cycles that the fit did not see are missed by 4.69°, 94 times"
+    assert 0 < text.index(doubt) < text.index("Nothing is missing from the model")
+    assert "each half-cycle is predicted by a fit to the other one alone" in text
+    assert "The fit to all half-cycles leaves 0.070° rms." in text
+    # A fit that leaves as much as half-cycles that were not seen do has nothing to explain.
+    rewrite(run, "discovery", before=errors | {"rmse_held_out_deg": 0.08}, after=errors | {"rmse_held_out_deg": 0.08})
+    assert "does not fix" not in text_of(run)
+
+
 def test_names_from_outside_cannot_become_markup(run: Path) -> None:
     rewrite(run, "track", advice=["<script>alert(1)</script>"], events=[{"time_s": 1.0, "text": "a < b & c"}])
     text = text_of(run)

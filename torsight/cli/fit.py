@@ -14,6 +14,7 @@ from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import write_json
 from torsight.core.files.tables import read_merged
 from torsight.core.progress import Progress, silent
+from torsight.core.words.wording import case_words
 
 if TYPE_CHECKING:
     from torsight.actuator.fit_result import FitResult
@@ -46,7 +47,7 @@ def fit(
     tau = result.estimates["tau_c_mnm"]
     say(
         f"friction torque {tau.value:.3f} mN·m (95 %: {tau.ci95[0]:.3f} to {tau.ci95[1]:.3f}), "
-        f"error {result.rmse_deg:.2f}°, case ({result.cycle.case})"
+        f"error {result.rmse_deg:.2f}°, {case_words(result.cycle.case)}"
     )
     return Answer(result.to_json(), files=(out / "fit.json", out / "model.json"))
 

@@ -12,7 +12,7 @@ from torsight.actuator.quantities import effect_values
 from torsight.core.files.storage import read_json
 from torsight.core.files.tables import read_angles
 from torsight.core.units import DEG
-from torsight.core.words.wording import effect_name, estimate, held_out_errors, named, not_explained
+from torsight.core.words.wording import doubt_of, effect_name, estimate, held_out_errors, named
 
 
 def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
@@ -51,8 +51,8 @@ def _unseen(record: Mapping[str, Any]) -> str:
 
 
 def attention(discovery: Mapping[str, Any]) -> list[str]:
-    """Return a line where what was named does not explain the record: said before anything that is read from it."""
-    return [f"Attention         {doubt}"] if (doubt := not_explained(discovery)) else []
+    """Return a line where the record is not explained, or fixes no values: said before what is read from it."""
+    return [f"Attention         {doubt}"] if (doubt := doubt_of(discovery)) else []
 
 
 def summary(folder: Path) -> list[str]:

@@ -85,10 +85,11 @@ def step_back(process: int = 0) -> None:
 class Viewer:
     """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader.
 
-    One that ``stays`` outlives this program, and takes care of its own temporary folders.
+    One that ``stays`` outlives this program, and takes care of its own temporary folders. One that is ``quiet`` shows
+    no notices over its panes, such as that it runs without a screen: it shows what it logs, and logs errors only.
     """
 
-    def __init__(self, arguments: Sequence[str], *, port: int, stays: bool = False) -> None:
+    def __init__(self, arguments: Sequence[str], *, port: int, stays: bool = False, quiet: bool = False) -> None:
         self.port = port
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the viewer
         # It makes folders for temporary files, and leaves them where it ends early: as without a graphics driver.
@@ -101,7 +102,7 @@ class Viewer:
             stdout=subprocess.DEVNULL,
             stderr=self._said,
             text=True,
-            env=os.environ | places,
+            env=os.environ | places | ({"RUST_LOG": "error"} if quiet else {}),
         )
         step_back(self.process.pid)
 

@@ -113,7 +113,7 @@ def patiently(ask: Callable[..., Answer], *arguments: Any, **options: Any) -> An
 @contextmanager
 def viewer_without_screen(size_px: tuple[int, int] = WINDOW_PX) -> Iterator[ViewerClient]:
     """Give a connection to a viewer that draws without a screen; it ends with the block."""
-    viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=free_port())
+    viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=free_port(), quiet=True)
     try:
         yield _connected(viewer)
     except (RuntimeError, ConnectionError) as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from made_up_run import made_up_law, rewrite, write_made_up_run
 from report_words import figures_of, words_of
 
 from torsight.core.errors import InputError
+from torsight.discovery.actuator.law_words import OnNodes, law_sentence
 from torsight.discovery.measured_law import read_laws
 from torsight.report.figures.law_plots import write_laws
 from torsight.report.plots.panels import Band, Line, Ribbon
@@ -78,3 +80,61 @@ def test_a_law_without_its_file_or_with_a_key_missing_is_named(run: Path) -> Non
     (run / "law_friction_angle_deg.csv").unlink()
     with pytest.raises(InputError, match=r"law_friction_angle_deg\.csv"):
         words_of(run)
+
+
+def sentence(
+    port: str, driver: str, places: list[float], values: list[float], sigma: list[float], **more: object
+) -> str:
+    """Return a law's sentence; ``shared`` is the standard deviation of an offset that all of its values have."""
+    x, y, s = np.array(places), np.array(values), np.array(sigma)
+    covariance = np.diag(s**2) + float(str(more.pop("shared", 0.0))) ** 2
+    springs = (0, 1) * 8 if driver == "cycle" else ()
+    law = replace(
+        made_up_law(), port=port, driver=driver, driver_values=x, value=y, sigma=np.sqrt(np.diag(covariance)),
+        covered=np.ones(len(x), np.bool_), **more,
+    )  # fmt: skip
+    return law_sentence(law, 0.70, OnNodes(x, y, covariance, springs=springs))
+
+
+def test_a_law_over_half_cycles_that_alternates_is_no_rise() -> None:
+    # Friction of 0.70 mN·m where spring A is driven, 1.12 where spring B is, the last half-cycle known badly.
+    values, sigma = [0.0, 0.42, 0.001, 0.42, 0.0, 0.42], [0.0, 0.05, 0.007, 0.01, 0.007, 0.28]
+    said = sentence("friction", "cycle", [1, 2, 3, 4, 5, 6], values, sigma)
+    assert "rises" not in said
+    assert "alternates between 0.700 and 1.12 mN·m from one half-cycle to the next" in said
+    assert "half-cycles 2, 4 and 6, in which spring B is the driven one" in said
+
+
+def test_a_law_that_is_monotone_within_its_sigma_rises_or_falls() -> None:
+    cycles = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    said = sentence("friction", "cycle", cycles, [0.0, 0.07, 0.06, 0.14, 0.20, 0.28], [0.01] * 6)
+    assert said == "friction torque rises by 40 % from half-cycle 1 to 6"
+    # An offset that all values share takes nothing from a slope.
+    said = sentence("reading", "time_s", cycles, [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0], [0.05] * 6, unit="°", shared=2.3)
+    assert said == "the reading's error rises by 5.00° over time, between 1.00 and 6.00 s"
+    said = sentence("reading", "time_s", cycles, [0.3, 0.2, 0.3, 0.2, 0.3, 0.2], [0.5] * 6, unit="°", shared=2.3)
+    assert said == "the reading's error is zero over time, between 1.00 and 6.00 s, within its 95 % interval"
+
+
+def test_a_law_that_rises_and_falls_is_said_by_its_highest_place() -> None:
+    said = sentence(
+        "temperature", "temp_active_c", [20, 40, 60, 80], [0.0, 1.0, 3.0, 1.0], [0.2] * 4, unit="°C", spring="a"
+    )  # fmt: skip
+    assert said == (
+        "the wire's temperature less its sensor's (spring A) is highest at 60.0 °C, 3.00 °C above its lowest value at "
+        "20.0 °C, over the driven spring's temperature, between 20.0 and 80.0 °C"
+    )
+
+
+def test_two_laws_of_one_place_read_differently_and_hold_no_rounding() -> None:
+    places = [321.0, 467.0, 613.0, 759.0]
+    first = sentence("winding", "winding_deg", places, [-7.7e-13, 2e-13, 0.002, 0.975], [0.0, 0.0, 1e-4, 0.05])
+    second = sentence(
+        "winding", "winding_deg", places, [-7.7e-13, 2e-13, 0.002, 0.975], [0.0, 0.0, 1e-4, 0.05], number=2
+    )
+    assert first != second
+    assert "e−1" not in first
+    assert (
+        first
+        == "a spring's torque beside its own rises by 0.975 mN·m over the winding of the spring, between 321 and 759°"
+    )

@@ -39,6 +39,13 @@ def effect_name(identifier: str) -> str:
     return _NAMES.get(identifier, identifier.replace("_", " "))
 
 
+def case_words(case: str) -> str:
+    """Return the paper's case of a cooling, ``a`` or ``b``, as what the actuator does in it."""
+    return {"a": "the actuator moves back while it cools", "b": "the actuator stands still while it cools"}.get(
+        case, "–"
+    )
+
+
 def counted(count: int, name: str) -> str:
     """Return ``1 half-cycle`` or ``3 half-cycles``."""
     return f"{count} {name}{'' if count == 1 else 's'}"
@@ -153,12 +160,33 @@ def not_explained(discovery: Mapping[str, Any]) -> str:
     return "" if times is None else unexplained(times)
 
 
+def not_fixed(discovery: Mapping[str, Any]) -> str:
+    """Return the sentence that says so where parts of a record that is explained do not predict each other.
+
+    The error on half-cycles that a fit did not see holds how well the others fix the model's values, which says nothing
+    about what the model lacks.
+    """
+    left, floor = held_out_errors(discovery)[1], discovery.get("noise_floor_deg")
+    if not_explained(discovery) or left is None or not floor or left <= EXPLAINED * float(floor):
+        return ""
+    return (
+        f"This record does not fix the model's values: half-cycles that the fit did not see are missed by "
+        f"{number(left)}°, {number(left / float(floor), 2)} times the noise floor."
+    )
+
+
+def doubt_of(discovery: Mapping[str, Any]) -> str:
+    """Return what has to be said of an answer before it: that the record is not explained, or its values not fixed."""
+    return not_explained(discovery) or not_fixed(discovery)
+
+
 def verdict_sentence(discovery: Mapping[str, Any]) -> str:
     """Return the verdict of ``discovery.json`` in plain words.
 
-    One sentence; where what was named does not explain the record, one that says so comes before it.
+    One sentence; where what was named does not explain the record, or leaves its values open, one that says so comes
+    before it.
     """
-    return f"{not_explained(discovery)} {named(discovery)}".strip()
+    return f"{doubt_of(discovery)} {named(discovery)}".strip()
 
 
 def named(discovery: Mapping[str, Any]) -> str:

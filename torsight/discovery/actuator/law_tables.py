@@ -11,13 +11,15 @@ import numpy as np
 from torsight.actuator.laws import between_nodes
 from torsight.core.law import Law
 from torsight.core.units import Floats
-from torsight.core.words.wording import number, variable_name
+from torsight.discovery.actuator.law_words import OnNodes, law_sentence
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import Explanation, joint_covariance
 from torsight.discovery.inference.measure import Measured
 from torsight.discovery.measured_law import MeasuredLaw, numbered
 
 _POINTS: Final = 121
+_OWN_CYCLES: Final = "phase_cycle"
+"""The law that counts either spring's own cycles; the others count half-cycles."""
 _TEMPERATURES: Final = 4
 """How many of the values in which the springs may differ are transformation temperatures."""
 
@@ -52,7 +54,12 @@ def measured_laws(
     """
     spread = joint_covariance(chosen)
     found = [_law(problem, chosen, item, spread, shares, names) for item in chosen.laws]
-    return numbered(sorted(found, key=lambda law: -law.share))
+    found.sort(key=lambda one: -one[0].share)
+    laws = numbered([law for law, _ in found])
+    tau_c_mnm = chosen.fit.values["tau_c_mnm"]
+    return tuple(
+        replace(law, sentence=law_sentence(law, tau_c_mnm, known)) for law, (_, known) in zip(laws, found, strict=True)
+    )
 
 
 def _law(
@@ -62,11 +69,12 @@ def _law(
     spread: Floats,
     shares: Mapping[str, float],
     names: Mapping[str, str],
-) -> MeasuredLaw:
+) -> tuple[MeasuredLaw, OnNodes]:
     law, form = item.law, item.form
     places = [[p.name for p in chosen.fit.parameters].index(name) for name in form.names]
     values = form.values([chosen.fit.values[name] for name in form.names])
-    sigma = np.sqrt(np.maximum(np.diag(form.basis @ spread[np.ix_(places, places)] @ form.basis.T), 0.0))
+    covariance = form.basis @ spread[np.ix_(places, places)] @ form.basis.T
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     if law.driver == "spring":
         mean = float(np.mean(values[:_TEMPERATURES]))
         together = float(np.mean(sigma[:_TEMPERATURES]))
@@ -78,6 +86,14 @@ def _law(
         curve, width = np.interp(driver, *between_nodes(law.id, law.nodes, values)), np.interp(driver, law.nodes, sigma)
         scales = _scales(problem, chosen, law)
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
+    reached = np.flatnonzero((law.nodes >= law.covered[0]) & (law.nodes <= law.covered[1]))
+    known = OnNodes(
+        places=scales.driver(law.nodes[reached]),
+        values=values[reached] * scales.factor,
+        covariance=covariance[np.ix_(reached, reached)] * scales.factor**2,
+        counted="cycle" if law.id == _OWN_CYCLES else "half-cycle",
+        springs=problem.drive.cycles.springs if law.id != _OWN_CYCLES else (),
+    )
     told = MeasuredLaw(
         effect=names.get(law.id),
         port=law.port,
@@ -91,7 +107,7 @@ def _law(
         covered=covered,
         sentence="",
     )
-    return replace(told, sentence=law_sentence(told, chosen.fit.values["tau_c_mnm"]))
+    return told, known
 
 
 def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:
@@ -111,49 +127,3 @@ def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:
     if port == "phase":
         return _Scales(100.0, "%", moved)
     return _Scales(1.0, law.unit, moved)
-
-
-_WHAT: Final = {
-    "torque": "a stray torque",
-    "friction": "friction torque",
-    "reading": "the reading's error",
-    "temperature": "the wire is warmer than its sensor says by",
-    "winding": "a spring's torque beside its own",
-    "phase": "the recoverable angle",
-}
-_CLOCK: Final = "what the temperature log's clock is ahead by"
-_UNITS: Final = {
-    "angle_deg": "°",
-    "winding_deg": "°",
-    "angle_rate_deg_s": "°/s",
-    "temp_active_c": " °C",
-    "temp_passive_c": " °C",
-    "temp_rate_c_s": " °C/s",
-    "time_s": " s",
-    "dwell_s": " s",
-}
-
-
-def law_sentence(law: MeasuredLaw, tau_c_mnm: float) -> str:
-    """Return a law in one sentence, over what the record covered."""
-    driver, value = law.driver_values[law.covered], law.value[law.covered]
-    if law.driver == "spring":
-        way = "higher" if value[-1] > 0.0 else "lower"
-        return f"spring B's transformation temperatures are {number(abs(value[-1]))} °C {way} than spring A's"
-    what = _CLOCK if law.unit == "s" else _WHAT[law.port]
-    unit = _UNITS.get(law.driver, "")
-    over = f"between {number(driver[0])} and {number(driver[-1])}{unit}"
-    if law.driver == "cycle":
-        over = f"from half-cycle {driver[0]:.0f} to {driver[-1]:.0f}"
-    if law.driver == "direction":
-        return f"friction torque is {number(value[-1] - value[0])} mN·m higher when the angle rises than when it falls"
-    monotone = abs(value[-1] - value[0]) > 0.8 * float(np.ptp(value))
-    if law.port in ("friction", "phase") and monotone:
-        whole = tau_c_mnm if law.port == "friction" else 100.0
-        share = (whole + value[-1]) / max(whole + value[0], 1e-9) - 1.0
-        return f"{what} {'rises' if share > 0 else 'falls'} by {100.0 * abs(share):.0f} % {over}"
-    if law.port == "friction":
-        value = value + tau_c_mnm
-    low, high = float(value.min()), float(value.max())
-    size = f"from {number(low)} to {number(high)} {law.unit}"
-    return f"{what} goes {size} over {variable_name(law.driver)}, {over}"

@@ -11,6 +11,7 @@ import numpy as np
 from torsight.core.progress import Progress, silent
 from torsight.core.series import scatter
 from torsight.core.threads import one_thread
+from torsight.core.units import Floats
 from torsight.discovery.inference import engine
 from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import Fit
@@ -21,7 +22,8 @@ from torsight.discovery.own.answer.laws import bend_within, beyond, widened
 from torsight.discovery.own.compiled.quicken import is_compiled, quickened
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.check import check_problem, check_same
-from torsight.discovery.own.model.evaluate import Called
+from torsight.discovery.own.model.evaluate import Called, Evaluator
+from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.model.values import Curve
@@ -156,6 +158,7 @@ def _search(
         called, curves = _at_answer(problem, found)
     findings = Findings(problem, found, settings=settings or Settings())
     notes += [*_missed(declared, found), *_at_bounds(found), *_noise_given(problem, found), *beyond(called, curves)]
+    notes += _held_is_better(problem, found, findings.price)
     notes += bend_within(problem, found.decision.chosen, findings.price)
     # What the findings show of other sets is predicted while the processes are there.
     _ = findings.best_fits, findings.parameters, findings.laws
@@ -207,6 +210,37 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
                 "what is smaller; without sigma it is measured"
             )
     return told
+
+
+def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float) -> list[str]:
+    """Return a note for every input of an ``ode`` that stands and jumps, and explains the record better when held.
+
+    Better by more than a member of an answer has to gain (``price``), in log evidence.
+    """
+    ode, base = problem.model.predict, found.field.base
+    if not isinstance(ode, Ode):
+        return []
+    fit, told = base.fit, []
+    for name in ode.inputs:
+        if name in ode.held or not any(_stands_and_jumps(record[name]) for record in problem.model.records):
+            continue
+        model = replace(problem.model, predict=ode.holding(name))
+        prediction = replace(problem, model=model, evaluator=Evaluator(model)).predict(fit.values, fit.effects)
+        held = base.fitter.known(fit.effects, fit.solution.x, prediction, fit.solution.jacobian)
+        lines = base.fitter.known(fit.effects, fit.solution.x, fit.solution.prediction, fit.solution.jacobian)
+        if lines.cost - held.cost > 2.0 * price:
+            told.append(
+                f"'{name}' stands still and jumps between rows, where the model draws lines; with values that hold "
+                f"until the next row {(held.cost / lines.cost) ** 0.5:.2g} times as much is left: if it is a command "
+                f"or a switch, say ode(…, held=['{name}'])"
+            )
+    return told
+
+
+def _stands_and_jumps(column: Floats) -> bool:
+    """Return whether a column has a jump from one row to the next with the same value twice on either side."""
+    change = np.diff(column) != 0.0
+    return bool(np.any(~change[:-2] & change[1:-1] & ~change[2:]))
 
 
 def _at_bounds(found: engine.Findings) -> list[str]:

@@ -24,15 +24,21 @@ _MOST_CANDIDATES: Final = 8
 """Candidates that are drawn, those that explain most: the figure is as high as the others then."""
 
 
+_MOTION_HEIGHT: Final = 130.0
+_LEFT_HEIGHT: Final = 172.0
+"""Of the two plots at the head of the page: as high as the three numbers beside them, so that what to do next is seen
+without scrolling in a window of 1280 by 800."""
+
+
 def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
     """Draw the answer in one picture: the motion above, what either model leaves of it below."""
     time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
     plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
-    motion = Panel(Axis.along("", time_s), Axis.around(ANGLE, angle, plain, extended), width=720, height=225)
+    motion = Panel(Axis.along("", time_s), Axis.around(ANGLE, angle, plain, extended), width=720, height=_MOTION_HEIGHT)
     shade_held_out(motion, curves)
     models(motion, time_s, angle, plain, extended, ordered=True)
-    left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=245)
+    left = Panel(Axis.along(TIME, time_s), Axis.around(RESIDUAL, before, after), width=720, height=_LEFT_HEIGHT)
     shade_held_out(left, curves)
     shade_floor(left, floor_deg)
     errors(left, time_s, before, after, alike=is_plain(curves))

@@ -24,6 +24,7 @@ from torsight.core.words.wording import (
     held_out_errors,
     listed,
     not_explained,
+    not_fixed,
     number,
     times_floor,
     variable_name,
@@ -71,6 +72,11 @@ def lead(results: RunResults) -> str:
     ends = f" The noise floor of the record is {number(floor, 2)}°." if floor is not None else ""
     if before is None:
         return ends.strip()
+    if not_fixed(discovery):
+        fitted = (discovery.get("after") or {}).get("rmse_train_deg")
+        ends += f" {_why_open(discovery)}"
+        if fitted is not None:
+            ends += f" The fit to all half-cycles leaves {error(float(fitted))} rms."
     if not discovery.get("effects") and discovery.get("verdict") == "none":
         return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
     if after is None:
@@ -83,6 +89,16 @@ def lead(results: RunResults) -> str:
             "a rest is one, however long."
         )
     return f"The extended model takes {seen} from {error(before)} to {error(after)} rms.{ends}"
+
+
+def _why_open(discovery: Mapping[str, Any]) -> str:
+    """Return why half-cycles are missed by a model that the fit to all of them explains."""
+    count = len(discovery.get("held_out") or [])
+    others = f"the other {count - 1}" if count > 2 else "the other one"
+    return (
+        f"That is no effect that the model lacks: each half-cycle is predicted by a fit to {others} alone, which "
+        "leaves the model's values open. More half-cycles, and complete heatings, would fix them."
+    )
 
 
 def error(value_deg: float) -> str:

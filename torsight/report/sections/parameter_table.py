@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from torsight.actuator.quantities import quantity
 from torsight.core.files.results import RunResults
-from torsight.core.words.wording import estimate, fixed, number
+from torsight.core.words.wording import case_words, estimate, fixed, number
 from torsight.report.plots.formulas import symbol, titled
 from torsight.report.sections.page_content import score
 from torsight.report.sections.prior_pulls import Prior, contradicted, priors
@@ -70,7 +70,7 @@ def fit_lines(results: RunResults) -> list[tuple[str | Markup, str]]:
     lines: list[tuple[str | Markup, str]] = [
         ("rms of the plain fit", f"{number(fit.get('rmse_deg'))}°"),
         ("R²", score(fit.get("r2"))),
-        ("case of the cooling", f"({fit.get('case')})"),
+        ("while the driven spring cools", case_words(str(fit.get("case")))),
     ]
     angles = ("theta_1_deg", "theta_2_deg", "theta_3_deg", "beta_cr_deg")
     return lines + [(titled(name), f"{fixed(fit.get(name), 1)}°") for name in angles]

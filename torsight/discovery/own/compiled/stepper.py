@@ -12,7 +12,7 @@ section II.4 (step size control).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -62,9 +62,16 @@ class Stepper:
     _known: dict[Any, tuple[Any, Any, Any]] = field(default_factory=dict)
 
     def integrate(
-        self, time: Floats, anew: Floats, inputs: Mapping[str, Floats], p: Any, *, limits: tuple[float, float, int]
+        self,
+        time: Floats,
+        anew: Floats,
+        inputs: Mapping[str, Floats],
+        p: Any,
+        *,
+        limits: tuple[float, float, int],
+        held: Collection[str] = (),
     ) -> Floats:
-        """Return the states (n, k) at the times; inputs (n,) are lines between them.
+        """Return the states (n, k) at the times; inputs (n,) are lines between them, but for those that are held.
 
         ``anew`` (n, k): where states begin in the first row, and anew in another; nan where they go on.
         ``limits``: relative tolerance, longest step, most steps from row to row.
@@ -77,6 +84,10 @@ class Stepper:
             Where the steps become too small or too many.
         """
         columns = np.column_stack(list(inputs.values()) or [np.zeros(len(time))])
+        # What an input comes to at the end of the time after a row: the next row's value, or its own where it is held.
+        comes_to = np.vstack([columns[1:], columns[-1:]])
+        kept_on = [k for k, name in enumerate(inputs) if name in held]
+        comes_to[:, kept_on] = columns[:, kept_on]
         names = [name for name in p if name.isidentifier() and not name.startswith("_")]
         laws = [name for name in names if isinstance(p[name], Curve)]
         numbers = [name for name in names if name not in laws]
@@ -87,7 +98,7 @@ class Stepper:
         counts = np.array([len(one.nodes) for one in curves], np.int64)
         given = (np.array([float(p[name]) for name in numbers]), packed, counts)
         functions = self._by_place(tuple(inputs) or ("none",), tuple(numbers), tuple(laws))
-        rows = (np.array(time), columns, anew)  # a record's own cannot be written to, which is another type
+        rows = (np.array(time), columns, comes_to, anew)  # a record's own cannot be written to, which is another type
         try:
             made, failed = _integrate(*functions, self.directions, rows, given, limits)
         finally:
@@ -261,6 +272,15 @@ def _begins(anew: Floats, x: Floats) -> bool:
     return begins
 
 
+@lending
+def _jumps(before: Floats, now: Floats) -> bool:
+    """Return whether an input is another one now."""
+    changed = False
+    for i in range(len(now)):
+        changed = changed or before[i] != now[i]
+    return changed
+
+
 @kept
 def _through_event(
     functions: Any, t: float, step: float, x: Floats, along: Any, slopes: Floats, before: Floats
@@ -304,7 +324,7 @@ def _through_event(
         types.FunctionType(_AT_POINT),
         types.FunctionType(_JUMP),
         _NUMBERS,
-        types.Tuple((_NUMBERS, _ROWS, _ROWS)),
+        types.Tuple((_NUMBERS, _ROWS, _ROWS, _ROWS)),
         _GIVEN,
         _LIMITS,
     ),
@@ -317,10 +337,10 @@ def _integrate(
 ) -> tuple[Floats, int]:
     """Return the states (n, k), and the row after which no step was small enough or one too many, else -1.
 
-    In the place of the states after that row are the derivatives where it ended. ``rows``: times, inputs, and where
-    states begin anew.
+    In the place of the states after that row are the derivatives where it ended. ``rows``: times, inputs, what they
+    come to before the next row, and where states begin anew.
     """
-    (time, inputs, anew), (rtol, longest, most) = rows, limits
+    (time, inputs, comes_to, anew), (rtol, longest, most) = rows, limits
     functions = (directions, rhs, when, then)
     states = np.empty(anew.shape)
     x, new, slopes = anew[0].copy(), np.empty(anew.shape[1]), np.empty((7, anew.shape[1]))
@@ -334,7 +354,12 @@ def _integrate(
             u[:] = inputs[i]
             when(t, x, u, given, before)
             rhs(t, x, u, given, slopes[0])
-        driven = (t, end, inputs[i], inputs[i + 1], u)
+        elif _jumps(comes_to[i - 1], inputs[i]):
+            # What the events were before the jump stays: one that it brings about is then found in the next step.
+            h = 0.1 * (end - t)
+            u[:] = inputs[i]
+            rhs(t, x, u, given, slopes[0])
+        driven = (t, end, inputs[i], comes_to[i], u)
         along = (driven, given)
         least = _LEAST_SHARE * (end - t)
         while end - t > 1e-12 * max(1.0, abs(end)):

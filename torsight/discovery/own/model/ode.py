@@ -2,7 +2,7 @@
 
 :func:`ode` makes ``predict`` from a right-hand side. SciPy's ``solve_ivp`` integrates; a right-hand side that numba has
 compiled, or that the search can compile, is integrated by a compiled stepper, a hundred times faster. Inputs are lines
-between the record's samples.
+between the record's samples, or held: a row's value then holds until the next row.
 """
 
 from __future__ import annotations
@@ -127,6 +127,7 @@ class Ode:
     time: str | None = None
     solver: Solver = Solver()
     stepper: Stepper | None = None
+    held: tuple[str, ...] = ()
 
     @property
     def __wrapped__(self) -> Callable[..., Any]:
@@ -185,6 +186,10 @@ class Ode:
         """Return the same with states that are measured beginning anew after every such time."""
         return replace(self, solver=replace(self.solver, restart_s=length_s))
 
+    def holding(self, name: str) -> Ode:
+        """Return the same with one more input that holds its value from row to row."""
+        return replace(self, held=(*self.held, name))
+
     @property
     def measured(self) -> tuple[str, ...]:
         """States that are outputs themselves."""
@@ -219,7 +224,7 @@ class Ode:
 
         limits = (self.solver.rtol, float(self.solver.max_step), _MOST_STEPS)
         try:
-            return stepper.integrate(time, anew, inputs, p, limits=limits)
+            return stepper.integrate(time, anew, inputs, p, limits=limits, held=self.held)
         except NumbaError as error:
             from torsight.discovery.own.compiled.functions import reason_in
 
@@ -234,15 +239,33 @@ class Ode:
             return self._in_pieces(p, inputs, time, anew)
 
     def _in_pieces(self, p: Any, inputs: Mapping[str, Floats], time: Floats, anew: Floats) -> Floats:
-        """Return the states (rows, states) in plain Python: one stretch after the other that begins anew."""
+        """Return the states (rows, states) in plain Python: one stretch after the other that begins anew.
+
+        Where an input that is held jumps one begins, too: a solver with long steps might not see a short command.
+        """
         states = anew.copy()
         begins = np.flatnonzero(np.isfinite(anew).any(axis=1))
-        for begin, end in pairwise(sorted({0, *begins.tolist(), len(time) - 1})):
+        jumps = [0, *(int(row) + 1 for name in self.held for row in np.flatnonzero(np.diff(inputs[name])))]
+        for begin, end in pairwise(sorted({*begins.tolist(), *jumps, len(time) - 1})):
             rows = slice(begin, end + 1)
             start = np.where(np.isfinite(anew[begin]), anew[begin], states[begin])
+            if begin not in begins and begin in jumps:
+                start = self._at_jump(p, inputs, time, begin, start)
             own = {name: column[rows] for name, column in inputs.items()}
             states[begin + 1 : end + 1] = self._stretch(p, own, time[rows], start)[1:]
         return states
+
+    def _at_jump(self, p: Any, inputs: Mapping[str, Floats], time: Floats, row: int, x: Floats) -> Floats:
+        """Return the states after an event that a jump of held inputs brings about, or as they are."""
+        then = _Named({name: float(column[row]) for name, column in inputs.items()})
+        before = _Named({**then, **{name: float(inputs[name][row - 1]) for name in self.held}})
+        t = float(time[row])
+        for one in self.events:
+            was, now = (float(one.when(t, x, u, p)) for u in (before, then))
+            up, down = was <= 0.0 <= now and one.direction >= 0, was >= 0.0 >= now and one.direction <= 0
+            if was != now and (up or down):
+                return x if one.then is None else np.asarray(one.then(t, x, then, p), np.float64)
+        return x
 
     def _stretch(self, p: Any, inputs: Mapping[str, Floats], time: Floats, start: Floats) -> Floats:
         try:
@@ -263,15 +286,22 @@ class Ode:
         solve_ivp: Any = integrate.solve_ivp
 
         def inputs(t: float) -> Any:
-            return _Named({name: float(np.interp(t, time, values)) for name, values in columns.items()})
+            # A stretch ends where a held input jumps: its last row's value belongs to the next one.
+            row = min(int(np.searchsorted(time, t, side="right")) - 1, len(time) - 2)
+            return _Named(
+                {
+                    name: float(values[max(row, 0)] if name in self.held else np.interp(t, time, values))
+                    for name, values in columns.items()
+                }
+            )
 
-        row, reached, calls = float(np.mean(np.diff(time))), float(time[0]), 0
+        row_s, reached, calls = float(np.mean(np.diff(time))), float(time[0]), 0
 
         def rhs(t: float, x: Floats) -> Any:
             nonlocal reached, calls
             calls += 1
             if t > reached:
-                reached, calls = t + row, 0
+                reached, calls = t + row_s, 0
             elif calls > _MOST_STEPS:
                 raise TooManyStepsError(TOO_MANY.format(t))
             return self.rhs(t, x, inputs(t), p)
@@ -341,6 +371,7 @@ def ode(
     states: str | Sequence[str],
     output: Callable[..., Any] | str | Sequence[str],
     inputs: str | Sequence[str] = (),
+    held: str | Sequence[str] = (),
     initial: Mapping[str, float | str] | Sequence[float | str] | None = None,
     events: Event | Sequence[Event] = (),
     time: str | None = None,
@@ -361,6 +392,8 @@ def ode(
         that are measured themselves.
     inputs : sequence of str
         Columns of the record that drive the model; lines between samples.
+    held : sequence of str
+        Those of the inputs that keep a row's value until the next row, as a command or the power of a switch does.
     initial : mapping by state, or sequence in their order, optional
         How a state begins: a number, the name of a parameter, or of a column whose first value it is; without it the
         parameter or column of the state's own name.
@@ -374,6 +407,12 @@ def ode(
     given.function(rhs, "ode, rhs")
     named = tuple(given.name(one, "ode, states") for one in given.names(states, "ode, states"))
     driven = tuple(given.name(one, "ode, inputs") for one in given.names(inputs, "ode, inputs"))
+    holds = tuple(given.names(held, "ode, held"))
+    if not set(holds) <= set(driven):
+        odd = ", ".join(name for name in holds if name not in driven)
+        raise InputError(
+            "is no input", where="ode, held", value=odd, limit=", ".join(driven), do="name it among inputs=[…], too"
+        )
     wanted = output if callable(output) else given.names(output, "ode, output")
     happens = given.several(events, Event, "ode, events", do="declare each with Event(when, then)")
     given.one_of(solver, Solver, "ode, solver", do="give solver=Solver(method=…, rtol=…)")
@@ -393,5 +432,5 @@ def ode(
         do = "name the states that are measured as output=[…]"
         raise InputError("has no state that is measured itself", where="ode, solver, restart_s", do=do)
     plain = getattr(rhs, "py_func", rhs)
-    made = Ode(plain, named, wanted, driven, begin, happens, time, solver)
+    made = Ode(plain, named, wanted, driven, begin, happens, time, solver, held=holds)
     return made if plain is rhs else made.compiled()

@@ -1,0 +1,198 @@
+"""A measured law of the actuator in one sentence: what its curve does, as far as its own uncertainty carries it.
+
+Whether a curve rises, falls, alternates or has a highest place is asked of its values on the nodes and of their joint
+covariance: errors that all values share (an offset that other parameters could take) do not hide a slope that is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Final
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from torsight.core.parameter import REACH
+from torsight.core.units import Floats
+from torsight.core.words.wording import listed, number, variable_name
+from torsight.discovery.measured_law import MeasuredLaw
+
+_WHAT: Final = {
+    "torque": "a stray torque",
+    "friction": "friction torque",
+    "reading": "the reading's error",
+    "temperature": "the wire's temperature less its sensor's",
+    "winding": "a spring's torque beside its own",
+    "phase": "the recoverable angle",
+}
+_CLOCK: Final = "the lead of the temperature log's clock"
+_UNITS: Final = {
+    "angle_deg": "°",
+    "winding_deg": "°",
+    "angle_rate_deg_s": "°/s",
+    "temp_active_c": " °C",
+    "temp_passive_c": " °C",
+    "temp_rate_c_s": " °C/s",
+    "time_s": " s",
+    "dwell_s": " s",
+}
+_WRONG: Final = 0.05
+"""Probability with which a change that is reported may be none: the other side of a 95 % interval."""
+_ROUNDING: Final = float(np.sqrt(np.finfo(np.float64).eps))
+"""Share of a curve's range that linear algebra may have made: differences below it are none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OnNodes:
+    """A law where the record reached it, in the units of its file.
+
+    Attributes
+    ----------
+    places : (k,) float64
+        Nodes on the driver, rising.
+    values : (k,) float64
+        The law there.
+    covariance : (k, k) float64
+        Of the values.
+    counted : str
+        What a law over cycles counts: ``half-cycle``, or ``cycle`` for a spring's own.
+    springs : tuple of int
+        The driven spring of each half-cycle, 0 is A; for a law over half-cycles.
+    """
+
+    places: Floats
+    values: Floats
+    covariance: Floats
+    counted: str = "half-cycle"
+    springs: tuple[int, ...] = ()
+
+    def rise(self, i: int, j: int) -> tuple[float, float]:
+        """Return by how much the law rises from node ``i`` to node ``j``, and the standard deviation of that."""
+        spread = self.covariance[i, i] + self.covariance[j, j] - 2.0 * self.covariance[i, j]
+        return float(self.values[j] - self.values[i]), float(np.sqrt(max(spread, 0.0)))
+
+    @property
+    def ways(self) -> tuple[bool, bool]:
+        """Whether it certainly rises somewhere, and whether it certainly falls somewhere.
+
+        Every pair of nodes is a chance to be wrong, so they share the probability of it (Bonferroni).
+        """
+        pairs = [self.rise(i, j) for i in range(len(self.places)) for j in range(i + 1, len(self.places))]
+        reach = NormalDist().inv_cdf(1.0 - _WRONG / max(1, len(pairs)))
+        dust = _ROUNDING * float(np.max(np.abs(self.values)))
+        certain = [change for change, sigma in pairs if abs(change) > reach * sigma + dust]
+        return any(change > 0.0 for change in certain), any(change < 0.0 for change in certain)
+
+    def monotone(self, *, rising: bool) -> Floats:
+        """Return the rising or falling curve (k,) that is nearest to it."""
+        dust = _ROUNDING * max(float(np.max(np.abs(self.values))), np.finfo(np.float64).tiny)
+        weights = 1.0 / (np.diag(self.covariance) + dust**2)
+        return np.asarray(isotonic_regression(self.values, weights=weights, increasing=rising).x, np.float64)
+
+    @property
+    def alternates(self) -> bool:
+        """Whether, over counts, every second value is higher than all values between them."""
+        low, high = sorted((self.values[::2], self.values[1::2]), key=lambda one: float(np.mean(one)))
+        return float(low.max()) < float(high.min())
+
+
+def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
+    """Return a law in one sentence, over what the record covered.
+
+    Parameters
+    ----------
+    law : MeasuredLaw
+        The law as its file holds it, and which of the laws of its place it is.
+    tau_c_mnm : float
+        Friction torque without the law.
+    known : OnNodes
+        Its values on the nodes that the record reached.
+    """
+    if law.driver in {"spring", "direction"}:
+        return _of_two(law)
+    what = _CLOCK if law.unit == "s" else _WHAT[law.port]
+    if law.spring != "both":
+        what += f" (spring {law.spring.upper()})"
+    beside = "" if law.number == 1 else "beside that, "
+    whole = {"friction": tau_c_mnm, "phase": 100.0}.get(law.port)
+    return f"{beside}{_course(law, what, known, whole)}"
+
+
+def _of_two(law: MeasuredLaw) -> str:
+    """Return a law that has two values."""
+    change = float(law.value[-1] - law.value[0])
+    way = "higher" if change > 0.0 else "lower"
+    if law.driver == "spring":
+        return f"spring B's transformation temperatures are {number(abs(change))} °C {way} than spring A's"
+    return f"friction torque is {number(abs(change))} mN·m {way} when the angle rises than when it falls"
+
+
+def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) -> str:
+    rises, falls = known.ways
+    driver = law.driver_values[law.covered]
+    unit = _UNITS.get(law.driver, "")
+    counts = law.driver == "cycle"
+    range_ = f"from {known.counted} {driver[0]:.0f} to {driver[-1]:.0f}"
+    if not counts:
+        range_ = f"over {variable_name(law.driver)}, between {number(driver[0])} and {number(driver[-1])}{unit}"
+    if not rises and not falls:
+        return f"{what} {_level(law, known, whole)} {range_}, within its 95 % interval"
+    if rises != falls:
+        curve = known.monotone(rising=rises)
+        size = _size(float(curve[0]), float(curve[-1]), law.unit, whole)
+        return f"{what} {'rises' if rises else 'falls'} by {size} {range_}"
+    if counts and known.alternates:
+        return f"{what} {_alternating(law, known, whole)}"
+    low, high = int(np.argmin(known.values)), int(np.argmax(known.values))
+    size = _size(float(known.values[low]), float(known.values[high]), law.unit, whole)
+    at = [f"in {known.counted} {x:.0f}" if counts else f"at {number(x)}{unit}" for x in known.places[[high, low]]]
+    return f"{what} is highest {at[0]}, {size} above its lowest value {at[1]}, {range_}"
+
+
+def _size(first: float, last: float, unit: str, whole: float | None) -> str:
+    """Return a change with its unit: as a share of the first value where a law changes a whole."""
+    if whole is not None and whole + first > 0.0:
+        return f"{100.0 * abs((last - first) / (whole + first)):.0f} %"
+    return f"{number(abs(last - first))}{_spaced(unit)}"
+
+
+def _level(law: MeasuredLaw, known: OnNodes, whole: float | None) -> str:
+    """Return the one value of a law that does not change."""
+    mean, sigma = float(np.mean(known.values)), float(np.sqrt(max(float(np.mean(known.covariance)), 0.0)))
+    if abs(mean) <= REACH * sigma:
+        return "is what the plain model has" if whole is not None else "is zero"
+    if whole is not None:
+        return f"is {_size(0.0, mean, law.unit, whole)} {'higher' if mean > 0.0 else 'lower'} throughout"
+    return f"is {number(mean)}{_spaced(law.unit)} throughout"
+
+
+def _alternating(law: MeasuredLaw, known: OnNodes, whole: float | None) -> str:
+    """Return the two values of a law that alternates, and where each stands."""
+    starts = sorted((0, 1), key=lambda start: float(np.mean(known.values[start::2])))
+    added = whole if law.port == "friction" and whole is not None else 0.0
+    told = []
+    for start in starts:
+        places = range(start, len(known.values), 2)
+        weights = 1.0 / np.maximum(np.diag(known.covariance)[start::2], np.finfo(np.float64).tiny)
+        mean = float(np.average(known.values[start::2], weights=weights))
+        told.append(number(0.0 if added == 0.0 and _nothing(mean, known, places) else added + mean))
+    unit = _spaced(law.unit)
+    ends = f"alternates between {told[0]} and {told[1]}{unit} from one {known.counted} to the next"
+    high = [round(float(x)) for x in known.places[starts[1] :: 2]]
+    where = f"higher in {known.counted}s {listed([str(x) for x in high])}"
+    driven = {known.springs[x - 1] for x in high if 0 < x <= len(known.springs)}
+    others = {known.springs[round(float(x)) - 1] for x in known.places[starts[0] :: 2] if x <= len(known.springs)}
+    if len(driven) == 1 and len(others) == 1 and driven != others:
+        where += f", in which spring {'AB'[driven.pop()]} is the driven one"
+    return f"{ends} ({where})"
+
+
+def _nothing(mean: float, known: OnNodes, places: range) -> bool:
+    """Whether a mean of some values is zero within its interval."""
+    own = known.covariance[np.ix_(places, places)]
+    return abs(mean) <= REACH * float(np.sqrt(max(float(np.mean(own)), 0.0)))
+
+
+def _spaced(unit: str) -> str:
+    return unit if unit in {"°", ""} else f" {unit}"
