@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import errno
 import json
 import math
 import os
@@ -103,6 +104,34 @@ def not_written(path: Path, error: OSError) -> OutputError:
         where=str(path),
         do="choose another --out folder, or free space and rights there; earlier files are untouched",
     )
+
+
+def require_writable(path: Path, *, folder: bool) -> None:
+    """Refuse a file, or a ``folder`` for files, that cannot be written: before the work for it; nothing is left there.
+
+    Raises
+    ------
+    OutputError
+        When the system refuses to make a file there, or in the nearest folder above it that there is.
+    """
+    try:
+        if not folder and path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        above = path.absolute() if folder else path.absolute().parent
+        nearest = next(place for place in (above, *above.parents) if _is_there(place))
+        with tempfile.TemporaryFile(dir=nearest):
+            pass
+    except OSError as error:
+        raise not_written(path, error) from error
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether a path names something, be it a link that leads nowhere; what is refused otherwise is raised."""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
 
 
 def write_bytes(path: Path, content: bytes) -> None:
