@@ -39,7 +39,9 @@ class PredictedAngle(Prediction):
 
     def facts(self) -> dict[str, str]:
         """Return rows, time, angle and its standard deviation."""
-        return {**super().facts(), "standard deviation": span(self.sigma_rad / DEG, "°")}
+        known = np.isfinite(self.sigma_rad).any() or not np.isfinite(self.angle_rad).any()
+        told = span(self.sigma_rad / DEG, "°") if known else "not known: give fitted_model doubt=fit.doubt"
+        return {**super().facts(), "standard deviation": told}
 
     def _columns(self) -> dict[str, Any]:
         return {**super()._columns(), "angle_sigma_deg": self.sigma_rad / DEG}
