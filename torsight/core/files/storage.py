@@ -343,7 +343,8 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     table.columns = [str(name).strip() for name in table.columns]
     for name in required:
         if name not in table.columns:
-            near = difflib.get_close_matches(name, list(table.columns), n=1)
+            # A column that is needed under its own name is none to rename.
+            near = difflib.get_close_matches(name, [one for one in table.columns if one not in required], n=1)
             raise InputError(
                 f"has no column '{name}'",
                 where=str(path),
