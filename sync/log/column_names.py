@@ -313,9 +313,8 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
     near = difflib.get_close_matches(name, list(header), n=1, cutoff=0.8)
     example = ",".join(f"{one}={'NAME'}" for one in NEEDED)
     hint = f"rename '{near[0]}', or " if near else ""
-    return InputError(
-        f"has no column '{name}'", where=where, value=shown, do=f'{hint}say which columns to use: --columns "{example}"'
-    )
+    do = f'{hint}say which columns to use: --columns "{example}", or [temperature] columns of an experiment'
+    return InputError(f"has no column '{name}'", where=where, value=shown, do=do)
 
 
 def columns_note(columns: Mapping[str, LogColumn]) -> str | None:

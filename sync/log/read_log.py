@@ -147,7 +147,7 @@ def _no_temperature(values: Floats, *, where: str) -> InputError:
         where=where,
         value=middle,
         limit=f"{RANGE_C[0]:g} to {RANGE_C[1]:g} °C",
-        do='give °C, not in kelvin or tenths, or say the unit: --units "a=K,b=K"; both springs are needed',
+        do='give °C, not in kelvin or tenths, or say it: --units "a=K,b=K", [temperature] units; both are needed',
     )
 
 

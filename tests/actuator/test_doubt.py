@@ -92,6 +92,7 @@ def test_a_value_stays_within_its_bounds_and_a_model_without_doubt_says_nothing(
     assert np.isfinite(found.sigma_rad).all()
     silent = predict_with_sigma(model_with(None), log, start_angle_rad=START_RAD)
     assert np.isnan(silent.sigma_rad).all()
+    assert "give fitted_model doubt=fit.doubt" in silent.summary()
     assert silent.angle_rad == pytest.approx(found.angle_rad)
 
 

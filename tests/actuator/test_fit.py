@@ -203,6 +203,15 @@ def test_damaged_model_files(tmp_path, change, told):
         read_model(path)
 
 
+def test_a_fitted_model_says_how_sure_its_predictions_are():
+    made, _, drive, result = rig_fit()
+    fitted = fitted_model(result.model, result.values, drive, doubt=result.doubt)
+    log = TemperatureLog(made.table.time_s, made.table.temp_a_c, made.table.temp_b_c)
+    found = predict_with_sigma(fitted, log, start_angle_rad=drive.start_angle_rad)
+    assert np.nanmin(found.sigma_rad) >= 0.999 * result.rmse_deg * DEG
+    assert result.doubt.names == result.free
+
+
 @pytest.mark.shared_data
 def test_record_of_a_rig_that_is_not_ours(shared_data, tmp_path):
     """Nothing is missing there: the plain model explains it, and its later record."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from, read_actuator, reference_spec
 from torsight.actuator.springs import Rig
 from torsight.core.errors import ConfigError
+from torsight.core.records import TemperatureLog
+from torsight.core.units import DEG
 
 GOOD = {
     "geometry": {"wire_diameter_mm": 0.5, "mean_diameter_mm": 6.8, "active_coils": 3},
@@ -21,6 +25,13 @@ GOOD = {
     "friction": {"tau_c_mnm": 0.79},
     "uncertainty": {"E_A_gpa": 1.8, "A_s_c": 0.4},
 }  # fmt: skip
+
+
+def test_a_start_at_the_bound_is_told_as_beyond_it() -> None:
+    log = TemperatureLog(np.arange(3.0), np.full(3, 23.0), np.full(3, 23.0))
+    told = "found −540°; allowed more than −540° and less than 540°"
+    with pytest.raises(ConfigError, match=told):
+        ActuatorModel(reference_spec()).prepare_log(log, start_angle_rad=-540.0 * DEG)
 
 
 def changed(table: str, **keys):

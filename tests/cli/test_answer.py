@@ -8,12 +8,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.cli.bad_inputs import make_world
 from tests.command_line import leave
+from torsight.actuator import ActuatorModel, FittedModel, reference_spec, write_model
 from torsight.cli.answer import Answer
 from torsight.cli.main import COMMANDS
+from torsight.core.law import LawForm
 
 SILENT = ("view",)
 """Commands that show something and have no result to give."""
@@ -64,6 +67,20 @@ def test_the_result_is_what_the_file_holds(world: Path, tmp_path: Path, capsys: 
         k: v for k, v in json.loads((tmp_path / "fit.json").read_text()).items() if k != "schema"
     }
     assert "friction torque" in told
+
+
+def test_a_fit_says_which_model_it_takes_the_place_of(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("fit", str(world / "merged.csv"), "--actuator", str(world / "actuator.toml"), "--out", str(tmp_path))
+    law = LawForm("friction_temp_active_c", np.array([20.0, 80.0]), np.eye(2), "mN·m", 0.1, prior=True)
+    extended = ActuatorModel(reference_spec(), ["viscous_friction", "home_torque"], laws=(law,))
+    write_model(tmp_path / "model.json", FittedModel(extended, extended.nominal()))
+    assert leave(*words) == 0
+    told = capsys.readouterr().err
+    assert f"model.json held a model with viscous_friction and the law {law.id}; it now holds this fit's" in told
+    assert leave(*words) == 0
+    assert "held a model" not in capsys.readouterr().err
 
 
 def test_a_refusal_says_what_where_and_what_to_do(world: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import shlex
 import shutil
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from tests import command_line
 from tests.cli.bad_inputs import make_world
 from tests.full_disk import full_disk
 from tests.fuzz.readers import READERS, TESTS, make_neighbours
+from torsight.cli.main import COMMANDS
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +118,46 @@ def test_a_full_disk_is_told_and_loses_nothing(
     assert "choose another --out folder" in told
     after = {path: path.read_bytes() for path in world.rglob("*") if path.is_file() and ".track" not in path.parts}
     assert after == before
+
+
+NOWHERE = {
+    "demo": "",
+    "run": "{no.toml}",
+    "track": "{no.mp4}",
+    "sync": "--angle {no.csv} --temperature {no.csv}",
+    "fit": "{no.csv} --actuator {no.toml}",
+    "discover": "{no.csv} --actuator {no.toml}",
+    "missing": "{no.py} {no.csv}",
+    "simulate": "{no.toml} {no.csv} --start-angle 0",
+    "predict": "{no.json} {no.csv}",
+    "characterise": "{no.toml}",
+    "paper": "",
+    "calibrate": "{no.png} --board {no.toml}",
+    "board": "",
+    "render": "{no.toml}",
+    "live": "{no.mp4} --temperature {no.csv}",
+    "batch": "{no}",
+    "markers": "{no.mp4}",
+}
+"""Every command that takes ``out``, with inputs that are not there: who looks at them first, names them."""
+OF_FILES = {"simulate", "predict", "calibrate", "board", "markers"}
+
+
+@pytest.mark.parametrize("name", NOWHERE)
+def test_a_place_that_cannot_be_written_is_told_before_any_work(
+    name: str, world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = sorted(world.rglob("*"))
+    wrong = "{.}" if name in OF_FILES else "{temps.csv}"
+    for out in ("/dev/null/x/y.svg", wrong):
+        assert leave(f"{name} {NOWHERE[name]} --out {out}", world) == 3
+        assert ": cannot be written (" in capsys.readouterr().err
+    assert sorted(world.rglob("*")) == before
+
+
+def test_no_command_that_writes_is_left_out() -> None:
+    commands = {name: getattr(import_module(f"torsight.cli.{name}"), name) for name in COMMANDS}
+    assert {name for name, one in commands.items() if "out" in inspect.signature(one).parameters} == set(NOWHERE)
 
 
 def make_world_film(folder: Path) -> None:

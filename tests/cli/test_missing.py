@@ -48,6 +48,26 @@ def predict(p, record):
 """
 
 
+def test_a_model_that_fails_names_file_and_record_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pd.DataFrame(spring_record(1, 2.0)).to_csv(tmp_path / "a.csv", index=False)
+    for wrong, told in (("record.uu.", "line 22, in predict"), ("record.u..", "line 22: cannot be imported")):
+        (tmp_path / "model.py").write_text(MODEL.replace("record.u.", wrong), encoding="utf-8")
+        assert leave("missing", tmp_path / "model.py", tmp_path / "a.csv", "--out", tmp_path / "out") == 3
+        words = capsys.readouterr().err
+        assert f"model.py, {told}" in words
+        assert words.count("model.py") == 1
+        assert words.count("record 'a'") == (1 if "uu" in wrong else 0)
+
+
+def test_a_setting_that_is_spelt_wrong_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pd.DataFrame(spring_record(1, 2.0)).to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "model.py").write_text(MODEL.replace("sigma = 0.02", "sgma = 0.02"), encoding="utf-8")
+    assert leave("missing", tmp_path / "model.py", tmp_path / "a.csv", "--out", tmp_path / "out") == 3
+    told = capsys.readouterr().err
+    assert "model.py, line 8: 'sgma' is no setting, and nothing reads it; " in told
+    assert "did you mean 'sigma'?" in told
+
+
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("own")

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import calibration
@@ -21,6 +22,7 @@ import torsight.core
 import torsight.synthetic
 import tracker
 from torsight.core.frozen import Frozen
+from torsight.core.records import TemperatureLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,17 @@ def test_it_is_pickled_and_written_as_a_dict_is() -> None:
     with pytest.raises(TypeError):
         again.values["a"] = 2.0
     assert json.loads(json.dumps(made.values)) == GIVEN
+
+
+def test_an_array_of_a_frozen_object_refuses_changes_and_is_its_own() -> None:
+    time_s, given = np.arange(3.0), np.array([23.0, 24.0, 25.0])
+    log = TemperatureLog(time_s, given, given, extra={"current_a_a": given})
+    given[0] = 60.0
+    for values in (log.temp_a_c, log.extra["current_a_a"], pickle.loads(pickle.dumps(log)).temp_a_c):  # noqa: S301 - our own bytes
+        assert values[0] == 23.0
+    for values in (log.time_s, log.temp_a_c, log.extra["current_a_a"]):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 3.0
 
 
 def frozen_with_mappings() -> Iterator[type]:

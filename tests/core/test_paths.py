@@ -16,6 +16,8 @@ from sync import read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, MARKERS
 from torsight.actuator import (
     ActuatorModel,
+    FittedModel,
+    fit_model,
     fitted_model,
     read_actuator,
     read_log,
@@ -33,6 +35,8 @@ from torsight.core import (
     write_angles,
     write_merged,
 )
+from torsight.core.errors import ConfigError
+from torsight.discovery import predict_with_sigma
 from torsight.synthetic import read_scene
 from tracker import open_source, read_markers
 
@@ -98,3 +102,30 @@ def test_a_model_goes_to_the_text_of_a_path_and_back(tmp_path: Path, half_cycle:
     fitted = fitted_model(model, model.nominal(), model.prepare(half_cycle))
     write_model(str(tmp_path / "model.json"), fitted)
     assert read_model(str(tmp_path / "model.json")).values == fitted.values
+
+
+def wrong_objects() -> dict[str, tuple[Callable[[], object], str]]:
+    model, path = ActuatorModel(reference_spec()), Path("merged.csv")
+    wrong: Any = str(path)
+    other: Any = model
+    fitted = FittedModel(model, model.nominal())
+    return {
+        "model": (lambda: ActuatorModel(wrong), r"ActuatorModel, spec: is no ActuatorSpec; found 'merged.csv'"),
+        "prepare": (lambda: model.prepare(wrong), r"is no SyncedTable; found 'merged.csv'; .*read_merged\(path\)"),
+        "log": (lambda: model.prepare_log(other, start_angle_rad=3.0), r"no TemperatureLog; found ActuatorModel"),
+        "fit": (lambda: fit_model(model, other), r"fit_model, drive: is no Drive; found ActuatorModel"),
+        "fit a path": (lambda: fit_model(wrong, other), r"fit_model, model: is no ActuatorModel; found 'merged.csv'"),
+        "sigma": (lambda: predict_with_sigma(wrong, wrong, start_angle_rad=3.0), r"no FittedModel; found 'merged.csv'"),
+        "predict": (lambda: fitted.predict(wrong, start_angle_rad=3.0), r"no TemperatureLog; .*read_log\(path\)"),
+    }
+
+
+@pytest.mark.parametrize("name", wrong_objects())
+def test_a_path_in_the_place_of_what_it_holds_is_told(name: str) -> None:
+    call, told = wrong_objects()[name]
+    with pytest.raises(ConfigError, match=told):
+        call()
+
+
+def test_one_effect_may_be_given_by_its_name_alone() -> None:
+    assert ActuatorModel(reference_spec(), "sensor_lag") == ActuatorModel(reference_spec(), ("sensor_lag",))

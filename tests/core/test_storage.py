@@ -26,6 +26,14 @@ from torsight.core.files.storage import (
 )
 
 
+def test_a_needed_column_is_not_advised_to_be_renamed(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("time_s,angle_deg\n0,1\n")
+    with pytest.raises(InputError, match=r"has no column 'angle_sigma_deg'; .*add the column"):
+        read_table(tmp_path / "t.csv", required=("time_s", "angle_deg", "angle_sigma_deg"))
+    with pytest.raises(InputError, match="rename 'angle_deg'"):
+        read_table(tmp_path / "t.csv", required=("time_s", "angle_degs"))
+
+
 def _die_half_way(path: Path) -> None:
     path.write_text("half of the ne")
     raise RuntimeError("killed")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from torsight.core.errors import InputError
 from torsight.core.files.tables import marker_columns, read_angles, read_merged, write_angles, write_merged
-from torsight.core.records import ClockMap, SyncedTable
+from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
 from torsight.core.tracks import MarkerTracks, StickAngles
 
 
@@ -61,6 +62,28 @@ def test_times_that_do_not_increase_name_the_row(tmp_path: Path, times: str) -> 
     path.write_text("time_s,angle_deg,angle_sigma_deg,temp_a_c,temp_b_c\n" + "\n".join(rows) + "\n")
     with pytest.raises(InputError, match=r"row [34], column time_s: time does not increase"):
         read_merged(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"temp_a_c": np.full(2, 23.0)}, r"TemperatureLog, temp_a_c: has not one value for every time; .*\(2,\)"),
+        ({"heat_b": np.zeros(4, bool)}, r"TemperatureLog, heat_b: has not one value"),
+        ({"extra": {"x": np.zeros((3, 2))}}, r"TemperatureLog, x: has not one value"),
+        ({"temp_b_c": np.array([23.0, np.nan, 300.0])}, r"row 2, temp_b_c: .*found 300; allowed -273.15 to 250"),
+    ],
+)
+def test_a_log_that_can_be_none_is_refused_where_it_is_made(change: dict[str, Any], told: str) -> None:
+    good = {"time_s": np.arange(3.0), "temp_a_c": np.array([23.0, np.nan, 24.0]), "temp_b_c": np.full(3, 23.0)}
+    assert len(TemperatureLog(**good)) == 3
+    with pytest.raises(InputError, match=told):
+        TemperatureLog(**{**good, **change})
+
+
+def test_a_merged_table_has_columns_of_one_length() -> None:
+    one = np.ones(3)
+    with pytest.raises(InputError, match="SyncedTable, angle_rad: has not one value"):
+        SyncedTable(np.arange(3.0), np.ones(2), one, one, one)
 
 
 def test_marker_sigma_is_the_root_mean_variance() -> None:

@@ -87,7 +87,7 @@ def test_a_model_that_raises_says_where_and_for_which_values() -> None:
         return record.u / (p.gain - 1.0 if p.gain != 1.0 else int("none"))
 
     with pytest.raises(
-        InputError, match=r"ValueError.*test_own_declared.py, line \d+, in fails.*gain=1, offset=0"
+        InputError, match=r"test_own_declared.py, line \d+, in fails: .*ValueError.*gain=1, offset=0"
     ) as e:
         check_problem(problem(predict=fails))
     assert 'int("none")' in "".join(e.value.__notes__)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import leave
 from torsight.cli.main import main
 from torsight.viewer import program
 
@@ -27,6 +28,14 @@ class SlowViewer:
     def end(self) -> None:
         time.sleep(0.3)
         self.open = False
+
+
+def test_a_time_that_the_record_does_not_hold_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "recording.rrd").touch()
+    (tmp_path / "angle.csv").write_text("time_s\n1\n61.5\n")
+    for words in ((str(tmp_path),), (str(tmp_path / "recording.rrd"),)):
+        assert leave("view", *words, "--pictures", str(tmp_path / "p"), "--at", "1e9") == 2
+        assert "--at: is no time of the record; found 1000000000 s; allowed 1 to 61.5 s" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

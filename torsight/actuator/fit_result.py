@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from torsight.actuator.doubt import Doubt
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.simulation import Simulation
@@ -91,6 +92,11 @@ class FitResult(Frozen, Shown):
     converged: bool
     silent_about: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
+
+    @property
+    def doubt(self) -> Doubt:
+        """How far the fitted model may be wrong: given to ``fitted_model``, predictions say how sure they are."""
+        return Doubt(self.free, self.covariance, self.rmse_deg)
 
     def facts(self) -> dict[str, str]:
         """Return the error, whether the fit converged, and the free parameters."""

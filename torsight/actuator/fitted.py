@@ -21,7 +21,7 @@ from torsight.actuator.record.full_cycle import full_cycle
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
-from torsight.core.errors import ConfigError, InputError, TorsightError
+from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind
 from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_json, write_json
@@ -155,6 +155,7 @@ class FittedModel(Frozen, Shown):
         InputError
             When the log cannot drive the model.
         """
+        require_kind(log, TemperatureLog, where=f"predict, {where}", do="read_log(path) gives one")
         ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad, where=where)
         whole, rows = filled_in(log)
         drive = self.model.prepare_log(whole, start_angle_rad=start_angle_rad - ahead_rad, where=where)
@@ -218,7 +219,7 @@ class FittedModel(Frozen, Shown):
             raise ConfigError(
                 "the start angle is more whole turns away than a film can have counted",
                 where=f"{where}, first row",
-                value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°",
+                value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°".replace("-", "−"),
                 limit=f"−{limit_deg:g}° to {limit_deg:g}°",
                 do="give radians in Python: were these degrees? Files and commands take degrees",
             )

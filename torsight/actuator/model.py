@@ -16,7 +16,7 @@ from torsight.actuator.ports import History, Ports
 from torsight.actuator.simulation import Simulation, angle_of_ports, run_ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import SPRING_B, Rig, values_of_b
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError, InputError, require_kind
 from torsight.core.files.storage import check_keys
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
@@ -38,7 +38,7 @@ class ActuatorModel:
     ----------
     spec : ActuatorSpec
         Characterised values and their uncertainties.
-    effects : sequence of str
+    effects : sequence of str, or str
         Ids of effects that are part of the model; they act in the order of their ids.
     phase_law : str
         ``"liang_rogers"`` (the model) or ``"tanaka"``.
@@ -54,6 +54,11 @@ class ActuatorModel:
     theta_l_deg: float | None = None
     laws: tuple[LawForm, ...] = ()
     _begun: list[tuple[Drive, Ports]] = field(default_factory=list, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        require_kind(self.spec, ActuatorSpec, where="ActuatorModel, spec", do="read_actuator(path) gives one")
+        if isinstance(self.effects, str):
+            object.__setattr__(self, "effects", (self.effects,))
 
     def __repr__(self) -> str:
         parts = ", ".join([*self.effects, *(form.id for form in self.laws)]) or "no effects"
@@ -98,6 +103,7 @@ class ActuatorModel:
             When the record cannot drive a model, turns further than the springs are wound, or has times that are no
             seconds or temperatures that are not in °C.
         """
+        require_kind(table, SyncedTable, where=f"prepare, {where}", do="read_merged(path) gives one")
         self._require_reach(table, where=where)
         require_units(table.time_s, {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}, where=where)
         return prepare_table(table, row_rate_hz=row_rate_hz, where=where)
@@ -129,13 +135,14 @@ class ActuatorModel:
         InputError
             When the log cannot drive a model, or has times that are no seconds or temperatures that are not in °C.
         """
+        require_kind(log, TemperatureLog, where=f"prepare_log, {where}", do="read_log(path) gives one")
         reach_deg = self.spec.values["theta_p_deg"] / 2.0
         if not abs(start_angle_rad) < reach_deg * DEG:
             raise ConfigError(
                 "the start angle is further than the springs are wound",
                 where=f"{where}, first row",
-                value=f"{start_angle_rad / DEG:g}°",
-                limit=f"−{reach_deg:g}° to {reach_deg:g}°",
+                value=f"{start_angle_rad / DEG:g}°".replace("-", "−"),
+                limit=f"more than −{reach_deg:g}° and less than {reach_deg:g}°",
                 do="give the angle as read at the first row (radians in Python, degrees in files and commands)",
             )
         require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where=where)

@@ -1,7 +1,7 @@
-"""What a command answers to a script: ``--json`` on every command that reports something.
+"""What all commands have in common: places to write are refused before any work, and ``--json`` answers a script.
 
-A command returns an :class:`Answer`; :func:`answering` gives it the option. With ``--json`` standard output holds one
-JSON object and nothing else, whether the command succeeds or fails; everything for people goes to standard error.
+A command returns an :class:`Answer`; :func:`answering` gives it the option ``--json``. With it standard output holds
+one JSON object and nothing else, whether the command succeeds or fails; everything for people goes to standard error.
 """
 
 from __future__ import annotations
@@ -12,13 +12,16 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
 from torsight.cli.checkup.install import own_packages
 from torsight.core.errors import TorsightError
-from torsight.core.files.storage import SCHEMA, json_text
+from torsight.core.files.storage import SCHEMA, json_text, require_writable
+
+_WRITTEN: Final = ("out", "export_effect")
+"""Parameters of commands that name what is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +44,12 @@ class Answer:
 
 
 def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[..., int]:
-    """Return the command with the option ``--json`` where it returns an :class:`Answer`, else as it is."""
-    signature, run = inspect.signature(command, eval_str=True), own_packages()(command)
+    """Return the command, with the option ``--json`` where it returns an :class:`Answer`.
+
+    Where it cannot write it ends before its work, which may take minutes.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    run = _writable_first(own_packages()(command), signature)
     if signature.return_annotation is not Answer:
 
         @functools.wraps(command)
@@ -76,6 +83,26 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
     answered.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     answered.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return answered
+
+
+def _writable_first(
+    command: Callable[..., Answer | None], signature: inspect.Signature
+) -> Callable[..., Answer | None]:
+    """Return the command that refuses a place it could not write to: a file where the metavar has a suffix."""
+    written = {
+        name: "." not in (parameter.annotation.__metadata__[0].metavar or "")
+        for name, parameter in signature.parameters.items()
+        if name in _WRITTEN
+    }
+
+    def checked(*arguments: Any, **options: Any) -> Answer | None:
+        given = signature.bind(*arguments, **options).arguments
+        for name, folder in written.items():
+            if given.get(name) is not None:
+                require_writable(given[name], folder=folder)
+        return command(*arguments, **options)
+
+    return checked
 
 
 def _put(name: str, *, exit_code: int, **content: Any) -> None:

@@ -24,7 +24,10 @@ def board(
         typer.Argument(metavar="BOARD.toml", help="The board; without it one that fits the page is made up."),
     ] = None,
     *,
-    out: Annotated[Path, typer.Option(help="File to write: .svg or .pdf at true scale (a .png comes with it).")],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="FILE.svg", help="File to write: .svg or .pdf at true scale (a .png comes with it)."),
+    ],
     page: Annotated[str, typer.Option(help="Page: a5, a4, a3, a2, letter or tabloid.")] = "a4",
     kind: Annotated[str, typer.Option(help="Without BOARD.toml: charuco or chessboard.")] = "charuco",
     dpi: Annotated[float, typer.Option(help="Pixels per inch of the .png.", min=30.0, max=2400.0)] = 300.0,

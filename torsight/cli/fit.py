@@ -10,11 +10,12 @@ import typer
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile
+from torsight.core.errors import TorsightError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import write_json
 from torsight.core.files.tables import read_merged
 from torsight.core.progress import Progress, silent
-from torsight.core.words.wording import case_words
+from torsight.core.words.wording import case_words, listed
 
 if TYPE_CHECKING:
     from torsight.actuator.fit_result import FitResult
@@ -42,6 +43,7 @@ def fit(
 
     Example: torsight fit out/merged.csv --actuator actuator.toml --out out
     """
+    held = _held(out / "model.json")
     with progress_bar() as progress:
         result = fit_to_folder(merged, actuator, out=out, effects=tuple(effect or ()), progress=progress)
     tau = result.estimates["tau_c_mnm"]
@@ -49,14 +51,31 @@ def fit(
         f"friction torque {tau.value:.3f} mN·m (95 %: {tau.ci95[0]:.3f} to {tau.ci95[1]:.3f}), "
         f"error {result.rmse_deg:.2f}°, {case_words(result.cycle.case)}"
     )
+    if lost := [name for name in held if name not in result.model.effects]:
+        say(
+            f"note: {out / 'model.json'} held a model with {listed(lost)}; it now holds this fit's, which 'torsight "
+            "predict' will use: for the other one discover again, and fit into another --out folder"
+        )
     return Answer(result.to_json(), files=(out / "fit.json", out / "model.json"))
+
+
+def _held(path: Path) -> list[str]:
+    """Return the effects and laws of a model file, those apart that every fit has; [] where there is no model."""
+    from torsight.actuator.effects import always_fitted
+    from torsight.actuator.fitted import read_model
+
+    try:
+        model = read_model(path).model
+    except TorsightError:
+        return []
+    own = [effect.id for effect in model.chosen if effect not in always_fitted()]
+    return [*own, *(f"the law {form.id}" for form in model.laws)]
 
 
 def fit_to_folder(
     merged: Path, actuator: Path, *, out: Path, effects: tuple[str, ...] = (), progress: Progress = silent
 ) -> FitResult:
     """Fit a merged record and write ``fit.json`` and ``model.json``."""
-    from torsight.actuator.doubt import Doubt
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
@@ -68,6 +87,6 @@ def fit_to_folder(
     result = fit_model(model, drive, progress=progress, where=str(merged))
     write_json(out / "fit.json", result.to_json())
     account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
-    doubt = Doubt(result.free, result.covariance, result.rmse_deg)
-    write_model(out / "model.json", fitted_model(result.model, result.values, drive, account=account, doubt=doubt))
+    fitted = fitted_model(result.model, result.values, drive, account=account, doubt=result.doubt)
+    write_model(out / "model.json", fitted)
     return result

@@ -87,7 +87,7 @@ def _predict_own(model: Path, record: Path, *, initial: Sequence[str], out: Path
         found = read_model(model, record).predict(record, initial=dict(begins))
     for doubt in found.warnings:
         say(f"note: {doubt}")
-    write_table(out, found)
+    write_table(out, found, clock=next(iter(found)))
     return Answer({"rows": len(next(iter(found.values()))), "columns": list(found)}, files=(out,))
 
 

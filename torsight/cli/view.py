@@ -12,7 +12,7 @@ from torsight.cli.console import progress_bar, say
 from torsight.cli.ends import Ended
 from torsight.cli.options import Serve, WebPort
 from torsight.core.errors import ConfigError, InputError, NoResultError
-from torsight.core.files.storage import read_toml
+from torsight.core.files.storage import read_table, read_toml
 
 
 def view(
@@ -40,6 +40,7 @@ def view(
 
     if pictures is None and at is not None:
         raise ConfigError("says what --pictures shows, and that is not there", where="--at", do="add --pictures OUT")
+    _require_within(at, folder if folder.is_dir() else folder.parent)
     recording = recording_of(folder)
     if pictures is not None:
         from torsight.viewer import save_pictures
@@ -74,6 +75,21 @@ def view(
             f"the viewer could not open ({reason})",
             where=str(recording),
             do="it needs a screen; look at it in a browser with --serve, or open the file on another computer",
+        )
+
+
+def _require_within(at: float | None, folder: Path) -> None:
+    """Refuse a time that the record beside a recording does not hold; where there is none, nobody can say."""
+    tables = [folder / name for name in ("angle.csv", "merged.csv") if (folder / name).is_file()]
+    if at is None or not tables:
+        return
+    time_s = read_table(tables[0], required=("time_s",))["time_s"]
+    if not time_s.min() <= at <= time_s.max():
+        raise ConfigError(
+            "is no time of the record",
+            where="--at",
+            value=f"{at:.10g} s",
+            limit=f"{time_s.min():.10g} to {time_s.max():.10g} s",
         )
 
 

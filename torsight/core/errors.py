@@ -7,6 +7,7 @@ was met, which is allowed and what to do. The command line prints it on one line
 from __future__ import annotations
 
 import functools
+import os
 import unicodedata
 from typing import Any, ClassVar, Final
 
@@ -106,6 +107,13 @@ def refused_by_system(error: OSError) -> InputError:
     )
     told.__cause__ = error
     return told
+
+
+def require_kind(value: object, kind: type, *, where: str, do: str) -> None:
+    """Refuse what a call in Python was given in the place of an object of a ``kind``, such as the path of its file."""
+    if not isinstance(value, kind):
+        met = repr(value) if isinstance(value, (str, os.PathLike)) else type(value).__name__
+        raise ConfigError(f"is no {kind.__name__}", where=where, value=met, limit=kind.__name__, do=do)
 
 
 class NoResultError(TorsightError, RuntimeError):

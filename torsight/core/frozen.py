@@ -1,10 +1,12 @@
-"""Mappings inside frozen objects that are as frozen as the objects."""
+"""Mappings and arrays inside frozen objects that are as frozen as the objects."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import FrozenInstanceError, fields
 from typing import Any, NoReturn
+
+import numpy as np
 
 
 class ReadOnly(dict[Any, Any]):
@@ -35,7 +37,17 @@ def read_only(mapping: Mapping[Any, Any]) -> ReadOnly:
     """Return a mapping, and those inside it, as ones that cannot be changed."""
     if isinstance(mapping, ReadOnly):
         return mapping
-    return ReadOnly({key: read_only(value) if isinstance(value, Mapping) else value for key, value in mapping.items()})
+    return ReadOnly({key: _unchanging(value) for key, value in mapping.items()})
+
+
+def _unchanging(value: Any) -> Any:
+    """Return a mapping or an array as one that cannot be changed, a copy where it could be; anything else as it is."""
+    if isinstance(value, Mapping):
+        return read_only(value)
+    if isinstance(value, np.ndarray) and value.flags.writeable:
+        value = value.copy()
+        value.flags.writeable = False
+    return value
 
 
 def refuse_plainly(cls: type) -> None:
@@ -57,7 +69,7 @@ def refuse_plainly(cls: type) -> None:
 
 
 class Frozen:
-    """Base of frozen dataclasses: their mappings are copied when they are made, and cannot be changed afterwards."""
+    """Base of frozen dataclasses: mappings and arrays are copied when it is made, and cannot be changed afterwards."""
 
     __slots__ = ()
 
@@ -67,6 +79,4 @@ class Frozen:
 
     def __post_init__(self) -> None:
         for one in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, one.name)
-            if isinstance(value, Mapping):
-                object.__setattr__(self, one.name, read_only(value))
+            object.__setattr__(self, one.name, _unchanging(getattr(self, one.name)))

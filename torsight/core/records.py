@@ -9,8 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.errors import InputError
 from torsight.core.frozen import Frozen
 from torsight.core.units import DEG, PPM, Flags, Floats
+from torsight.core.words.plausible import SPRING_C
 from torsight.core.words.shown import Shown, draw_series, share, span
 
 SHARED_EVENT: Final = "shared event"
@@ -39,6 +41,21 @@ class TemperatureLog(Frozen, Shown):
     heat_a: Flags | None = None
     heat_b: Flags | None = None
     extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        Frozen.__post_init__(self)
+        _require_rows(self, self._columns())
+        for name in ("temp_a_c", "temp_b_c"):
+            values = np.asarray(getattr(self, name), np.float64)
+            wrong = np.flatnonzero((values < SPRING_C[0]) | (values > SPRING_C[1]))
+            if len(wrong):
+                raise InputError(
+                    "is no temperature of a spring in °C",
+                    where=f"TemperatureLog, row {wrong[0]}, {name}",
+                    value=f"{values[wrong[0]]:g}",
+                    limit=f"{SPRING_C[0]:g} to {SPRING_C[1]:g}",
+                    do="give °C, and NaN where it is not known",
+                )
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -147,6 +164,11 @@ class SyncedTable(Frozen, Shown):
     heat_b: Flags | None = None
     extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        Frozen.__post_init__(self)
+        angles = {"angle_rad": self.angle_rad, "angle_sigma_rad": self.angle_sigma_rad}
+        _require_rows(self, {"time_s": self.time_s, **angles, **_temperature_columns(self)})
+
     def __len__(self) -> int:
         return len(self.time_s)
 
@@ -171,6 +193,19 @@ class SyncedTable(Frozen, Shown):
             beside.plot(self.time_s, values, label=name, linewidth=0.8, color=colour)
         beside.set_ylabel("temperature, °C")
         beside.legend()
+
+
+def _require_rows(table: TemperatureLog | SyncedTable, columns: Mapping[str, Any]) -> None:
+    """Refuse columns that have not one value for every time."""
+    for name, values in columns.items():
+        if np.shape(values) != (len(table),):
+            raise InputError(
+                "has not one value for every time",
+                where=f"{type(table).__name__}, {name}",
+                value=f"shape {np.shape(values)}",
+                limit=f"({len(table)},), as time_s",
+                do="give columns of one length, NaN where a value is not known",
+            )
 
 
 def merged_columns(table: SyncedTable) -> dict[str, Any]:

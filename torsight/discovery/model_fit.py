@@ -13,6 +13,7 @@ from torsight.actuator.effects import always_fitted
 from torsight.actuator.fit_result import FitResult, notes_of_fit, quiet, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
+from torsight.core.errors import require_kind
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.series import correlation_time, share_explained
@@ -47,6 +48,8 @@ def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent
     NoResultError
         When nothing moves.
     """
+    require_kind(model, ActuatorModel, where="fit_model, model", do="ActuatorModel(read_actuator(path)) is one")
+    require_kind(drive, Drive, where="fit_model, drive", do="model.prepare(read_merged(path)) gives one")
     require_motion(model, drive, where=where)
     forms = model.laws
     problem = ActuatorProblem(drive, model.spec, forms=forms, phase_law=model.phase_law, theta_l_deg=model.theta_l_deg)

@@ -11,6 +11,7 @@ import numpy as np
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.predicted import Prediction
+from torsight.core.errors import require_kind
 from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
@@ -39,7 +40,9 @@ class PredictedAngle(Prediction):
 
     def facts(self) -> dict[str, str]:
         """Return rows, time, angle and its standard deviation."""
-        return {**super().facts(), "standard deviation": span(self.sigma_rad / DEG, "°")}
+        known = np.isfinite(self.sigma_rad).any() or not np.isfinite(self.angle_rad).any()
+        told = span(self.sigma_rad / DEG, "°") if known else "not known: give fitted_model doubt=fit.doubt"
+        return {**super().facts(), "standard deviation": told}
 
     def _columns(self) -> dict[str, Any]:
         return {**super()._columns(), "angle_sigma_deg": self.sigma_rad / DEG}
@@ -91,6 +94,7 @@ def predict_with_sigma(
     InputError, ConfigError
         When the log cannot drive the model.
     """
+    require_kind(model, FittedModel, where="predict_with_sigma, model", do="read_model(path) gives one")
     prediction = model.predict(log, start_angle_rad=start_angle_rad, where=where)
     drive, simulation, rows = prediction.drive, prediction.simulation, prediction.rows
     angle = prediction.angle_rad

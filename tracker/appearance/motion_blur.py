@@ -92,6 +92,15 @@ def best_share(cost: Floats) -> float:
     return float(SHARES[at] + max(-0.5, min(0.5, off)) * (SHARES[1] - SHARES[0]))
 
 
+def shutter_limits(cost: Floats) -> tuple[float, float]:
+    """Return the shares between which the shutter's lies: those next to the best that fit worse by what is clear."""
+    at, refused = int(np.argmin(cost)), np.flatnonzero(cost - cost.min() >= _CLEAR)
+    below, above = refused[refused < at], refused[refused > at]
+    low = float(SHARES[below[-1]]) if len(below) else 0.0
+    # No shutter is open for longer than a frame; a share beyond is tried for the best one to have two neighbours.
+    return low, min(float(SHARES[above[0]]), 1.0) if len(above) else 1.0
+
+
 @compiled
 def residual_share(rows: Floats, values: Floats) -> float:
     """Return the residual of a linear fit over the coefficient of row 1, the step; negative where there is no step."""
@@ -110,7 +119,8 @@ def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: 
     """Find how well smears along several shares of a path fit: the residual over the step; False where it is not told.
 
     Window and columns are the same for all shares, and the shape is taken as known: a stretched dot looks much like a
-    short smear.
+    short smear. The stick's own edges are as soft as the dot's, at rest already: a ramp of the variance of a pixel, the
+    lens' blur and the smear stands for them. If the smear alone made them soft, blur would be taken for it.
     """
     (x_px, y_px), (path_x, path_y) = place, path
     length = math.hypot(path_x, path_y)
@@ -128,7 +138,7 @@ def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: 
             x, y = pixels[0, i] - (x_px - cx), pixels[1, i] - (y_px - cy)
             d, along_x, along_y = smeared_point(x, y, shape, smear_x, smear_y, count)
             rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, d, -along_x, -along_y
-        ramp = max(1.0, shares[k] * length)
+        ramp = math.sqrt(1.0 + 12.0 * shape.edge**2 + (shares[k] * length) ** 2)
         columns = fill_beside(rows, 4, pixels, x_px - cx, y_px - cy, shape.strip, (path_x, path_y), ramp)
         out[k] = residual_share(rows[:columns], values)
         if out[k] < 0.0:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
+from tracker.appearance.motion_blur import shutter_limits
 from tracker.checkpoint import Kept
 from tracker.detect.sticks import crossing_point
 from tracker.follow.frame_step import DONE, START, advance
@@ -57,9 +58,14 @@ class DotState(Kept):
         return float(np.median(self.scene.sticks["length"]))
 
     @property
-    def shutter_share(self) -> float:
-        """Share of a frame's time for which the shutter is open."""
-        return float(self.scene.rig["shutter_share"][0])
+    def shutter_share(self) -> float | None:
+        """Share of a frame's time for which the shutter is open; None where no smear shows beyond doubt."""
+        return min(float(self.scene.rig["shutter_share"][0]), 1.0) or None
+
+    @property
+    def shutter_limits(self) -> tuple[float, float]:
+        """Between which shares it lies."""
+        return shutter_limits(self.scene.rig["shutter_cost"][0])
 
     @property
     def starts_rad(self) -> list[float]:

@@ -50,8 +50,12 @@ class Stick(Protocol):
         """Distance of both markers."""
 
     @property
-    def shutter_share(self) -> float:
-        """Share of a frame's time for which the shutter is open, where the markers tell it."""
+    def shutter_share(self) -> float | None:
+        """Share of a frame's time for which the shutter is open; None where the markers do not tell it."""
+
+    @property
+    def shutter_limits(self) -> tuple[float, float]:
+        """Between which shares it lies."""
 
     def to_state(self) -> dict[str, Any]:
         """Return what :meth:`restore` needs."""
@@ -169,10 +173,12 @@ class Follower(Kept):
             if isinstance(stick, DotState):
                 stick.name_moving(moving)
 
-    def report(self) -> dict[str, float]:
+    def report(self) -> dict[str, Any]:
         """Return sizes for ``track.json``: of markers and sticks, and the shutter, which only dots tell."""
+        surest = min(self.sticks, key=lambda stick: stick.shutter_limits[1] - stick.shutter_limits[0])
         return {
             "radius_px": float(np.nanmedian([stick.radius_px for stick in self.sticks])),
             "stick_length_px": float(np.nanmedian([stick.length_px for stick in self.sticks])),
-            "shutter_share_of_frame": max(stick.shutter_share for stick in self.sticks),
+            "shutter_share_of_frame": surest.shutter_share,
+            "shutter_share_limits": surest.shutter_limits,
         }

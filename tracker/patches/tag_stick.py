@@ -38,7 +38,7 @@ class TagStick(Kept):
     """
 
     drawn = True
-    shutter_share = 0.0
+    shutter_share, shutter_limits = None, (0.0, 1.0)
     """Not told by a tag."""
 
     def __init__(self, family: str, number: int) -> None:

@@ -46,7 +46,7 @@ class TextureStick(Kept):
     """
 
     drawn = False
-    shutter_share = 0.0
+    shutter_share, shutter_limits = None, (0.0, 1.0)
     """Not told by texture."""
     kept = ("_own", "_tracks")
 

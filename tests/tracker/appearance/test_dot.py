@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter, uniform_filter1d
 from scipy.stats import norm
 
 from tracker.appearance.disc import SHAPE, disc_point
 from tracker.appearance.dot_fit import fit_dot
+from tracker.appearance.motion_blur import SHARES, best_share, shutter_limits, smear_misfits
 from tracker.follow.marker import Marker
 
 
@@ -125,3 +127,37 @@ def test_noise_alone_is_no_dot() -> None:
     picture = np.random.default_rng(1).normal(120.0, 8.0, (41, 41)).astype(np.uint8)
     fit = fit_dot(picture, 20.0, 20.0, radius_px=5.0, light_dot=False)
     assert fit is None or fit.explained < 0.6
+
+
+def dot_on_a_stick(blur_px: float, smear_px: float, *, fine: int = 9, size: int = 41) -> np.ndarray:
+    """Draw a dark dot of 4 px on a light stick of 13 px along x, blurred by a lens and smeared along y."""
+    at = (np.arange(size * fine) + 0.5) / fine - 0.5 - size // 2
+    picture = np.where(np.abs(at)[:, None] < 6.5, 185.0, 95.0) * np.ones_like(at)
+    picture[np.hypot(at[:, None], at) < 4.0] = 45.0
+    picture = gaussian_filter(picture, blur_px * fine)
+    if smear_px:
+        picture = uniform_filter1d(picture, round(smear_px * fine), axis=0)
+    return np.rint(picture.reshape(size, fine, size, fine).mean(axis=(1, 3))).astype(np.uint8)
+
+
+@pytest.mark.parametrize("blur_px", [0.4, 0.7, 1.2])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.6])
+def test_the_blur_of_a_lens_is_not_taken_for_an_open_shutter(blur_px: float, share: float) -> None:
+    step_px = 2.6
+    fit = fit_dot(dot_on_a_stick(blur_px, 0.0), 20.0, 20.0, radius_px=4.0, light_dot=False, room_px=6.5)
+    assert fit is not None
+    shape = Marker(fit, strip_px=6.5).record["shape"][0]
+    costs = np.empty(len(SHARES))
+    luma = dot_on_a_stick(blur_px, share * step_px)
+    assert smear_misfits(luma, (20.0, 20.0), shape, (0.0, step_px), SHARES, costs)
+    costs = np.log(costs + 1e-3)
+    found, (low, high) = best_share(costs), shutter_limits(costs)
+    assert low <= share <= high
+    # Smears below half a pixel are drawn as none; what shows must be right to a step of the shares that are tried.
+    assert found == 0.0 or found == pytest.approx(share, abs=SHARES[1])
+    assert found > 0.0 or low == 0.0
+
+
+def test_what_was_never_looked_at_is_not_known() -> None:
+    assert shutter_limits(np.zeros(len(SHARES))) == (0.0, 1.0)
+    assert shutter_limits(2.0 * np.abs(SHARES - 0.6)) == (pytest.approx(0.45), pytest.approx(0.75))

@@ -16,15 +16,13 @@ from torsight.core.files.storage import first_row, number_column
 from torsight.core.files.tables import require_increasing, switches_and_extra
 from torsight.core.records import TemperatureLog
 from torsight.core.units import Floats
-from torsight.core.words.plausible import require_units
+from torsight.core.words.plausible import SPRING_C, require_units
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _HARMLESS: Final = ("preamble", "units", "encoding", "decimal_comma", "blank_row", "arrival", "times")
 """What may have been done to the text of a log: every row still says what it said."""
-_RANGE_C: Final = (-275.0, 225.0)
-"""From absolute zero on; kelvin of a heated spring lie above."""
 
 
 def read_log(
@@ -83,13 +81,13 @@ def read_log(
 
 def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]) -> Floats:
     values = series.to_numpy(np.float64)
-    outside = (values < _RANGE_C[0]) | (values > _RANGE_C[1])
+    outside = (values < SPRING_C[0]) | (values > SPRING_C[1])
     for row, place in first_row(outside, where=path, column=str(series.name), lines=lines):
         raise InputError(
             "is no temperature of a spring in °C",
             where=place,
             value=f"{values[row]:g}",
-            limit=f"{_RANGE_C[0]:g} to {_RANGE_C[1]:g}",
+            limit=f"{SPRING_C[0]:g} to {SPRING_C[1]:g}",
             do="give °C, or say the unit: --units \"a=K,b=K\"; 'torsight sync' takes single spikes out",
         )
     return np.asarray(values)

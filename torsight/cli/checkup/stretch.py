@@ -94,7 +94,7 @@ def track_stretches(
     }
     findings += _look_at_account(told, about)
     findings += _look_at_tilt(told[-1], about, camera)
-    more, motion = _look_at_speed(about, result, orientation, told[-1]["markers"]["shutter_share_of_frame"])
+    more, motion = _look_at_speed(about, result, orientation, told[-1]["markers"]["shutter_share_of_frame"] or 0.0)
     return findings + more, content | motion
 
 

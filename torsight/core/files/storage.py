@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import errno
 import json
 import math
 import os
+import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
 from torsight.core.files.paths import missing_file, require_ordinary, unreadable
@@ -101,6 +104,34 @@ def not_written(path: Path, error: OSError) -> OutputError:
         where=str(path),
         do="choose another --out folder, or free space and rights there; earlier files are untouched",
     )
+
+
+def require_writable(path: Path, *, folder: bool) -> None:
+    """Refuse a file, or a ``folder`` for files, that cannot be written: before the work for it; nothing is left there.
+
+    Raises
+    ------
+    OutputError
+        When the system refuses to make a file there, or in the nearest folder above it that there is.
+    """
+    try:
+        if not folder and path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        above = path.absolute() if folder else path.absolute().parent
+        nearest = next(place for place in (above, *above.parents) if _is_there(place))
+        with tempfile.TemporaryFile(dir=nearest):
+            pass
+    except OSError as error:
+        raise not_written(path, error) from error
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether a path names something, be it a link that leads nowhere; what is refused otherwise is raised."""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -218,19 +249,23 @@ def is_parquet(path: Path) -> bool:
     return path.suffix.lower() in PARQUET_SUFFIXES
 
 
-def write_table(path: Path, columns: Mapping[str, Any]) -> None:
+def write_table(path: Path, columns: Mapping[str, Any], *, clock: str = "time_s") -> None:
     """Write columns of equal length as CSV or, by suffix, as Parquet.
 
-    CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1.
+    CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1. The column
+    ``clock`` has as many digits as tell its rows apart, whenever its clock began to count.
     """
     data = {name: _column(values) for name, values in columns.items()}
     if not is_parquet(path) and _plain_numbers(data):
         with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-            _write_numbers(file, data)
+            _write_numbers(file, data, clock=clock)
         return
     import pandas as pd
 
     table = pd.DataFrame(data)
+    if clock in table and table[clock].dtype.kind == "f" and not is_parquet(path):
+        written = _clock_format(table[clock].to_numpy())
+        table[clock] = ["" if time != time else written % time for time in table[clock].tolist()]  # noqa: PLR0124
     with atomic_path(path) as temporary:
         if is_parquet(path):
             table.to_parquet(temporary, index=False)
@@ -246,14 +281,35 @@ def _plain_numbers(data: Mapping[str, Any]) -> bool:
     return names_are_plain and same and all(array.ndim == 1 and array.dtype.kind in "iuf" for array in arrays)
 
 
-def _write_numbers(file: TextIO, data: Mapping[str, Any]) -> None:
+def _write_numbers(file: TextIO, data: Mapping[str, Any], *, clock: str) -> None:
     """Write numeric columns as CSV, some rows at a time."""
     file.write(",".join(data) + "\n")
     arrays = [np.asarray(values) for values in data.values()]
-    row = ",".join("%.10g" if array.dtype.kind == "f" else "%d" for array in arrays) + "\n"
+    formats = {kind: "%.10g" if kind == "f" else "%d" for kind in "iuf"}
+    row = ",".join(
+        _clock_format(array) if name == clock and array.dtype.kind == "f" else formats[array.dtype.kind]
+        for name, array in zip(data, arrays, strict=True)
+    )
+    row += "\n"
     for first in range(0, len(arrays[0]), _CSV_BLOCK):
         block = zip(*(array[first : first + _CSV_BLOCK].tolist() for array in arrays), strict=True)
         file.write("".join([row % values for values in block]).replace("nan", ""))
+
+
+def _clock_format(time: NDArray[Any]) -> str:
+    """Return how times (n,) are written: ten significant digits, and more where these round the shortest step.
+
+    A step of 0.5 s of a clock that counts from 1970 begins at the eleventh digit. Three digits of the shortest step are
+    written, so that a rate over it is right to a thousandth. Where that takes more digits than every float holds, it is
+    the shortest text that is read as the same float.
+    """
+    step = np.abs(np.diff(time))
+    step = step[step > 0.0]
+    largest = np.max(np.abs(time[np.isfinite(time)]), initial=0.0)
+    if len(step) == 0 or not np.isfinite(step).any():
+        return "%.10g"
+    digits = math.floor(math.log10(largest)) - math.floor(math.log10(step.min())) + 3
+    return f"%.{max(digits, 10)}g" if digits <= sys.float_info.dig else "%r"
 
 
 def _column(values: Any) -> Any:
@@ -287,7 +343,8 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     table.columns = [str(name).strip() for name in table.columns]
     for name in required:
         if name not in table.columns:
-            near = difflib.get_close_matches(name, list(table.columns), n=1)
+            # A column that is needed under its own name is none to rename.
+            near = difflib.get_close_matches(name, [one for one in table.columns if one not in required], n=1)
             raise InputError(
                 f"has no column '{name}'",
                 where=str(path),

@@ -120,11 +120,11 @@ def require_increasing(time_s: Floats, *, path: Path, lines: Sequence[int] | Non
     bad = ~np.isfinite(time_s)
     bad[1:] |= ~(time_s[1:] > time_s[:-1])
     for row, place in first_row(bad, where=path, column="time_s", lines=lines):
-        before = f" after {time_s[row - 1]:g}" if row else ""
+        before = f" after {time_s[row - 1]:.15g}" if row else ""
         raise InputError(
             "time does not increase",
             where=place,
-            value=f"{time_s[row]:g}{before}",
+            value=f"{time_s[row]:.15g}{before}",
             limit="a larger time than in the row before",
             do="sort or mend the table",
         )

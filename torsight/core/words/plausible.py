@@ -26,6 +26,8 @@ _SLOWEST_HALF_S: Final = 7200.0
 """Half of a heating takes minutes; the same record in milliseconds takes a thousand times as long."""
 _SHORTEST_S: Final = 2.0
 """A heating and a cooling take minutes; the same record in minutes or hours is 60 or 3,600 times shorter."""
+SPRING_C: Final = (-273.15, 250.0)
+"""From absolute zero up to where a log's readings count as the instrument's (sync.log.outliers); a room has 290 K."""
 HEATED_C: Final = 12.0
 """A smaller rise moves no spring: the reference rig's transformation takes 18 °C of heating and 14 °C of cooling."""
 _WARMEST_REST_C: Final = 55.0

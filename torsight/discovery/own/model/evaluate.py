@@ -118,9 +118,15 @@ class Failure:
 
     def told(self) -> str:
         """Return one sentence: what, where, for which values."""
+        return self._told(self.place)
+
+    def _told(self, *places: str) -> str:
+        """Return the sentence with the places that are not said elsewhere; the message may name the record itself."""
+        record = [f"record '{self.record}'"]
         given = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
         kind = f"{self.kind}: " if self.kind else ""
-        return f"{kind}{self.message} ({self.place}; record '{self.record}'; {given})"
+        parts = [*places, *(record if record[0] not in self.message else []), given]
+        return f"{kind}{self.message} ({'; '.join(parts)})"
 
     def error(self, where: str) -> ModelError:
         """Return it as an error of ours, for a model that cannot be used at all."""
@@ -128,7 +134,11 @@ class Failure:
         copy = "; what predict is given stays as it is: work on a copy" if changes else ""
         # An error of ours has its own words.
         fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
-        error = ModelError(f"{fails}{self.told()}{copy}", where=where, do=f"mend {what}")
+        told = self.told()
+        if self.trace and self.place.partition(", line ")[0] in where:
+            # The line that raised says more than that of the function; the file is named once.
+            told, where = self._told(), self.place
+        error = ModelError(f"{fails}{told}{copy}", where=where, do=f"mend {what}")
         if self.trace:
             error.add_note(f"The model's own traceback:\n{self.trace}")
         return error

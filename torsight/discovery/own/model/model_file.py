@@ -5,7 +5,9 @@ Or with ``problem(records)``, which returns the problem itself.
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import difflib
 import importlib.util
 import sys
 import traceback
@@ -79,7 +81,8 @@ def _failed(path: Path, error: BaseException) -> InputError:
     line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
     line = line or (frames[-1].lineno if frames else None)
     # An error of ours has its own words, and says what to do.
-    what = str(error) if isinstance(error, InputError) else f"cannot be imported: {type(error).__name__}: {error}"
+    words = error.msg if isinstance(error, SyntaxError) else str(error)  # its text would name file and line once more
+    what = words if isinstance(error, InputError) else f"cannot be imported: {type(error).__name__}: {words}"
     where = str(path) if line is None else f"{path}, line {line}"
     told = InputError(what, where=where, do="mend it; --debug shows its own traceback")
     own = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
@@ -114,6 +117,7 @@ def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProbl
             )
         return made
     _require(module, path)
+    _require_spelling(module, path)
     try:
         options = _options(module)
         reading = Reading(**{name: options.pop(name) for name in READING if name in options})
@@ -152,6 +156,23 @@ def _options(module: ModuleType) -> dict[str, Any]:
     may_lack = ((name, found.pop(name, ())) for name in ("candidates", "laws"))
     found["candidates"] = tuple(one for name, some in may_lack for one in candidates_of(some, name))
     return found
+
+
+def _require_spelling(module: ModuleType, path: Path) -> None:
+    """Refuse a value that nothing in the file reads and that is called almost like a setting: it would do nothing."""
+    tree = ast.parse(path.read_bytes())
+    names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    read = {node.id for node in names if not isinstance(node.ctx, ast.Store)}
+    for node in names:
+        idle = node.id in vars(module) and node.id not in read and node.id not in (*NEEDED, *OPTIONS)
+        near = difflib.get_close_matches(node.id, OPTIONS, n=1) if idle else []
+        if near:
+            raise InputError(
+                f"'{node.id}' is no setting, and nothing reads it",
+                where=f"{path}, line {node.lineno}",
+                limit=", ".join(OPTIONS),
+                do=f"did you mean '{near[0]}'? Otherwise give it another name",
+            )
 
 
 def _require(module: ModuleType, path: Path) -> None:
