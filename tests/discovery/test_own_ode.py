@@ -129,13 +129,12 @@ def heated(rows: int = 600) -> dict[str, np.ndarray]:
     return {"time_s": 2.0 * np.arange(rows), "power": power, "plate": plate}
 
 
-def plate(held: str | tuple[str, ...] = ()) -> Ode:
+def plate(power: str = "lines") -> Ode:
     return ode(
         lambda _t, x, u, p: ((u.power - p.loss * x[0]) / p.capacity,),
         states="plate",
         output="plate",
-        inputs="power",
-        held=held,
+        inputs={"power": power},
         initial=[0.0],
     )
 
@@ -144,13 +143,13 @@ def plate(held: str | tuple[str, ...] = ()) -> Ode:
 def test_an_input_that_is_held_keeps_its_value_until_the_next_row(make: Any) -> None:
     record = heated()
     given = Values({"loss": 0.35, "capacity": 45.0}), Record(record, "plate")
-    np.testing.assert_allclose(make(plate("power"))(*given)["plate"], record["plate"], rtol=WANTED, atol=WANTED)
+    np.testing.assert_allclose(make(plate("held"))(*given)["plate"], record["plate"], rtol=WANTED, atol=WANTED)
     # Lines between the rows are half a row early at every switch.
     assert np.abs(make(plate())(*given)["plate"] - record["plate"]).max() > 0.5
     # A command of one row while everything rests is not stepped over: 60 W for 2 s, and what is left of it.
     record["power"] = np.where(np.arange(600) == 400, 60.0, 0.0)
     after = 60.0 / 0.35 * (1.0 - math.exp(-0.7 / 45.0)) * np.exp(-0.35 / 45.0 * 2.0 * np.arange(199))
-    made = make(plate("power"))(given[0], Record(record, "plate"))["plate"]
+    made = make(plate("held"))(given[0], Record(record, "plate"))["plate"]
     np.testing.assert_allclose(made, np.r_[np.zeros(401), after], atol=WANTED)
 
 
@@ -160,8 +159,7 @@ def test_a_jump_of_a_held_input_may_be_an_event(make: Any) -> None:
         lambda _t, x, _u, _p: (0.0 * x[0],),
         states="count",
         output="count",
-        inputs="switch",
-        held="switch",
+        inputs={"switch": "held"},
         initial=[0.0],
         events=Event(lambda _t, _x, u, _p: u.switch - 0.5, lambda _t, x, _u, _p: (x[0] + 1.0,), direction=1),
     )
@@ -177,14 +175,16 @@ def test_a_clean_record_with_a_switched_input_lacks_nothing_where_it_is_held() -
     free = [parameter("capacity", 40.0), parameter("loss", 0.3)]
     found = {
         held: find_missing(model_problem(plate(held), record, free, output="plate", reading=Reading(sigma=0.05)))
-        for held in ("power", ())
+        for held in ("held", "lines")
     }
-    assert found["power"].verdict == "none"
-    assert not any("held=" in one for one in found["power"].warnings)
-    assert found["power"].parameters["capacity"].value == pytest.approx(45.0, rel=0.01)
+    assert found["held"].verdict == "none"
+    assert not any("'held'" in one for one in found["held"].warnings)
+    assert found["held"].parameters["capacity"].value == pytest.approx(45.0, rel=0.01)
     # Lines are another model, and a note says what may be the cause.
-    assert found[()].verdict != "none"
-    assert any("'power' stands still and jumps" in one and "held=['power']" in one for one in found[()].warnings)
+    assert found["lines"].verdict != "none"
+    assert any(
+        "'power' stands still and jumps" in one and "inputs={'power': 'held'}" in one for one in found["lines"].warnings
+    )
 
 
 @pytest.mark.parametrize("per_s", [0.5, 3.0, 7.0])
@@ -204,8 +204,8 @@ def test_events_lie_between_rows_or_at_them(per_s: float) -> None:
 
 
 def test_what_is_not_declared_is_told() -> None:
-    with pytest.raises(InputError, match="ode, held: is no input"):
-        ode(plain, states=("x", "v"), output="x", inputs="force", held="farce")
+    with pytest.raises(InputError, match=r"ode, inputs, force: cannot be used.*'lines' or 'held'"):
+        ode(plain, states=("x", "v"), output="x", inputs={"force": "hold"})
     with pytest.raises(InputError, match="'y' is no state"):
         ode(plain, states=("x", "v"), output="y")
     record = Record({"time_s": TIME, "force": np.zeros(201)}, "one")

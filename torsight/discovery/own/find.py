@@ -232,7 +232,7 @@ def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float)
             told.append(
                 f"'{name}' stands still and jumps between rows, where the model draws lines; with values that hold "
                 f"until the next row {(held.cost / lines.cost) ** 0.5:.2g} times as much is left: if it is a command "
-                f"or a switch, say ode(…, held=['{name}'])"
+                f"or a switch, say ode(…, inputs={{'{name}': 'held'}})"
             )
     return told
 

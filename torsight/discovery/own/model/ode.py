@@ -32,6 +32,9 @@ ATOL_SHARE: Final = 1e-2
 """Absolute tolerance as a multiple of the relative one: states of the order of 0.01 are still followed."""
 MOMENT: Final = 1e-9
 """Share of the time by which an integration goes on after an event, so that the same one does not end the next step."""
+LINES: Final = "lines"
+HELD: Final = "held"
+"""How an input goes on between two rows."""
 _MOST_EVENTS: Final = 10_000
 """Events in one record: more are one that repeats itself at once."""
 _MOST_STEPS: Final = 5_000
@@ -370,8 +373,7 @@ def ode(
     *,
     states: str | Sequence[str],
     output: Callable[..., Any] | str | Sequence[str],
-    inputs: str | Sequence[str] = (),
-    held: str | Sequence[str] = (),
+    inputs: str | Sequence[str] | Mapping[str, str] = (),
     initial: Mapping[str, float | str] | Sequence[float | str] | None = None,
     events: Event | Sequence[Event] = (),
     time: str | None = None,
@@ -390,10 +392,9 @@ def ode(
     output : callable, or names
         ``output(x, record, p)`` gives what is measured from the states by name, (rows,) each; or the names of states
         that are measured themselves.
-    inputs : sequence of str
-        Columns of the record that drive the model; lines between samples.
-    held : sequence of str
-        Those of the inputs that keep a row's value until the next row, as a command or the power of a switch does.
+    inputs : sequence of str, or mapping to ``"lines"`` or ``"held"``
+        Columns of the record that drive the model, and how they go on between rows: by lines (all of a sequence), or
+        as the row's value until the next row, as a command or the power of a switch does.
     initial : mapping by state, or sequence in their order, optional
         How a state begins: a number, the name of a parameter, or of a column whose first value it is; without it the
         parameter or column of the state's own name.
@@ -406,13 +407,14 @@ def ode(
     """
     given.function(rhs, "ode, rhs")
     named = tuple(given.name(one, "ode, states") for one in given.names(states, "ode, states"))
-    driven = tuple(given.name(one, "ode, inputs") for one in given.names(inputs, "ode, inputs"))
-    holds = tuple(given.names(held, "ode, held"))
-    if not set(holds) <= set(driven):
-        odd = ", ".join(name for name in holds if name not in driven)
-        raise InputError(
-            "is no input", where="ode, held", value=odd, limit=", ".join(driven), do="name it among inputs=[…], too"
-        )
+    names = list(inputs) if isinstance(inputs, Mapping) else inputs
+    driven = tuple(given.name(one, "ode, inputs") for one in given.names(names, "ode, inputs"))
+    goes = inputs if isinstance(inputs, Mapping) else dict.fromkeys(driven, LINES)
+    for name, way in goes.items():
+        if way not in (LINES, HELD):
+            raise InputError(
+                "cannot be used", where=f"ode, inputs, {name}", value=repr(way), limit=f"'{LINES}' or '{HELD}'"
+            )
     wanted = output if callable(output) else given.names(output, "ode, output")
     happens = given.several(events, Event, "ode, events", do="declare each with Event(when, then)")
     given.one_of(solver, Solver, "ode, solver", do="give solver=Solver(method=…, rtol=…)")
@@ -432,5 +434,6 @@ def ode(
         do = "name the states that are measured as output=[…]"
         raise InputError("has no state that is measured itself", where="ode, solver, restart_s", do=do)
     plain = getattr(rhs, "py_func", rhs)
+    holds = tuple(name for name in driven if goes[name] == HELD)
     made = Ode(plain, named, wanted, driven, begin, happens, time, solver, held=holds)
     return made if plain is rhs else made.compiled()
