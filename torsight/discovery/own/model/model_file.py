@@ -8,13 +8,14 @@ from __future__ import annotations
 import ast
 import contextlib
 import difflib
+import importlib.machinery
 import importlib.util
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any, Final
 
 from torsight.core.errors import InputError
@@ -46,8 +47,8 @@ def load_model_file(path: Path) -> ModuleType:
         raise missing_file(path)
     require_ordinary(path)
     name = f"torsight_model_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    spec = importlib.util.spec_from_file_location(name, path, loader=_AsItStands(name, str(path)))
+    if path.suffix != ".py" or spec is None or spec.loader is None:
         raise InputError("is no Python file", where=str(path), limit="a name that ends in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
@@ -62,6 +63,14 @@ def load_model_file(path: Path) -> ModuleType:
     # Processes cannot import it by its name.
     cloudpickle.register_pickle_by_value(module)
     return module
+
+
+class _AsItStands(importlib.machinery.SourceFileLoader):
+    """Loads what the file says now: kept bytecode is that of a file of the same second and the same length."""
+
+    def get_code(self, fullname: str) -> CodeType | None:  # noqa: ARG002 - importlib asks by name
+        """Return the file's code, compiled anew."""
+        return self.source_to_code(self.get_data(self.path), self.path)
 
 
 @contextlib.contextmanager
