@@ -122,7 +122,7 @@ def test_a_law_that_rises_and_falls_is_said_by_its_highest_place() -> None:
     )  # fmt: skip
     assert said == (
         "the wire's temperature less its sensor's (spring A) is highest at 60.0 °C, 3.00 °C above its lowest value at "
-        "20.0 °C, over the driven spring's temperature, between 20.0 and 80.0 °C"
+        "20.0 °C, between 20.0 and 80.0 °C"
     )
 
 

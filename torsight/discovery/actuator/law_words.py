@@ -37,6 +37,8 @@ _UNITS: Final = {
     "time_s": " s",
     "dwell_s": " s",
 }
+_USUAL: Final = "temp_active_c"
+"""The driver that is meant where a sentence names none: its unit says it."""
 _WRONG: Final = 0.05
 """Probability with which a change that is reported may be none: the other side of a 95 % interval."""
 _ROUNDING: Final = float(np.sqrt(np.finfo(np.float64).eps))
@@ -135,7 +137,9 @@ def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) ->
     counts = law.driver == "cycle"
     range_ = f"from {known.counted} {driver[0]:.0f} to {driver[-1]:.0f}"
     if not counts:
-        range_ = f"over {variable_name(law.driver)}, between {number(driver[0])} and {number(driver[-1])}{unit}"
+        range_ = f"between {number(driver[0])} and {number(driver[-1])}{unit}"
+        if law.driver != _USUAL:
+            range_ = f"over {variable_name(law.driver)}, {range_}"
     if not rises and not falls:
         return f"{what} {_level(law, known, whole)} {range_}, within its 95 % interval"
     if rises != falls:
