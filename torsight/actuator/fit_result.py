@@ -175,7 +175,7 @@ def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
             limit="heating A turns the angle down, heating B up",
             do="exchange the columns of A and B, or change the sign of the angle",
         )
-    plain = float(np.ptp(model.simulate(drive).angle_rad))
+    plain = float(np.ptp(model.angle_rad(drive, model.nominal())))
     if plain < _ALIKE * (high - low) / DEG < _ALIKE**2 * plain:
         raise InputError(
             "the angle seems to be in radians",

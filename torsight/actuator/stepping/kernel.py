@@ -31,7 +31,6 @@ from torsight.actuator.stepping.kernel_balance import (
     AHEAD,
     AT_REST,
     BEFORE,
-    BEGUN,
     CHANGED,
     CROSS,
     FACTOR,
@@ -93,8 +92,8 @@ from torsight.actuator.stepping.kernel_roots import (
     crosstalk,
     glide,
     slide,
-    stick,
-    sticking_end,
+    slide_anew,
+    transform_at_rest,
 )
 from torsight.actuator.stepping.samples import Samples
 from torsight.core.compiled import compiled, inlined, lending
@@ -229,43 +228,6 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
 
 
 @lending
-def _transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats) -> None:
-    """Let the active spring's phase follow its temperature while friction holds the angle."""
-    c, q, g, w = state.c, state.q, state.g, state.w
-    before = g[XI_NOW]
-    g[XI_NOW] = stick(g[X_NOW], before, c, q, w, p, tables, sections)
-    q[AT_REST] += abs(g[XI_NOW] - before)
-    g[TAU_NOW] = made_torque(g[X_NOW], g[XI_NOW], c, q, p, tables)
-    advance(g[TAU_NOW], c, p, sections, w)
-
-
-@lending
-def _slide_anew(sense: float, limit: float, reached: float, state: State, p: Scalars, tables: Floats) -> None:
-    """Take the reference state where sticking ends, on the way from ξ as it is to what the sample reaches.
-
-    Where it slid this way before, and has transformed at rest since (friction rose meanwhile): by the paper's rule
-    anew, yet a standstill of no length must change nothing, nor must sliding of no length before a long one. So as
-    large a part of it is taken anew as what has transformed since it first slid has done so at rest.
-    """
-    c, q, x, end = state.c, state.q, state.g[X_NOW], state.g[XI_NOW]
-    own = beside(x, c, p, tables)
-    held = made_torque(x, end, c, q, p, tables)
-    # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
-    if reached != end and sense * (limit - held) < 0.0:
-        end, held = sticking_end(x, limit - own, end, reached, q, p), limit
-    if q[SLIDING] != sense:
-        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING], q[BEGUN] = x, held - own, end, sense, end
-    else:
-        rested = q[AT_REST] + abs(end - state.g[XI_NOW])
-        share = min(1.0, rested / max(abs(end - q[BEGUN]), rested))
-        stretch = x - q[X_REF] - q[THETA_L] * (end - q[XI_REF])
-        q[TAU_REF] += share * (p["k_a"] + end * (p["k_m"] - p["k_a"])) * stretch
-        q[X_REF], q[XI_REF] = x - (1.0 - share) * stretch, end
-        q[BEGUN] += share * (end - q[BEGUN])
-    q[AT_REST] = 0.0
-
-
-@lending
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
@@ -283,7 +245,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         if sense * (limit - made_torque(x, reached, c, q, p, tables)) > SLIP_TOLERANCE:
             begins = q[SLIDING] != sense
             if begins or q[AT_REST] > 0.0:
-                _slide_anew(sense, limit, reached if attempt == 0 else g[XI_NOW], state, p, tables)
+                slide_anew(sense, limit, reached if attempt == 0 else g[XI_NOW], state, p, tables)
             if begins or hold > scale:
                 first = excess(x, sense, state, p, o, tables, sections)
             else:
@@ -299,7 +261,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
                 q[SLIDING] = 0.0
             return True
         if attempt == 0:
-            _transform_at_rest(state, p, tables, sections)
+            transform_at_rest(state, p, tables, sections)
     return False
 
 

@@ -14,6 +14,8 @@ from __future__ import annotations
 from typing import Final
 
 from torsight.actuator.stepping.kernel_balance import (
+    AT_REST,
+    BEGUN,
     FLOOR,
     HEATING,
     MOVE,
@@ -34,6 +36,8 @@ from torsight.actuator.stepping.kernel_balance import (
     XI_NOW,
     XI_P,
     XI_REF,
+    advance,
+    beside,
     cold_and_slope,
     excess,
     fraction_and_slope,
@@ -191,6 +195,43 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Floats,
         else:
             b = xi
     return 0.5 * (a + b)
+
+
+@lending
+def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats) -> None:
+    """Let the active spring's phase follow its temperature while friction holds the angle."""
+    c, q, g, w = state.c, state.q, state.g, state.w
+    before = g[XI_NOW]
+    g[XI_NOW] = stick(g[X_NOW], before, c, q, w, p, tables, sections)
+    q[AT_REST] += abs(g[XI_NOW] - before)
+    g[TAU_NOW] = made_torque(g[X_NOW], g[XI_NOW], c, q, p, tables)
+    advance(g[TAU_NOW], c, p, sections, w)
+
+
+@lending
+def slide_anew(sense: float, limit: float, reached: float, state: State, p: Scalars, tables: Floats) -> None:
+    """Take the reference state where sticking ends, on the way from ξ as it is to what the sample reaches.
+
+    Where it slid this way before, and has transformed at rest since (friction rose meanwhile): by the paper's rule
+    anew, yet a standstill of no length must change nothing, nor must sliding of no length before a long one. So as
+    large a part of it is taken anew as what has transformed since it first slid has done so at rest.
+    """
+    c, q, x, end = state.c, state.q, state.g[X_NOW], state.g[XI_NOW]
+    own = beside(x, c, p, tables)
+    held = made_torque(x, end, c, q, p, tables)
+    # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
+    if reached != end and sense * (limit - held) < 0.0:
+        end, held = sticking_end(x, limit - own, end, reached, q, p), limit
+    if q[SLIDING] != sense:
+        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING], q[BEGUN] = x, held - own, end, sense, end
+    else:
+        rested = q[AT_REST] + abs(end - state.g[XI_NOW])
+        share = min(1.0, rested / max(abs(end - q[BEGUN]), rested))
+        stretch = x - q[X_REF] - q[THETA_L] * (end - q[XI_REF])
+        q[TAU_REF] += share * (p["k_a"] + end * (p["k_m"] - p["k_a"])) * stretch
+        q[X_REF], q[XI_REF] = x - (1.0 - share) * stretch, end
+        q[BEGUN] += share * (end - q[BEGUN])
+    q[AT_REST] = 0.0
 
 
 @inlined

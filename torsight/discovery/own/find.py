@@ -221,13 +221,13 @@ def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float)
     if not isinstance(ode, Ode):
         return []
     fit, told = base.fit, []
+    lines = base.fitter.known(fit.effects, fit.solution.x, fit.solution.prediction, fit.solution.jacobian)
     for name in ode.inputs:
         if name in ode.held or not any(_stands_and_jumps(record[name]) for record in problem.model.records):
             continue
         model = replace(problem.model, predict=ode.holding(name))
         prediction = replace(problem, model=model, evaluator=Evaluator(model)).predict(fit.values, fit.effects)
         held = base.fitter.known(fit.effects, fit.solution.x, prediction, fit.solution.jacobian)
-        lines = base.fitter.known(fit.effects, fit.solution.x, fit.solution.prediction, fit.solution.jacobian)
         if lines.cost - held.cost > 2.0 * price:
             told.append(
                 f"'{name}' stands still and jumps between rows, where the model draws lines; with values that hold "
