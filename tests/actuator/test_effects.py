@@ -21,6 +21,7 @@ from torsight.actuator.quantities import OF_THE_ACTUATOR, with_title
 from torsight.actuator.spec import ActuatorSpec, reference_spec
 from torsight.core.errors import ConfigError
 from torsight.core.records import TemperatureLog
+from torsight.core.units import DEG
 from torsight.synthetic.experiment import make_record
 
 CONTRACT = (
@@ -86,9 +87,10 @@ def record(name: str):
     return made_with({name: TRUTH[name][0]}, seed=11)
 
 
-def made_with(effects: dict, *, seed: int):
+def made_with(effects: dict, *, seed: int, **sections: dict):
     return make_record(
         {
+            **sections,
             "seed": seed,
             "protocol": {"time_factor": 0.6, "half_cycle": HALVES},
             "rig": {"as_declared": True},
@@ -180,6 +182,29 @@ def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
     # The rig shifts the progress by b sin(π u)/π, at mid-window b/π; the effect by b/4.
     for name in ("heating_bend", "cooling_bend"):
         assert found.estimates[name].value == pytest.approx(4.0 * 0.03 / math.pi, abs=0.012)
+
+
+def test_a_disk_that_inertia_carries_past_its_balance_is_seen_to():
+    # Steps of 2.5 ms follow the jump, where 50 ms have it end in its balance.
+    made = made_with({"static_friction": TRUTH["static_friction"][0]}, seed=11, mechanics={"substeps": 20})
+    found = fitted_to(made, ("static_friction",))
+    without = found.model.simulate(drive_of(made), {**found.values, "static_swing": 0.0})
+    left_deg = (made.table.angle_rad - without.angle_rad) / DEG
+    assert found.estimates["static_swing"].value > 5.0 * found.estimates["static_swing"].sigma
+    assert found.values["static_excess"] == pytest.approx(0.6, rel=0.1)
+    assert found.rmse_deg < 0.5 * np.sqrt(np.mean(left_deg**2))
+
+
+def test_a_jump_is_as_much_longer_as_it_swings_past_and_then_waits():
+    log, _ = programme([(0, [(75.0, 0.3)]), (1, [(80.0, 0.4)])])
+    model = ActuatorModel(reference_spec(), ("static_friction",))
+    drive = model.prepare_log(log, start_angle_rad=2.9)
+    short, far = (
+        model.simulate(drive, {"static_excess": 0.6, "static_swing": swing}).angle_rad for swing in (0.0, 0.5)
+    )
+    jump = int(np.argmax(np.abs(np.diff(short)) > 5.0 * DEG))
+    assert np.diff(far)[jump] == pytest.approx(1.5 * np.diff(short)[jump], rel=1e-6)
+    assert np.all(np.diff(far)[jump + 1 : jump + 5] == 0.0)
 
 
 def test_thermometers_that_read_too_high_by_the_same_everywhere_have_no_gain():

@@ -139,6 +139,8 @@ class Ports:
         Friction torque at 1 rad/s, and the power of the speed with which it grows.
     dwell_factor : (g,) float64 or None
         Factor on the friction that has to be overcome after a rest, over :data:`DWELL_DECADES`; None: one.
+    swing : float
+        By which part of a jump after a rest inertia carries the disk past its balance, from 0 to 1.
     speed_friction_nm : (g,) float64 or None
         Friction torque beside the other kinds, over :data:`SPEEDS_RAD_S`; None: none.
     friction_down_nm, friction_up_nm : (g,) float64 or None
@@ -189,6 +191,7 @@ class Ports:
     viscous_nms: float = 0.0
     viscous_power: float = 1.0
     dwell_factor: Floats | None = None
+    swing: float = 0.0
     speed_friction_nm: Floats | None = None
     friction_down_nm: Floats | None = None
     friction_up_nm: Floats | None = None

@@ -150,6 +150,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "latent": ports.latent_c_s,
         "speed_step": 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1],
         "dwell_step": 0.0 if ports.dwell_factor is None else DWELL_DECADES[1],
+        "swing": ports.swing,
         "passive_share": ports.passive_share,
         "tanaka": tanaka,
         "room_c": ports.room_c,

@@ -5,6 +5,10 @@ r"""Friction at rest exceeds sliding friction and grows with the rest.
 e excess after a long rest, t_r time at rest, t_0 time of growth (s). p = 1: contacts grow at one rate; less: at many
 (like the logarithm of the time over a decade or two); more: growth sets in late. Predicted residual: motion starts late
 and with a jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
+
+Let go, the disk jumps to where sliding friction balances the springs (s = 0), or, carried by its inertia, by s times as
+much past it, where friction holds it until the torque has risen again. Without damping s = 1: what the springs give up
+is spent on friction alone (Rabinowicz, Friction and Wear of Materials (1995), chapter 4).
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     """Set excess and time."""
     rest_s = 10.0**DWELL_DECADES - 1.0
     left = np.exp(-((rest_s / values["static_time_s"]) ** values["static_power"]))
-    return ports.with_dwell(1.0 + values["static_excess"] * (1.0 - left))
+    return ports.with_dwell(1.0 + values["static_excess"] * (1.0 - left)).changed(swing=values["static_swing"])
 
 
 EFFECT: Final = Effect(
@@ -60,6 +64,16 @@ EFFECT: Final = Effect(
             sigma=0.5,
             symbol="p",
             title="power of its growth",
+        ),
+        Parameter(
+            name="static_swing",
+            value=0.0,
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sigma=0.5,
+            symbol="s",
+            title="part of a jump that inertia adds",
         ),
     ),
     apply=apply,

@@ -255,10 +255,12 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
                 g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, state, p, o, tables, sections)
             g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
             g[XI_NOW] = advance(g[TAU_NOW], c, p, sections, w)
-            g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
-            if begins and hold > scale:
-                # It was let go and has stopped: from there it begins to slide anew.
+            if hold > scale and p["swing"] > 0.0:
+                # Inertia carries it past the balance: there friction holds it until its torque has risen again.
+                g[X_NOW] += p["swing"] * (g[X_NOW] - x)
+                transform_at_rest(state, p, tables, sections)
                 q[SLIDING] = 0.0
+            g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
             return True
         if attempt == 0:
             transform_at_rest(state, p, tables, sections)

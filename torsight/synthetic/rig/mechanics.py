@@ -106,7 +106,7 @@ def residual(
     if kind == 0:
         tau += c.bristle * (motion[BRISTLE] + w - motion[PHI])
     else:
-        tau += kind * friction_limit(c, w, temps_c, kind, speed, 0.0)
+        tau += kind * friction_limit(c, w, temps_c, kind, speed, motion[REST])
     return tau
 
 
@@ -165,7 +165,11 @@ def slide(
 def step_angle(
     pair: Pair, springs: Springs, motion: Floats, temps_c: Floats, step_s: float
 ) -> tuple[float, float, bool]:
-    """Return angle and bristle deflection at the end of one step, and whether it slid."""
+    """Return angle and bristle deflection at the end of one step, and whether it slid.
+
+    What a rest has added to the friction holds until it has moved: the step with which it begins to slide ends just
+    past that limit, where the reference is taken, and the disk jumps in the next.
+    """
     c = pair[0]
     phi, rest_s = motion[PHI], motion[REST]
     up = friction_limit(c, phi, temps_c, 1.0, 0.0, rest_s) / c.bristle
@@ -176,10 +180,10 @@ def step_angle(
     r_high = residual(pair, springs, motion, temps_c, step_s, high, 0)
     if r_high < 0.0:
         w = slide(pair, springs, motion, temps_c, step_s, high, 1)
-        return w, friction_limit(c, w, temps_c, 1.0, (w - phi) / step_s, 0.0) / c.bristle, True
+        return w, friction_limit(c, w, temps_c, 1.0, (w - phi) / step_s, rest_s) / c.bristle, True
     r_low = residual(pair, springs, motion, temps_c, step_s, low, 0)
     if r_low > 0.0:
         w = slide(pair, springs, motion, temps_c, step_s, low, -1)
-        return w, -friction_limit(c, w, temps_c, -1.0, (w - phi) / step_s, 0.0) / c.bristle, True
+        return w, -friction_limit(c, w, temps_c, -1.0, (w - phi) / step_s, rest_s) / c.bristle, True
     w = find_angle(pair, springs, motion, temps_c, step_s, (low, r_low), (high, r_high), 0)
     return w, motion[BRISTLE] + w - phi, False
