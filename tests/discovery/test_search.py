@@ -14,7 +14,7 @@ from torsight.core.progress import silent
 from torsight.discovery.inference.explanation import curvature_spread
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.search import Search
-from torsight.discovery.inference.verdict import decide
+from torsight.discovery.inference.verdict import Decision, decide
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import LinearProblem
@@ -63,19 +63,53 @@ def test_what_its_extensions_hold_an_answer_holds() -> None:
     }
     candidates["coulomb"] = {"coulomb_n": np.sign(s["speed"])}
     made = replace(machine(0.3 * np.sign(s["speed"]), seed=5, candidates=candidates), drivers={})
+    decision = decided_with(
+        made, {("coulomb",): 0.93, ("twin",): 0.03, ("coulomb", "one"): 0.02, ("coulomb", "two"): 0.02}
+    )
+    assert decision.chosen.members == ("coulomb",)
+    assert decision.rivals == ()
+    assert decision.shared == ()
+
+
+def test_a_prediction_is_unsure_of_what_only_extends_the_answer() -> None:
+    s = signals()
+    candidates = {name: {f"{name}_n": noise(60 + i, size=1.0, tau=6.0)} for i, name in enumerate(("one", "two"))}
+    candidates["coulomb"] = {"coulomb_n": np.sign(s["speed"])}
+    made = replace(machine(0.3 * np.sign(s["speed"]), seed=5, candidates=candidates), drivers={})
+    decision = decided_with(made, {("coulomb",): 0.6, ("coulomb", "one"): 0.39, ("coulomb", "two"): 0.01})
+    assert decision.chosen.members == ("coulomb",)
+    assert decision.rivals == ()
+    ((other, share),) = decision.shared
+    assert other.members == ("coulomb", "one")
+    assert share == pytest.approx(0.39 / 0.99)
+
+
+def decided_with(problem: LinearProblem, shares: Mapping[tuple[str, ...], float]) -> Decision:
+    """Return the decision where sets hold these shares of the probability, and all others nothing."""
     settings = Settings(most=2)
-    search = Search(made, settings=settings, progress=silent)
+    search = Search(problem, settings=settings, progress=silent)
     field = search.run()
-    shares = {("coulomb",): 0.93, ("twin",): 0.03, ("coulomb", "one"): 0.02, ("coulomb", "two"): 0.02}
     sets = {
         members: replace(
             one, log_evidence=float(np.log(shares.get(members, 1e-9))) + settings.price(search.choices) * len(members)
         )
         for members, one in field.explanations.items()
     }
-    decision = decide(replace(field, explanations=sets), settings=settings, choices=search.choices, can_hold_out=False)
-    assert decision.chosen.members == ("coulomb",)
-    assert decision.rivals == ()
+    return decide(replace(field, explanations=sets), settings=settings, choices=search.choices, can_hold_out=False)
+
+
+def test_of_two_that_are_alike_alone_the_one_is_found_that_fits_beside_the_rest() -> None:
+    """Two that explain more alone are extended; what is hidden takes the place of one of them in the best set."""
+    s = signals()
+    one, two = (value / np.std(value) for value in (np.sign(s["speed"]), s["position"]))
+    candidates = {"one": {"one_n": one}, "two": {"two_n": two}}
+    for i, part in enumerate((0.5, 0.45)):
+        candidates[f"like_{i}"] = {f"like_{i}_n": one + part * two + noise(20 + i, size=0.1, tau=6.0)}
+    made = replace(machine(0.5 * one + 0.2 * two, seed=5, candidates=candidates), drivers={})
+    # As parts of three they would be found in any case.
+    search = Search(made, settings=Settings(most=2), progress=silent)
+    decision = decide(search.run(), settings=Settings(), choices=search.choices, can_hold_out=True)
+    assert decision.chosen.members == ("one", "two")
 
 
 def test_a_form_that_is_less_probable_than_nothing_gives_no_name() -> None:

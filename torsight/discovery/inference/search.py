@@ -210,24 +210,32 @@ class Search:
         return [*(candidate.id for candidate in self._problem.candidates), *laws]
 
     def _grow_otherwise(self, size: int) -> None:
-        """Fit the best sets from each of their parts, and with other means at the same places.
+        """Fit the best sets from each of their parts, and with other means.
 
         The valley of a pair may lie by one of its parts and not by the other. Another form of a law is tried where the
-        law has led everything else: with what the set says of its other members, and not with what they are alone.
+        law has led everything else: with what the set says of its other members, and not with what they are alone. In
+        the best set whatever explains most alone is tried, too: what is alike alone (a late sensor and a late clock)
+        may be told apart beside the rest.
         """
         best = [one.members for one in self._promising(size)]
         self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
+        while work := self._exchanges(size):
+            self._exchanged.update(work)
+            self._keep(in_parallel(work, self._exchange, step="other forms", progress=self._progress))
+
+    def _exchanges(self, size: int) -> list[tuple[EffectSet, str, str]]:
+        """Return in which of the best sets which member should make room for what."""
+        best = [one.members for one in self._promising(size)]
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
-        work = [
+        alone = {single.members[0] for single in self._ranked(1)[: 2 * self._settings.beam]} if size > 1 else set()
+        return [
             (members, one, name)
-            for members in best
+            for k, members in enumerate(best)
             for one in members
             for name in place
-            if place[name] == place.get(one) and name not in members and (members, one, name) not in self._exchanged
+            if place[name] == place.get(one) or (k == 0 and name in alone)
+            if name not in members and (members, one, name) not in self._exchanged
         ]
-        self._exchanged.update(work)
-        found: list[Explanation] = in_parallel(work, self._exchange, step="other forms", progress=self._progress)
-        self._keep(found)
 
     def _exchange(self, item: tuple[EffectSet, str, str]) -> Explanation:
         """Return a set with another member in the place of one, fitted from where the set is."""
