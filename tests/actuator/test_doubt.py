@@ -66,13 +66,14 @@ def test_at_rest_the_residual_is_that_of_rests(log) -> None:
 
 def test_explanations_that_predict_something_else_widen_it_there(log) -> None:
     nominal = model_with(None).values
-    late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
+    late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0}, share=0.1)
     model = model_with(Doubt((), np.zeros((0, 0)), 0.1, (late,)))
     found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
-    other = model.alternatives()[0].predict(log, start_angle_rad=START_RAD).angle_rad
-    apart = other - found.angle_rad
+    ((other, share),) = model.alternatives()
+    assert share == 0.1
+    apart = other.predict(log, start_angle_rad=START_RAD).angle_rad - found.angle_rad
     assert np.abs(apart).max() > 5.0 * DEG
-    assert found.sigma_rad == pytest.approx(np.hypot(0.1 * DEG, apart / np.sqrt(2.0)), rel=1e-9)
+    assert found.sigma_rad == pytest.approx(np.hypot(0.1 * DEG, apart * np.sqrt(0.1)), rel=1e-9)
 
 
 def test_noise_of_the_temperatures_counts_where_an_incomplete_heating_ends(log) -> None:
@@ -106,6 +107,17 @@ def test_the_file_keeps_it(tmp_path: Path, log) -> None:
     assert other == pytest.approx(one, rel=1e-9)
 
 
+def test_explanations_of_an_earlier_file_are_all_as_likely(tmp_path: Path) -> None:
+    nominal = model_with(None).values
+    others = (Alternative((), nominal, share=0.1), Alternative((), nominal, share=0.2))
+    write_model(tmp_path / "model.json", model_with(Doubt((), np.zeros((0, 0)), 0.1, others)))
+    content = json.loads((tmp_path / "model.json").read_text())
+    for other in content["doubt"]["alternatives"]:
+        del other["share"]
+    (tmp_path / "model.json").write_text(json.dumps(content))
+    assert [share for _, share in read_model(tmp_path / "model.json").alternatives()] == [1 / 3, 1 / 3]
+
+
 def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(tmp_path: Path, log, capsys) -> None:
     import pandas as pd
 
@@ -124,7 +136,7 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
     assert list(written.columns[:3]) == ["time_s", "angle_deg", "angle_sigma_deg"]
     found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
     assert written["angle_sigma_deg"].to_numpy() == pytest.approx(found.sigma_rad / DEG, abs=1e-3)
-    assert "cannot tell clock_offset from sensor_lag" in capsys.readouterr().err
+    assert "may be another one than clock_offset: sensor_lag (50 %)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -23,11 +23,24 @@ prediction moves by 1/30,000 of a standard deviation along it."""
 
 @dataclass(frozen=True, slots=True)
 class Alternative(Frozen):
-    """Another explanation of the same record that it cannot tell from the model's own: effects, laws and all values."""
+    """Another explanation of the same record.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Its effects.
+    values : mapping of str to float
+        All its values, public units.
+    laws : tuple of LawForm
+        Its laws.
+    share : float
+        Which part of the probability it holds, beside the model's own and the other ones.
+    """
 
     effects: tuple[str, ...]
     values: Mapping[str, float]
     laws: tuple[LawForm, ...] = ()
+    share: float = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +57,7 @@ class Doubt:
         What is left in motion on half-cycles that the fit has not seen (of the fit, where none was left out), root mean
         square, less what errors of readings, temperatures and values account for.
     alternatives : tuple of Alternative
-        Explanations that do as well.
+        The explanations that hold a part of the probability.
     rest_residual_deg : float or None
         The same at rest; None: as in motion.
     """
@@ -80,6 +93,7 @@ class Doubt:
                     "effects": list(a.effects),
                     "values": dict(a.values),
                     "laws": [form.to_json() for form in a.laws],
+                    "share": a.share,
                 }
                 for a in self.alternatives
             ],
@@ -127,13 +141,15 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
         rest_residual_deg=get_number(
             table, "rest_residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=left_deg
         ),
-        alternatives=tuple(_alternative(other) for other in others),
+        # Earlier files hold all of them as likely as the model's own.
+        alternatives=tuple(_alternative(other, share=1.0 / (1 + len(others))) for other in others),
     )
 
 
-def _alternative(table: Mapping[str, Any]) -> Alternative:
+def _alternative(table: Mapping[str, Any], *, share: float) -> Alternative:
     where = "doubt, alternatives"
     effects = get_names(table, "effects", where=where)
     values = get_table(table, "values", where=where, required=True)
     laws = laws_from(table.get("laws", []), where=f"{where}, laws")
-    return Alternative(effects, {name: get_number(values, name, where=where) for name in values}, laws)
+    share = get_number(table, "share", where=where, lower=0.0, upper=1.0, default=share)
+    return Alternative(effects, {name: get_number(values, name, where=where) for name in values}, laws, share)

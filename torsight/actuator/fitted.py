@@ -173,13 +173,11 @@ class FittedModel(Frozen, Shown):
         for step in self.doubt.steps() if self.doubt is not None else ():
             yield self._moved(step, 1.0), self._moved(step, -1.0)
 
-    def alternatives(self) -> tuple[FittedModel, ...]:
-        """Return the models of explanations that the record could not tell from this one."""
-        others = self.doubt.alternatives if self.doubt is not None else ()
-        return tuple(
-            replace(self, model=replace(self.model, effects=other.effects, laws=other.laws), values=other.values)
-            for other in others
-        )
+    def alternatives(self) -> Iterator[tuple[FittedModel, float]]:
+        """Give the models of the record's other explanations, and which part of the probability each holds."""
+        for other in self.doubt.alternatives if self.doubt is not None else ():
+            model = replace(self.model, effects=other.effects, laws=other.laws)
+            yield replace(self, model=model, values=other.values), other.share
 
     def _moved(self, step: Mapping[str, float], way: float) -> FittedModel:
         """Return the model with some values elsewhere, within their bounds."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -15,6 +15,12 @@ from torsight.core.errors import ConfigError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import write_table
 from torsight.core.units import DEG
+
+if TYPE_CHECKING:
+    from torsight.actuator.model import ActuatorModel
+
+_MOST_TOLD: Final = 3
+"""Other explanations that a line holds."""
 
 
 def predict(
@@ -61,14 +67,20 @@ def predict(
         found = predict_with_sigma(
             fitted, log, start_angle_rad=start_angle * DEG, where=str(temperature), progress=progress
         )
-    own = set(fitted.model.effects)
-    for other in fitted.alternatives():
-        its = set(other.model.effects)
+    others = sorted(fitted.alternatives(), key=lambda other: -other[1])
+    if others:
+        told = [f"{_what_acts(other.model)} ({100.0 * share:.0f} %)" for other, share in others[:_MOST_TOLD]]
+        more = [f"{len(others) - _MOST_TOLD} more"] if len(others) > _MOST_TOLD else []
         say(
-            f"the record cannot tell {', '.join(sorted(own - its))} from {', '.join(sorted(its - own))}: "
-            "angle_sigma_deg is wide where they differ"
+            f"the record's explanation may be another one than {_what_acts(fitted.model)}: {', '.join(told + more)}; "
+            "angle_sigma_deg is wide where they predict something else"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
+
+
+def _what_acts(model: ActuatorModel) -> str:
+    """Return the ids of a model's effects and laws."""
+    return " + ".join([*model.effects, *(form.id for form in model.laws)]) or "the plain model"
 
 
 def _predict_own(model: Path, record: Path, *, initial: Sequence[str], out: Path) -> Answer:

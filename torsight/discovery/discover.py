@@ -89,10 +89,10 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     base, chosen = findings.field.plain, findings.decision.chosen
     before, after = errors_of(problem, base, findings.before), errors_of(problem, chosen, findings.after)
     account = {"found_by": "discovery", **after.to_json()}
-    rivals = [model_of(problem, rival) for rival in findings.decision.rivals]
+    others = [(model_of(problem, other), part) for other, part in findings.decision.shared]
     of_time_deg = _of_time_deg(problem, chosen)
     motion_deg, rest_deg = (hypot(left_deg, of_time_deg) for left_deg in held_out_error_deg(findings))
-    doubt = doubt_of(chosen.fit.parameters, predictive_covariance(chosen), (motion_deg, rest_deg), rivals)
+    doubt = doubt_of(chosen.fit.parameters, predictive_covariance(chosen), (motion_deg, rest_deg), others)
     model = replace(model_of(problem, chosen), account=account, doubt=doubt)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     floor = noise_floor(problem, chosen, findings.field.stretches)
@@ -173,7 +173,10 @@ def model_of(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
 
 
 def doubt_of(
-    parameters: Sequence[Parameter], spread: Floats, left_deg: tuple[float, float], rivals: Sequence[FittedModel]
+    parameters: Sequence[Parameter],
+    spread: Floats,
+    left_deg: tuple[float, float],
+    others: Sequence[tuple[FittedModel, float]],
 ) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
 
@@ -185,15 +188,17 @@ def doubt_of(
         Their covariance.
     left_deg : (float, float)
         What the model leaves in motion and at rest, root mean square.
-    rivals : sequence of FittedModel
-        The other explanations.
+    others : sequence of (FittedModel, float)
+        The other explanations, and which part of the probability each holds.
     """
     return Doubt(
         names=tuple(p.name for p in parameters),
         covariance=spread,
         residual_deg=left_deg[0],
         rest_residual_deg=left_deg[1],
-        alternatives=tuple(Alternative(tuple(other.model.effects), other.values, other.model.laws) for other in rivals),
+        alternatives=tuple(
+            Alternative(tuple(other.model.effects), other.values, other.model.laws, part) for other, part in others
+        ),
     )
 
 

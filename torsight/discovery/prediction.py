@@ -72,8 +72,8 @@ def predict_with_sigma(
 
     Four things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
     has not seen, in motion and at rest; what the values are uncertain by (the log is simulated one standard deviation
-    to either side along every axis of their uncertainty); how far explanations that the record could not tell from this
-    one, all as likely, predict something else; and the noise of the log's temperatures, drawn: where an incomplete
+    to either side along every axis of their uncertainty); how far other explanations of the record predict something
+    else, each by its part of the probability; and the noise of the log's temperatures, drawn: where an incomplete
     heating ends, its error stays in the angle.
 
     Parameters
@@ -116,7 +116,6 @@ def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Dri
     """Give what else may be true: a model, a drive, and the share with which the squared difference counts."""
     for sides in model.neighbours():
         yield from ((side, drive, 0.5) for side in sides)
-    alternatives = model.alternatives()
-    yield from ((other, drive, 1.0 / (1 + len(alternatives))) for other in alternatives)
+    yield from ((other, drive, share) for other, share in model.alternatives())
     for errors in draw_errors(drive, seed=0, count=_DRAWS):
         yield model, with_errors(drive, errors.with_tops_c), 1.0 / _DRAWS

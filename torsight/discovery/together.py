@@ -213,14 +213,15 @@ def _report(
     before, after = _pooled(problem, [one.before for one in records]), _pooled(problem, [one.after for one in records])
     floor = _mean_square(problem, [one.noise_floor_deg for one in records])
     account = {"found_by": "discovery", "records": list(names), **after.to_json()}
-    views = [single(problem, one, last) for one in (chosen, *decision.rivals)]
-    model, *rivals = (model_of(problem.parts[last], view) for view in views)
-    places = _places(problem, chosen.fit, last, [p.name for p in views[0].fit.parameters])
+    view = single(problem, chosen, last)
+    model = model_of(problem.parts[last], view)
+    others = [(model_of(problem.parts[last], single(problem, one, last)), part) for one, part in decision.shared]
+    places = _places(problem, chosen.fit, last, [p.name for p in view.fit.parameters])
     doubt = doubt_of(
-        views[0].fit.parameters,
+        view.fit.parameters,
         predictive_covariance(chosen)[np.ix_(places, places)],
         held_out_error_deg(findings),
-        rivals,
+        others,
     )
     return JointReport(
         **shared,

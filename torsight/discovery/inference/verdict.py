@@ -34,6 +34,9 @@ class Decision:
         place; effects of the chosen set to themselves.
     rivals : tuple of Explanation
         The best set of every other answer that shares the probability.
+    shared : tuple of (Explanation, float)
+        The sets that hold probability beside the chosen one, and which part of the whole each holds: the rivals, and
+        what says the same by other means or with one member more or less. A prediction is unsure of all of them.
     probability : dict
         Of every set.
     missing : float
@@ -47,6 +50,7 @@ class Decision:
     chosen: Explanation
     named: Mapping[str, tuple[str, Explanation]]
     rivals: tuple[Explanation, ...]
+    shared: tuple[tuple[Explanation, float], ...]
     probability: dict[EffectSet, float]
     missing: float
     over_floor: float
@@ -90,6 +94,7 @@ def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool
         chosen=chosen,
         named=named,
         rivals=tuple(rivals),
+        shared=judge.shared(chosen, rivals),
         probability=probability,
         missing=missing,
         over_floor=judge.over_floor(chosen),
@@ -147,6 +152,19 @@ class _Judge:
                 told.append(own)
                 found.append(one)
         return found
+
+    def shared(self, chosen: Explanation, rivals: Sequence[Explanation]) -> tuple[tuple[Explanation, float], ...]:
+        """Return the sets beside the chosen and their parts of the probability, the rivals and what is as credible.
+
+        None counts for more than the chosen, which unseen blocks may have preferred to a more probable one.
+        """
+        own = self._log[chosen.members]
+        told = {one.members for one in rivals}
+        least = own - 0.5 * self._settings.apart
+        sets = [m for m, log in self._log.items() if m != chosen.members and (m in told or log >= least)]
+        weight = np.exp([min(0.0, self._log[members] - own) for members in sets])
+        parts = weight / (1.0 + np.sum(weight))
+        return tuple((self._field.explanations[m], float(part)) for m, part in zip(sets, parts, strict=True))
 
     def checked(self, chosen: Explanation) -> Explanation:
         """Return the set, or the part of it that predicts unseen blocks better."""
