@@ -170,6 +170,19 @@ def test_an_angle_of_the_other_sign_or_unit_is_refused(factor, said):
         fit_model(model, model.prepare(table), where="r.csv")
 
 
+def test_an_angle_that_is_folded_into_one_turn_is_refused():
+    log, _ = programme([(0, [(80.0, 0.3)]), (1, [(80.0, 0.3)])])
+    model = ActuatorModel(reference_spec())
+    angle = model.simulate(model.prepare_log(log, start_angle_rad=3.0)).angle_rad
+    folded = np.angle(np.exp(1j * angle))
+    assert np.ptp(angle) > 2.0 * np.pi
+    table = SyncedTable(log.time_s, folded, np.full(len(log), 1e-3), log.temp_a_c, log.temp_b_c)
+    with pytest.raises(InputError, match=r"folded into one turn.*a step of 3[56]\d°.*numpy\.unwrap"):
+        require_motion(model, model.prepare(table), where="r.csv")
+    again = SyncedTable(log.time_s, np.unwrap(folded), table.angle_sigma_rad, log.temp_a_c, log.temp_b_c)
+    require_motion(model, model.prepare(again), where="r.csv")
+
+
 def test_model_file_round_trip_and_prediction(tmp_path):
     _, model, drive, result = rig_fit()
     path = tmp_path / "model.json"

@@ -149,11 +149,13 @@ def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
     NoResultError
         Where it does not move: saying how far it moved, and how warm the springs became.
     InputError
-        Where it turns against the springs that are heated, or as far in degrees as it should in radians.
+        Where it is folded into one turn, turns against the springs that are heated, or as far in degrees as it should
+        in radians.
     """
     angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
     # A row whose whole turn is not certain says so by its sigma: that is no noise of its reading.
-    read = drive.angle_sigma_rad[drive.angle_sigma_rad < np.pi]
+    certain = drive.angle_sigma_rad < np.pi
+    read = drive.angle_sigma_rad[certain]
     noise = float(np.median(read)) if len(read) else 0.0
     low, high = np.quantile(angle, [0.002, 0.998]) if len(angle) else (0.0, 0.0)
     least = max(APART * noise, 0.5 * DEG)
@@ -165,6 +167,16 @@ def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
             value=f"a range of {(high - low) / DEG:.2f}°, springs up to {warmest:.1f} °C",
             limit=f"{least / DEG:.2f}° or more",
             do="heat a spring through its transformation, and check that the markers of the moving stick are tracked",
+        )
+    # Between two rows, with none lost, no disk turns by more than half a turn and stays within one.
+    steps = np.nan_to_num(np.abs(np.diff(np.where(certain, drive.angle_rad, np.nan))))
+    if np.ptp(angle) <= 2.0 * np.pi and (most := float(np.max(steps))) > np.pi:
+        raise InputError(
+            "the angle seems to be folded into one turn",
+            where=f"{where}, column angle_deg, after {drive.time_s[int(np.argmax(steps))]:g} s",
+            value=f"a step of {most / DEG:.0f}°",
+            limit="180° from one row to the next",
+            do="count the turns on: numpy.unwrap(angle_deg, period=360)",
         )
     moved, against = _moved_and_against(drive)
     if against > moved:
