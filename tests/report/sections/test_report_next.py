@@ -97,15 +97,27 @@ def test_an_explained_record_may_be_trusted_within_two_of_its_errors(run: Path) 
 @pytest.mark.parametrize("sigmas", [0.5, 3.0])
 def test_a_predicted_sigma_is_judged_by_what_is_left_on_the_record_s_own_clocks(run: Path, sigmas: float) -> None:
     """A prediction is on its log's clock: where the camera's is elsewhere, the measured angles are no measure of it."""
-    model = ActuatorModel(reference_spec())
-    write_model(run / "model.json", FittedModel(model, model.nominal(), doubt=Doubt((), np.zeros((0, 0)), 0.5)))
-    curves = pd.read_csv(run / "curves.csv")
-    curves["residual_after_deg"] = sigmas * 0.5
-    curves.to_csv(run / "curves.csv", index=False)
+    predicted_with(run, sigma_deg=0.12, left_deg=sigmas * 0.12)
     control, good = steps(run, after=AFTER)["Can"], sigmas < 2.0
     assert f"{100 if good else 0} % of the measured angles lie within two of it" in control.answer
     assert ("the predicted sigma is too small" in control.answer) is not good
     assert control.good is good
+
+
+def test_a_record_that_leaves_the_values_open_is_not_recommended_for_control(run: Path) -> None:
+    predicted_with(run, sigma_deg=0.5, left_deg=0.08)
+    control = steps(run, after=AFTER)["Can"]
+    assert control.answer.startswith("Only within about ±1.0° (two sigmas): the record leaves the values so uncertain")
+    assert control.good is None
+
+
+def predicted_with(run: Path, *, sigma_deg: float, left_deg: float) -> None:
+    """Let a run's model predict with one sigma, and leave one residual."""
+    model = ActuatorModel(reference_spec())
+    write_model(run / "model.json", FittedModel(model, model.nominal(), doubt=Doubt((), np.zeros((0, 0)), sigma_deg)))
+    curves = pd.read_csv(run / "curves.csv")
+    curves["residual_after_deg"] = left_deg
+    curves.to_csv(run / "curves.csv", index=False)
 
 
 def test_the_interval_of_a_value_that_only_the_characterisation_knows_needs_that_one(run: Path) -> None:

@@ -182,8 +182,11 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
     ends = f" {'; '.join(numbers)}."
     if against:
         return Step(question, escape(f"Not yet, because {', and '.join(against)}.{ends}"), good=False)
-    within = f"Yes, within about ±{number(2.0 * (left if sigma is None else max(sigma, left)), 2)}° (two sigmas)"
-    return Step(question, escape(f"{within}, for temperatures and rates like this record's.{ends}"), good=True)
+    within = f"within about ±{number(2.0 * (left if sigma is None else max(sigma, left)), 2)}° (two sigmas)"
+    if sigma is not None and sigma > EXPLAINED * left:
+        words = f"Only {within}: the record leaves the values so uncertain, and more half-cycles would fix them."
+        return Step(question, escape(f"{words}{ends}"))
+    return Step(question, escape(f"Yes, {within}, for temperatures and rates like this record's.{ends}"), good=True)
 
 
 def _predicted(results: RunResults, model: FittedModel | None) -> tuple[float | None, float]:
