@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from actuator_programmes import programme
@@ -22,6 +24,7 @@ TOGETHER = [
     ("creep", "heat_crosstalk", "position_friction"),
     ("r_phase", "static_friction"),
 ]
+EARLY = ("clock", "temperature")
 SETS = [(), *((name,) for name in sorted(load_effects())), *TOGETHER]
 
 
@@ -45,17 +48,48 @@ def test_short_ways_and_long_one_lead_to_the_same(effects, monkeypatch):
 @pytest.mark.parametrize("name", sorted(FAMILIES))
 def test_short_ways_and_long_one_lead_to_the_same_under_a_law(name, monkeypatch):
     """A wave over the driver, as large as the law's usual size."""
-    family = FAMILIES[name]
-    nodes = {"values": np.arange(8.0), "phase": np.arange(4.0)}.get(family.port, np.linspace(-300.0, 300.0, 41))
-    wave = np.sin(np.linspace(0.3, 9.0, len(nodes))) * family.scale * (0.8 if family.unit == "mN·m" else 1.0)
-    form = LawForm(name, nodes, wave[:, None], family.unit, family.scale, prior=True)
+    form = wave_of(name)
     model = ActuatorModel(reference_spec(), laws=(form,))
     same_by_both_ways(model, monkeypatch, {form.names[0]: 1.0})
 
 
+def wave_of(name):
+    family = FAMILIES[name]
+    nodes = {"values": np.arange(8.0), "phase": np.arange(4.0)}.get(family.port, np.linspace(-300.0, 300.0, 41))
+    wave = np.sin(np.linspace(0.3, 9.0, len(nodes))) * family.scale * (0.8 if family.unit == "mN·m" else 1.0)
+    return LawForm(name, nodes, wave[:, None], family.unit, family.scale, prior=True)
+
+
+@pytest.mark.parametrize("name", [effect.id for effect in load_effects().values() if effect.acts_on in EARLY])
+def test_a_model_that_has_run_with_other_values_gives_what_a_new_one_gives(name):
+    used_before(*(ActuatorModel(reference_spec(), (name, "position_friction")) for _ in range(2)))
+
+
+@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if family.stage in EARLY])
+def test_a_law_that_has_run_with_other_values_gives_what_a_new_one_gives(name):
+    used_before(*(ActuatorModel(reference_spec(), laws=(wave_of(name),)) for _ in range(2)))
+
+
+def used_before(used, new):
+    """Move values of the rig and all that act: what acts on temperatures is kept while others change."""
+    drive = used.prepare_log(warmed_log(), start_angle_rad=170.0 * DEG)
+    values = started(used) | {form.names[0]: 1.0 for form in used.laws}
+    used.angle_rad(drive, values)
+    own = [name for effect in used.chosen for name in (p.name for p in effect.parameters)]
+    moved = ["E_A_gpa", "A_s_c", "theta_cr_deg", *own, *(name for form in used.laws for name in form.names)]
+    for parameter in (p for p in used.parameters if p.name in moved):
+        start = values.get(parameter.name, parameter.value)
+        other = values | {parameter.name: min(1.01 * start + 0.01, parameter.upper)}
+        np.testing.assert_array_equal(used.angle_rad(drive, other), replace(new).angle_rad(drive, other))
+
+
+def started(model):
+    return {k: v for effect in model.chosen for start in effect.starts[:1] for k, v in start.items()}
+
+
 def same_by_both_ways(model, monkeypatch, more=None):
     drive = model.prepare_log(warmed_log(), start_angle_rad=170.0 * DEG)
-    values = {k: v for effect in model.chosen for start in effect.starts[:1] for k, v in start.items()} | (more or {})
+    values = started(model) | (more or {})
     short = model.simulate(drive, values)
     slid, glide = [], kernel.glide
 

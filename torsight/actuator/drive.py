@@ -15,7 +15,7 @@ import numpy as np
 
 from sync.log.outliers import spikes
 from sync.log.timestamps import BRIDGED_S, longest_gap_s
-from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.log_noise import measure_noise
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles
 from torsight.actuator.record.slow_log import between, corner_gaps
@@ -55,16 +55,19 @@ class Sensors:
         Both temperatures, gaps bridged.
     rows : (n,) int64
         Rows of the log that the drive keeps (all that it keeps, where some of a drive's rows are taken).
+    driven_c : two (n,) float64
+        Both temperatures there, conditioned.
     """
 
     time_s: Floats
     temps_c: Pair
     rows: Ints
+    driven_c: Pair
     _known: dict[float, Pair] = field(default_factory=dict)
 
     @cached_property
-    def _plain(self) -> Pair:
-        a, b = (condition(self.time_s, temp).temp_c[self.rows] for temp in self.temps_c)
+    def _readings(self) -> tuple[Readings, Readings]:
+        a, b = (Readings.of(self.time_s, temp) for temp in self.temps_c)
         return a, b
 
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
@@ -82,8 +85,8 @@ class Sensors:
         if lag_s not in self._known:
             none = np.zeros(len(self.rows))
             a, b = (
-                condition(self.time_s, temp, lag_s=lag_s).temp_c[self.rows] - plain if lag_s > 0.0 else none
-                for temp, plain in zip(self.temps_c, self._plain, strict=True)
+                readings.smooth(self.time_s, lag_s)[0][self.rows] - driven_c if lag_s > 0.0 else none
+                for readings, driven_c in zip(self._readings, self.driven_c, strict=True)
             )
             self._known[lag_s] = (a, b)
         return self._known[lag_s]
@@ -296,7 +299,7 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
         start_angle_rad=start_angle_rad,
         room_c=min(float(np.quantile(item.temp_c, 0.02)) for item in (a, b)),
         known=(known_a & known_b)[rows],
-        sensors=Sensors(time_s, (filled_a, filled_b), rows),
+        sensors=Sensors(time_s, (filled_a, filled_b), rows, (a.temp_c[rows], b.temp_c[rows])),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import takewhile
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -28,6 +29,8 @@ from torsight.core.words.wording import counted
 
 PhaseLaw = Literal["liang_rogers", "tanaka"]
 _NO_HISTORY: Final = History()
+_EARLY: Final = ("clock", "temperature")
+"""Stages that come before everything that depends on the springs."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,7 +56,9 @@ class ActuatorModel:
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
     laws: tuple[LawForm, ...] = ()
-    _begun: list[tuple[Drive, Ports]] = field(default_factory=list, init=False, repr=False, compare=False)
+    _begun: list[tuple[Drive, Ports, tuple[float, ...], Ports]] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         require_kind(self.spec, ActuatorSpec, where="ActuatorModel, spec", do="read_actuator(path) gives one")
@@ -161,22 +166,34 @@ class ActuatorModel:
         given = {**self._nominal, **values}
         history = history or _NO_HISTORY
         rig, zero_rad = Rig.from_values(given), given["zero_deg"] * DEG
-        # What no value changes is the same in the next run, which mostly is one of the same record.
-        begun = next((ports for of, ports in self._begun if of is drive and ports.history is history), None)
-        if begun is None:
-            begun = _begin(drive, history, rig)
-            self._begun[:] = [(drive, begun)]
-        ports = begun.changed(
+        ports = self._begin(drive, history, rig, given).changed(
             rig=rig,
             rig_b=rig if self._alike else Rig.from_values(values_of_b(given)),
             reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
         )
-        for part in self._parts:
-            if isinstance(part, LawForm):
-                ports = apply_law(ports, part, np.array([given[name] for name in part.names]))
-            elif not (part.is_clock and history.after_record):
-                ports = part.apply(ports, given)
+        return _acted(ports, self._parts[len(self._first) :], given)
+
+    def _begin(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
+        """Return the ports after what acts on clocks and temperatures alone.
+
+        In the next run, which mostly is one of the same record with another value changed, they are the same.
+        """
+        values = tuple(given[parameter.name] for part in self._first for parameter in part.parameters)
+        begun = None
+        for of, plain, before, ports in self._begun:
+            if of is drive and plain.history is history:
+                if before == values:
+                    return ports
+                begun = plain
+        begun = begun or _begin(drive, history, rig)
+        ports = _acted(begun, self._first, given)
+        self._begun[:] = [(drive, begun, values, ports)]
         return ports
+
+    @cached_property
+    def _first(self) -> tuple[Effect | LawForm, ...]:
+        """The leading parts that ask for temperatures and their own values only, as those of this library do."""
+        return tuple(takewhile(_on_temperatures, self._parts))
 
     def _refuse(self, values: Mapping[str, float], names: Sequence[str]) -> None:
         """Refuse values that are none of this model's, naming what has them."""
@@ -230,6 +247,22 @@ class ActuatorModel:
     def _as_stepped(self, drive: Drive) -> dict[str, Any]:
         tanaka = self.phase_law == "tanaka"
         return {"start_angle_rad": drive.start_angle_rad, "tanaka": tanaka, "theta_l_deg": self.theta_l_deg}
+
+
+def _on_temperatures(part: Effect | LawForm) -> bool:
+    if isinstance(part, LawForm):
+        return FAMILIES[part.id].stage in _EARLY
+    return part.acts_on in _EARLY and part.apply.__module__.startswith(__package__ or "")
+
+
+def _acted(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str, float]) -> Ports:
+    """Return ports on which effects and laws have acted, one after the other."""
+    for part in parts:
+        if isinstance(part, LawForm):
+            ports = apply_law(ports, part, np.array([given[name] for name in part.names]))
+        elif not (part.is_clock and ports.history.after_record):
+            ports = part.apply(ports, given)
+    return ports
 
 
 def _begin(drive: Drive, history: History, rig: Rig) -> Ports:

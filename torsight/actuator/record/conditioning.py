@@ -69,8 +69,8 @@ def condition(time_s: Floats, temp_c: Floats, *, lag_s: float = 0.0) -> Conditio
     """
     own = own_readings(time_s, temp_c) if lag_s == 0.0 else None
     if own is not None:
-        return _apart(_Readings.of(*own), time_s, temp_c)
-    readings = _Readings.of(time_s, temp_c)
+        return _apart(Readings.of(*own), time_s, temp_c)
+    readings = Readings.of(time_s, temp_c)
     noise, interval_s = readings.noise_c, readings.interval_s
     value, rate, sigma = readings.smooth(time_s, lag_s)
     if noise <= NEGLIGIBLE_C and lag_s == 0.0:
@@ -81,7 +81,7 @@ def condition(time_s: Floats, temp_c: Floats, *, lag_s: float = 0.0) -> Conditio
     return Conditioned(value, rate, sigma, noise, interval_s)
 
 
-def _apart(readings: _Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned:
+def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned:
     """Return readings that lie apart at other times: without noise from corner to corner, lines between them.
 
     The smoother's corners lie at readings: between two of them that are seconds apart it would cut the wire's off.
@@ -103,7 +103,7 @@ def _apart(readings: _Readings, wanted_s: Floats, lines_c: Floats) -> Conditione
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Readings:
+class Readings:
     """A log's readings with what is known of their noise, for any time constant of the sensor.
 
     Attributes
@@ -128,7 +128,7 @@ class _Readings:
     sigma_c: float
 
     @classmethod
-    def of(cls, time_s: Floats, temp_c: Floats) -> _Readings:
+    def of(cls, time_s: Floats, temp_c: Floats) -> Readings:
         """Return the readings of a log (n,)."""
         interval_s = usual_step(time_s)
         if len(temp_c) < SHORTEST:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import scatter, usual_step
+from torsight.core.series import scatter, scatters, usual_step
 from torsight.core.units import Floats
 
 _MAX_STRIDE_S: Final = 2.0
@@ -41,7 +41,10 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     # As many of the longest strides in a part as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
     parts = np.array_split(temp_c, count)
-    quiet = np.array([np.quantile([scatter(part, stride=stride) for part in parts], 0.25) for stride in strides])
+    # Some are a row longer than the others.
+    alike = [np.array([part for part in parts if len(part) == rows]) for rows in {len(part) for part in parts}]
+    each = [np.concatenate([scatters(rows, stride=stride) for rows in alike]) for stride in strides]
+    quiet = np.quantile(each, 0.25, axis=1)
     # Where a log stands still to its last digit nothing is seen of its noise.
     seen = quiet if quiet.min() > 0.0 else whole
     enough = strides[np.argmax(seen >= 0.8 * seen.max())]

@@ -116,6 +116,13 @@ def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
     return robust_sigma(differences) / float(np.sqrt(float(math.comb(2 * order, order))))
 
 
+def scatters(rows: Floats, *, stride: int = 1, order: int = 3) -> Floats:
+    """Return :func:`scatter` of each of several evenly sampled pieces of one length (k, n)."""
+    deviation = np.abs(_difference(rows, stride, order))
+    sigma = np.median(deviation, axis=-1) / _NORMAL_MEDIAN
+    return np.asarray(sigma / float(np.sqrt(float(math.comb(2 * order, order)))))
+
+
 def share_explained(measured: Floats, fitted: Floats) -> float:
     """Return R², 1 less the residual's share of the variance; NaN where what was measured does not vary."""
     total = float(np.sum((measured - measured.mean()) ** 2))
@@ -123,10 +130,12 @@ def share_explained(measured: Floats, fitted: Floats) -> float:
 
 
 def _difference(piece: Floats, stride: int, order: int) -> Floats:
-    count = max(0, len(piece) - order * stride)
-    total = np.zeros(count)
+    """Return the difference of that order along the last axis."""
+    count = max(0, piece.shape[-1] - order * stride)
+    total = np.zeros((*piece.shape[:-1], count))
     for step in range(order, -1, -1):
-        total = total + (-1) ** (order - step) * math.comb(order, step) * piece[step * stride : step * stride + count]
+        there = slice(step * stride, step * stride + count)
+        total = total + (-1) ** (order - step) * math.comb(order, step) * piece[..., there]
     return total
 
 

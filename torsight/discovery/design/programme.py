@@ -175,7 +175,7 @@ class Played:
         n = len(self.time_s)
         rates = (np.gradient(self.temp_a_c, self.time_s), np.gradient(self.temp_b_c, self.time_s))
         springs = tuple(number % 2 for number in range(int(self.half[-1]) + 1))
-        unknown = np.full(n, np.nan)
+        unknown, temps_c = np.full(n, np.nan), (self.temp_a_c, self.temp_b_c)
         return Drive(
             time_s=self.time_s,
             temp_a_c=self.temp_a_c,
@@ -191,7 +191,7 @@ class Played:
             start_angle_rad=start_angle_rad,
             room_c=self.room_c,
             known=np.ones(n, bool),
-            sensors=_ExactSensors(self.time_s, (self.temp_a_c, self.temp_b_c), np.arange(n)),
+            sensors=_ExactSensors(self.time_s, temps_c, np.arange(n), temps_c),
         )
 
 
