@@ -117,6 +117,12 @@ ODD: dict[str, Bad] = {
     "markers: no film": Bad(MARKERS, gone("film.avi"), 3, "film.avi"),
     "markers: a port that is none": Bad(f"{MARKERS} --port 65536", fine, 2, "--port"),
     "markers: a preview below a file": Bad(f"{MARKERS} --preview {{temps.csv/a.png}}", fine, 3, "cannot be written"),
+    "markers: no film and a preview below a file": Bad(
+        f"{MARKERS} --preview {{temps.csv/a.png}}", gone("film.avi"), 3, "cannot be written"
+    ),
+    "view: no recording and pictures below a file": Bad(
+        "view {gone} --pictures {temps.csv/p}", fine, 3, "cannot be written"
+    ),
     "markers: a preview over the markers": Bad(
         "markers {film.avi} --out {m.png} --preview {m.png}", fine, 2, "--preview"
     ),

@@ -20,7 +20,7 @@ from torsight.cli.checkup.install import own_packages
 from torsight.core.errors import TorsightError
 from torsight.core.files.storage import SCHEMA, json_text, require_writable
 
-_WRITTEN: Final = ("out", "export_effect")
+_WRITTEN: Final = ("out", "export_effect", "preview", "pictures")
 """Parameters of commands that name what is written."""
 
 
