@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import av
@@ -80,10 +81,7 @@ class Rig:
 
     @property
     def rotation(self) -> np.ndarray:
-        a, b = np.deg2rad(self.tilt_deg)
-        about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-        about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
-        return np.diag([1.0, -1.0, -1.0]) @ about_x @ about_y
+        return _tilted(self.tilt_deg)
 
     @property
     def translation(self) -> np.ndarray:
@@ -300,6 +298,15 @@ class Rig:
             a = np.deg2rad(turn)
             spots += [(r * np.cos(a), r * np.sin(a)) for r in radii]
         return spots
+
+
+@cache
+def _tilted(tilt_deg: tuple[float, float]) -> np.ndarray:
+    """Return the camera's rotation; once for all frames, whose markers each ask for it."""
+    a, b = np.deg2rad(tilt_deg)
+    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    return np.diag([1.0, -1.0, -1.0]) @ about_x @ about_y
 
 
 def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
