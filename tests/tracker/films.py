@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import av
@@ -80,10 +81,7 @@ class Rig:
 
     @property
     def rotation(self) -> np.ndarray:
-        a, b = np.deg2rad(self.tilt_deg)
-        about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-        about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
-        return np.diag([1.0, -1.0, -1.0]) @ about_x @ about_y
+        return _tilted(self.tilt_deg)
 
     @property
     def translation(self) -> np.ndarray:
@@ -125,17 +123,13 @@ class Rig:
     def truth_deg(self) -> np.ndarray:
         return self.angle_deg(self.times)
 
-    def marker_px(self, angle_deg: float) -> np.ndarray:
-        """Pixel positions (4, 2) of the markers without shaking, in the order of the contract."""
-        points = []
-        for radii, turn, z, off in (
-            (self.base_px, self.base_deg, self.base_z, 0.0),
-            (self.moving_px, self.base_deg + angle_deg, self.moving_z, 0.0),
-        ):
-            for radius in radii:
-                a = np.deg2rad(turn + off)
-                points.append([radius * np.cos(a), radius * np.sin(a), z])
-        return self.project(np.array(points))
+    def marker_px(self, angle_deg: float | np.ndarray) -> np.ndarray:
+        """Pixel positions (4, 2), or (..., 4, 2), of the markers without shaking, in the order of the contract."""
+        moving_deg = self.base_deg + np.asarray(angle_deg, float)
+        base_deg = np.full_like(moving_deg, self.base_deg)
+        turn = np.deg2rad(np.stack([base_deg, base_deg, moving_deg, moving_deg], axis=-1))
+        radii, z = np.array([*self.base_px, *self.moving_px]), [self.base_z] * 2 + [self.moving_z] * 2
+        return self.project(np.stack([radii * np.cos(turn), radii * np.sin(turn), np.broadcast_to(z, turn.shape)], -1))
 
     def camera_toml(self) -> str:
         r = _rotation_vector(self.rotation)
@@ -300,6 +294,15 @@ class Rig:
             a = np.deg2rad(turn)
             spots += [(r * np.cos(a), r * np.sin(a)) for r in radii]
         return spots
+
+
+@cache
+def _tilted(tilt_deg: tuple[float, float]) -> np.ndarray:
+    """Return the camera's rotation; once for all frames, whose markers each ask for it."""
+    a, b = np.deg2rad(tilt_deg)
+    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    return np.diag([1.0, -1.0, -1.0]) @ about_x @ about_y
 
 
 def _rotation_vector(rotation: np.ndarray) -> np.ndarray:

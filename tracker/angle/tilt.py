@@ -346,7 +346,8 @@ def _times(rows: Floats, matrices: Floats) -> Floats:
 
 def _variance(rows: Floats, covariance: Floats) -> Floats:
     """Return the variances of rows (..., 2) times what has a covariance (..., 2, 2)."""
-    return np.asarray(np.sum(_times(rows, covariance) * rows, axis=-1))
+    along = _times(rows, covariance) * rows
+    return np.asarray(along[..., 0] + along[..., 1])
 
 
 def _first_circles(points: Floats) -> Floats:

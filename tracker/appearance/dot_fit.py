@@ -110,7 +110,7 @@ class _Trial:
     """A dot in a window: its ``values`` x, y, radius, edge and stretch (6,), and how it fits.
 
     ``linear`` (4,) are light, step and two slopes of the light that fit best; ``left`` (n,) is what they leave,
-    ``slopes`` (k, n) its derivatives, ``spread`` the window's sum of squares.
+    ``slopes`` (k, n) its derivatives, ``spread`` the window's sum of squares and ``square`` that of what is left.
     """
 
     values: Floats
@@ -118,27 +118,27 @@ class _Trial:
     left: Floats
     slopes: Floats
     spread: float
+    square: float
 
     @classmethod
     def of(cls, window: Floats, values: Floats, free: int, spread: float) -> _Trial:
         """Solve the linear part for a given shape (variable projection); the first ``free`` values are to be fitted."""
-        shape, rows = np.zeros(1, SHAPE), np.empty((10, window.shape[1]))
+        shape, rows = np.zeros(1, SHAPE), np.empty((11, window.shape[1]))
         shape["radius"], shape["edge"], shape["stretch"] = values[2], values[3], values[4:6]
         fill_rows(window, values, shape[0], rows)
-        plain, wanted = rows[:4], np.vstack([window[2], rows[4 : 4 + free]])
-        weights = np.linalg.solve(plain @ plain.T, plain @ wanted.T)
+        plain, wanted = rows[:4], rows[4 : 5 + free]
+        weights = np.asarray(np.linalg.solve(plain @ plain.T, plain @ wanted.T), np.float64)
         left = wanted - weights.T @ plain
-        return cls(values, weights[:, 0], left[0], weights[1, 0] * left[1:], spread)
-
-    @property
-    def square(self) -> float:
-        """Sum of the squares of what is left."""
-        return float(self.left @ self.left)
+        return cls(values, weights[:, 0], left[0], weights[1, 0] * left[1:], spread, float(left[0] @ left[0]))
 
     @property
     def explained(self) -> float:
         """Share of the window's variance that the dot explains."""
         return 1.0 - self.square / max(self.spread, 1e-12 * len(self.left))
+
+    def normal(self) -> tuple[Floats, Floats]:
+        """Return the normal equations of the next step: (k, k), and (k,)."""
+        return self.slopes @ self.slopes.T, self.slopes @ self.left
 
 
 def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Trial | None:
@@ -151,13 +151,14 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
         return None
     spread = float(np.sum((window[2] - window[2].mean()) ** 2))
     found, damping = _Trial.of(window, start, free, spread), 1e-3
+    normal, gradient = found.normal()
     for step in range(_ROUNDS):
         if found.explained < (_DOUBTFUL if step < _LOOK else _HOPELESS):
             return None
-        normal = found.slopes @ found.slopes.T
+        damped = normal.copy()
         # Where a value changes nothing its step is nought.
-        normal += np.diag(damping * np.diag(normal) + 1e-9)
-        delta = np.linalg.solve(normal, found.slopes @ found.left)
+        damped.ravel()[:: free + 1] += damping * normal.diagonal() + 1e-9
+        delta = np.linalg.solve(damped, gradient)
         values = found.values.copy()
         values[:free] += np.clip(delta, -0.3 * radius_px, 0.3 * radius_px)
         values[3] = max(values[3], _SHARPEST_PX)
@@ -166,6 +167,7 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
             damping = 10.0 * max(damping, 1e-4)
             continue
         found, damping = trial, 0.2 * damping
+        normal, gradient = found.normal()
         if np.abs(delta).max() < _SMALL_PX:
             break
     return found
@@ -184,13 +186,17 @@ def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) ->
 
 @compiled
 def fill_rows(window: Floats, found: Floats, shape: Record, rows: Floats) -> None:
-    """Fill the columns of the linear part (light, step, slope), and the slopes of D by the six values (10, n)."""
+    """Fill the columns of the linear part (light, step, slope), the brightness, and the slopes of D by the six values.
+
+    ``rows`` (11, n).
+    """
     for i in range(window.shape[1]):
         dx, dy = window[0, i] - found[0], window[1, i] - found[1]
-        inside, along_x, along_y, rows[7, i] = disc_point(dx, dy, shape)
+        inside, along_x, along_y, rows[8, i] = disc_point(dx, dy, shape)
         rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, inside, dx * (1.0 - inside), dy * (1.0 - inside)
-        rows[4, i], rows[5, i], rows[6, i] = -along_x, -along_y, -(dx * along_x + dy * along_y) / found[2]
-        rows[8, i], rows[9, i] = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
+        rows[4, i] = window[2, i]
+        rows[5, i], rows[6, i], rows[7, i] = -along_x, -along_y, -(dx * along_x + dy * along_y) / found[2]
+        rows[9, i], rows[10, i] = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
 
 
 def _is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
