@@ -16,6 +16,7 @@ from torsight.actuator.fitted import FittedModel, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
 from torsight.core.errors import InputError
+from torsight.core.parameter import REACH
 from torsight.core.units import DEG
 from torsight.discovery.prediction import predict_with_sigma
 
@@ -64,16 +65,18 @@ def test_at_rest_the_residual_is_that_of_rests(log) -> None:
     assert found.sigma_rad[speed_deg_s > 0.1] == pytest.approx(0.3 * DEG)
 
 
-def test_explanations_that_predict_something_else_widen_it_there(log) -> None:
+@pytest.mark.parametrize(("share", "counts"), [(0.5, np.sqrt(0.5)), (0.1, 1.0 / REACH)])
+def test_explanations_that_predict_something_else_widen_it_there(log, share: float, counts: float) -> None:
+    """By their share, and as far as the interval of 95 % must reach to hold what one predicts that is credible."""
     nominal = model_with(None).values
-    late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0}, share=0.1)
+    late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0}, share=share)
     model = model_with(Doubt((), np.zeros((0, 0)), 0.1, (late,)))
     found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
-    ((other, share),) = model.alternatives()
-    assert share == 0.1
+    ((other, its_share),) = model.alternatives()
+    assert its_share == share
     apart = other.predict(log, start_angle_rad=START_RAD).angle_rad - found.angle_rad
     assert np.abs(apart).max() > 5.0 * DEG
-    assert found.sigma_rad == pytest.approx(np.hypot(0.1 * DEG, apart * np.sqrt(0.1)), rel=1e-9)
+    assert found.sigma_rad == pytest.approx(np.hypot(0.1 * DEG, counts * apart), rel=1e-9)
 
 
 def test_noise_of_the_temperatures_counts_where_an_incomplete_heating_ends(log) -> None:

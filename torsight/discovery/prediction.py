@@ -72,9 +72,9 @@ def predict_with_sigma(
 
     Four things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
     has not seen, in motion and at rest; what the values are uncertain by (the log is simulated one standard deviation
-    to either side along every axis of their uncertainty); how far other explanations of the record predict something
-    else, each by its part of the probability; and the noise of the log's temperatures, drawn: where an incomplete
-    heating ends, its error stays in the angle.
+    to either side along every axis of their uncertainty); how far other credible explanations of the record predict
+    something else, by their parts of the probability and so far at least that the interval of 95 % reaches each; and
+    the noise of the log's temperatures, drawn: where an incomplete heating ends, its error stays in the angle.
 
     Parameters
     ----------
@@ -104,18 +104,24 @@ def predict_with_sigma(
     rest = rest_mask(simulation.time_s, angle / DEG, known) if known.any() else known
     motion_deg, rest_deg = model.doubt.left_deg
     square, others = (np.where(rest, rest_deg, motion_deg) * DEG) ** 2, list(_others(model, drive))
+    alternatives = list(model.alternatives())
+    whole = len(others) + len(alternatives)
     for done, (other, its_drive, weight) in enumerate(others):
-        progress("uncertainty", done, len(others))
+        progress("uncertainty", done, whole)
         square += weight * (other.simulate(its_drive).angle_rad[rows] - own) ** 2
-    progress("uncertainty", len(others), len(others))
-    sigma = np.where(known, np.sqrt(square), np.nan)
+    spread, furthest = np.zeros(len(own)), np.zeros(len(own))
+    for done, (other, share) in enumerate(alternatives, len(others)):
+        progress("uncertainty", done, whole)
+        apart = (other.simulate(drive).angle_rad[rows] - own) ** 2
+        spread, furthest = spread + share * apart, np.maximum(furthest, apart)
+    progress("uncertainty", whole, whole)
+    sigma = np.where(known, np.sqrt(square + np.maximum(spread, furthest / REACH**2)), np.nan)
     return PredictedAngle(angle, drive, simulation, rows, sigma)
 
 
 def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:
-    """Give what else may be true: a model, a drive, and the share with which the squared difference counts."""
+    """Give what values and temperatures may be: a model, a drive, and the share of the squared difference."""
     for sides in model.neighbours():
         yield from ((side, drive, 0.5) for side in sides)
-    yield from ((other, drive, share) for other, share in model.alternatives())
     for errors in draw_errors(drive, seed=0, count=_DRAWS):
         yield model, with_errors(drive, errors.with_tops_c), 1.0 / _DRAWS
