@@ -35,6 +35,8 @@ from torsight.core.words.wording import number
 KIND: Final = "torsight actuator model"
 _MOST_COUNTED: Final = 1_000_000
 """Cycles or whole turns: at a cycle a minute two years without a pause."""
+_NONE_BEFORE: Final = ("zero_deg", "static_swing")
+"""Values that models of earlier files had not: they stand at zero, where they change nothing."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
@@ -376,8 +378,7 @@ def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:
     """Return the fitted values, each within the bounds that its fit had."""
     parameters = {parameter.name: parameter for parameter in model.all_parameters}
     check_keys(table, tuple(parameters), where="values")
-    # Models of before the zero was a value have none.
-    table = {"zero_deg": 0.0, **table}
+    table = {**{name: 0.0 for name in _NONE_BEFORE if name in parameters}, **table}
     missing = [name for name, parameter in parameters.items() if name not in table and not parameter.fixed]
     if missing:
         raise ConfigError("lacks a value", where="values", value=", ".join(missing))
