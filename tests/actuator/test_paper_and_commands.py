@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
+from tests.command_line import leave
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.logs import read_log
 from torsight.actuator.spec import reference_spec
 from torsight.cli.fit import fit
-from torsight.cli.paper import paper
 from torsight.cli.predict import predict
 from torsight.cli.simulate import simulate
 from torsight.core.errors import InputError
@@ -116,7 +116,7 @@ def test_logs_that_cannot_be_used(tmp_path, column, row, value, told):
 
 
 def test_paper(tmp_path):
-    paper(out=tmp_path)
+    assert leave("paper", "--out", tmp_path) == 0
     content = json.loads((tmp_path / "paper.json").read_text())
     numbers = content["numbers"]
     assert numbers["range"]["ours"] == pytest.approx(466.0, abs=0.5)

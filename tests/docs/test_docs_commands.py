@@ -3,9 +3,10 @@
 What stands for what: a film of the bench for a camera's number; a browser's page for the viewer's window; what was
 found by itself for the clicks of a person, who knows which stick turns; a film of one quick half-cycle for the
 demo's, and two effects for the library that discovery tries; the record's own angles for those of the bench's film,
-which lasts a second; the plots of the first report for those of the others. ``make test`` is what runs this,
-``make docs`` and the common test of the effects run beside it. The three scripts that measure the figures of the
-filming page take hours, so their help is what is asked for.
+which lasts a second; the first run's recording for those of the others, and reports go without their plots (tests of
+the viewer and the report make both). ``make test`` is what runs this, ``make docs`` and the common test of the effects
+run beside it. The three scripts that measure the figures of the filming page take hours, so their help is what is
+asked for.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from tests.cli.test_run import FILES
 from tests.docs.docs_world import fill_in, make_world, small_scene
 from tests.docs.documented import PAGES, ROOT, commands
 from tests.few_effects import try_few
+from tests.plain_report import draw_no_plots
 from tests.recordings import fingerprint
 from torsight.cli.main import main
 from torsight.cli.reference import command_reference
@@ -46,8 +48,10 @@ AGAIN = """
 import sys
 import pytest
 from tests.few_effects import try_few
+from tests.plain_report import draw_no_plots
 from torsight.cli.main import main
 try_few(pytest.MonkeyPatch())
+draw_no_plots(pytest.MonkeyPatch())
 main(sys.argv[1:])
 """
 TEXTS = {page.name: page.read_text(encoding="utf-8") for page in PAGES} | {"commands.md": command_reference()}
@@ -96,6 +100,9 @@ class World:
         if words[:2] == ["run", "--from"]:
             # Done again, to the last byte, by a test of its own below.
             assert read_json(self.folder / words[2])["command"]
+            return
+        if words[0] == "paper":
+            # A test of its own gives it, and looks at what it writes (tests/actuator/test_paper_and_commands.py).
             return
         if words[:2] == ["live", "0"]:
             words = ["live", "bench.mkv", *words[2:]]
@@ -204,6 +211,7 @@ def _stand_in(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.delenv("WAYLAND_DISPLAY", raising=False)
     patch.setattr("torsight.synthetic.scene.demo_scene", small_scene)
     try_few(patch)
+    draw_no_plots(patch)
 
 
 @pytest.fixture(scope="module")
@@ -230,7 +238,10 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 
 def test_provenance_is_enough_to_do_it_again_with_any_number_of_threads(world: World) -> None:
-    """Same numbers, same bytes: every file but the recording, and all of its data; only its stamps may differ."""
+    """Same numbers, same bytes: every file but the recording, and all of its data; only its stamps may differ.
+
+    That the report's plots are drawn in the same bytes is tested with the report.
+    """
     # The report says the name of its folder.
     out, again = (world.folder / name / "results" for name in ("first", "second"))
     # Here linear algebra has one thread (tests/conftest.py).
@@ -249,8 +260,8 @@ def test_provenance_is_enough_to_do_it_again_with_any_number_of_threads(world: W
 @pytest.mark.parametrize("page", PAGES_WITH_COMMANDS)
 def test_the_commands_of_a_page_run(page: str, world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     _stand_in(monkeypatch, world.folder)
-    monkeypatch.setattr("torsight.report.write.drawing", lambda _: None)
-    monkeypatch.setattr("torsight.report.write.still", lambda _: "<svg></svg>")
+    recording = world.folder / "first" / "results" / "recording.rrd"
+    monkeypatch.setattr("torsight.viewer.write_recording", lambda folder, **_: shutil.copy(recording, folder))
     for command in commands(TEXTS[page]):
         world.give(command)
 
