@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, lending
+from torsight.core.copying import copy_to
 from torsight.core.units import Floats, Ints
 from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, window_pixels
 
@@ -278,7 +279,8 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         if length > 0.0:
             rows = np.empty((_MOST_COLUMNS, pixels.shape[1]))
             columns = fill_columns(rows, pixels, at_x - cx, at_y - cy, shape, smear_x, smear_y)
-            models[0, columns : 2 * columns] = rows[:columns]
+            for k in range(columns):
+                copy_to(models[0, columns + k], rows[k])
             fill_model(models[0], extras[0], columns, pixels, shape)
         else:
             slot = model_at(pixels, models, extras, (at_x - cx, at_y - cy), shape)

@@ -75,7 +75,9 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
         return
     costs = np.log(costs + 1e-3)
     weight = _RATE if math.hypot(path[0], path[1]) > _LONG_PX else 0.5 * _RATE
-    rig.shutter_cost[:] += weight * (np.minimum(costs - costs.min(), 2.0) - rig.shutter_cost)
+    least = costs.min()
+    for i in range(len(costs)):
+        rig.shutter_cost[i] += weight * (min(costs[i] - least, 2.0) - rig.shutter_cost[i])
     rig.shutter_share = best_share(rig.shutter_cost)
 
 

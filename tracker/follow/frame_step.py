@@ -7,6 +7,7 @@ It stops where a stick that should be seen was not found where it was predicted,
 from __future__ import annotations
 
 from torsight.core.compiled import compiled, lending
+from torsight.core.copying import copy_to
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.judgement import (
     KNOWN,
@@ -78,7 +79,7 @@ def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
     """Go on with a frame from a stage; return the one at which it stops."""
     rig = scene.rig[0]
     if stage == START:
-        rig.shift_now[:] = rig.shift
+        copy_to(rig.shift_now, rig.shift)
         predict(scene, time_s)
         read_all(scene, luma)
     for stop in (FIRST, SECOND):

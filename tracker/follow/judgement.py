@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
+from torsight.core.copying import copy_to
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
@@ -247,7 +248,7 @@ def judge_base(scene: Scene) -> bool:
     vote(rig, _cover(scene, i) + _cover(scene, j))
     elsewhere = seen(scene, k) and seen(scene, k + 1)
     if not elsewhere and not rig.anchored:
-        rig.anchor[:] = rig.shift
+        copy_to(rig.anchor, rig.shift)
     rig.anchored = not elsewhere
     judge_pair(scene, base)
     shift = np.empty(2)
@@ -297,7 +298,7 @@ def find_shift(scene: Scene) -> bool:
     That is the base, or the moving stick's circles while the base is not seen.
     """
     rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
-    rig.shift_now[:] = rig.shift
+    copy_to(rig.shift_now, rig.shift)
     if base_shift(scene.readings[i : i + 2], rig.zero, rig.shift_now):
         return True
     off = np.empty((2, 2))

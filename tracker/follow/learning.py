@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, inlined, lending
+from torsight.core.copying import copy_to
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
@@ -38,8 +39,8 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
         off = share_of_step(value, reading.step) - kept[0]
         kept[0] += RATE * off
         kept[1] += RATE * (abs(off) - kept[1])
-    marker.change[:] += RATE * (reading.change - marker.change)
-    marker.slope[:] += RATE * (reading.slope - marker.slope)
+    _follow(marker.change, reading.change)
+    _follow(marker.slope, reading.slope)
     shape = marker.shape
     radius = shape.radius + marker.change[0]
     e, f = marker.change[1], marker.change[2]
@@ -53,6 +54,13 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     marker.change[:] = 0.0
 
 
+@inlined
+def _follow(mean: Floats, values: Floats) -> None:
+    """Bring running means (n,) nearer to new values."""
+    for i in range(len(mean)):
+        mean[i] += RATE * (values[i] - mean[i])
+
+
 @compiled
 def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
     """Note a reading in a marker's history."""
@@ -62,7 +70,7 @@ def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
         # Only readings close to each other tell a velocity.
         kept = min(count, 1) if marker.lost <= SOON else 0
         if kept:
-            h[0, :] = h[count - 1, :]
+            copy_to(h[0], h[count - 1])
         count = kept
     elif count == KEPT:
         guesses = ways(marker, time_s)
@@ -70,7 +78,7 @@ def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
             miss = (x - guesses[way, 0]) ** 2 + (y - guesses[way, 1]) ** 2
             marker.miss[way] += RATE * (miss - marker.miss[way])
         for k in range(KEPT - 1):
-            h[k, :] = h[k + 1, :]
+            copy_to(h[k], h[k + 1])
         count = KEPT - 1
     h[count, 0], h[count, 1], h[count, 2] = time_s, x, y
     marker.count = count + 1
@@ -90,7 +98,7 @@ def miss(marker: Record, x: float, y: float) -> None:
 def note(scene: Scene, luma: Luma, time_s: float) -> None:
     """Take in what was read of all markers."""
     rig = scene.rig[0]
-    rig.shift[:] = rig.shift_now
+    copy_to(rig.shift, rig.shift_now)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
     for index in range(len(scene.markers)):

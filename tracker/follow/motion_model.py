@@ -64,7 +64,7 @@ def predict(scene: Scene, time_s: float) -> None:
         if not is_base(rig, index // 2) and marker.count > 0:
             way = STEADY if marker.lost > 0 else int(np.argmin(marker.miss))
             place = ways(marker, time_s)[way]
-            reading.predicted[:] = place + rig.shift
+            reading.predicted[0], reading.predicted[1] = place[0] + rig.shift[0], place[1] + rig.shift[1]
     for stick in range(len(scene.sticks)):
         if is_base(rig, stick):
             continue
@@ -75,7 +75,8 @@ def predict(scene: Scene, time_s: float) -> None:
             if marker.count > 0 and marker.lost > 0:
                 reading.path[0], reading.path[1] = reading.predicted[0] - marker.x, reading.predicted[1] - marker.y
             elif marker.count > 0:
-                reading.path[:] = reading.predicted - rig.shift - marker.history[marker.count - 1, 1:]
+                for i in range(2):
+                    reading.path[i] = reading.predicted[i] - rig.shift[i] - marker.history[marker.count - 1, 1 + i]
 
 
 @lending

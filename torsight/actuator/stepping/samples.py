@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.core.compiled import compiled
+from torsight.core.copying import copy_to
 from torsight.core.units import Floats, Ints
 
 
@@ -61,5 +62,5 @@ def sampled(
         who = int(active[k])
         temps[who, k], temps[1 - who, k] = temp_a_c[k], temp_b_c[k]
     for row in range(2 if passive else 1):
-        directions[row] = turning_points(temps[row], half, REVERSAL_C)
+        copy_to(directions[row], turning_points(temps[row], half, REVERSAL_C))
     return per_s, temps, directions

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from torsight.core.compiled import compiled, lending
+from torsight.core.copying import copy_to
 from torsight.core.units import Floats, Ints
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import Constants, law
@@ -214,12 +215,12 @@ def integrate(
             lead(pair[active], springs[active], theta, temps_c[active], reference_c[k], furthest)
             current[active], integral = control(c, reference_c[k] - reading[active], integral, sample_s)
         out[k, :2] = motion[PHI], motion[SPEED]
-        out[k, 2:5] = temps_c
-        out[k, 5:7] = reading
-        out[k, 7:9] = current
+        copy_to(out[k, 2:5], temps_c)
+        copy_to(out[k, 5:7], reading)
+        copy_to(out[k, 7:9], current)
         out[k, 9:] = s[0, XI], s[1, XI], c.bristle * motion[BRISTLE]
         for _ in range(substeps):
-            before_c[:] = temps_c
+            copy_to(before_c, temps_c)
             heat_step(c, temps_c, current, work, step_s)
             for i in range(2):
                 rates_k_s[i] += ((temps_c[i] - before_c[i]) / step_s - rates_k_s[i]) * min(
@@ -230,7 +231,7 @@ def integrate(
             since_s += step_s
             if active >= 0:
                 passive_step(c, springs[1 - active], felt_c[1 - active], since_s)
-            before_xi[:] = s[:, XI]
+            copy_to(before_xi, s[:, XI])
             sliding = move(pair, springs, motion, felt_c, step_s, active, sliding)
             for i in range(2):
                 pace[i] += ((s[i, XI] - before_xi[i]) / step_s - pace[i]) * min(step_s / _HEAT_FOLLOWS_S, 1.0)

@@ -23,6 +23,7 @@ from scipy.integrate import RK45
 
 from torsight.core.compiled import compiled as kept
 from torsight.core.compiled import lending, njit
+from torsight.core.copying import copy_to
 from torsight.core.units import Floats
 from torsight.discovery.own.compiled.functions import compiled, curve_at, fill
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
@@ -304,13 +305,13 @@ def _through_event(
     _set_inputs(t, driven)
     when(t, new, driven[4], given, now)
     which = _happened(before, now, directions)
-    x[:] = new
+    copy_to(x, new)
     then(which, t, new, driven[4], given, x)
     moment = MOMENT * max(1.0, abs(t))
     rhs(t, x, driven[4], given, slopes[0])
     for i in range(len(x)):
         new[i] = x[i] + moment * slopes[0, i]
-    x[:] = new
+    copy_to(x, new)
     t += moment
     _set_inputs(t, driven)
     when(t, x, driven[4], given, before)
@@ -345,19 +346,19 @@ def _integrate(
     states = np.empty(anew.shape)
     x, new, slopes = anew[0].copy(), np.empty(anew.shape[1]), np.empty((7, anew.shape[1]))
     before, now, u = np.zeros(len(directions)), np.zeros(len(directions)), np.empty(inputs.shape[1])
-    states[0] = x
+    copy_to(states[0], x)
     h = 0.0
     for i in range(len(time) - 1):
         t, end, steps = time[i], time[i + 1], 0
         if _begins(anew[i], x) or i == 0:
             h = 0.1 * (end - t)
-            u[:] = inputs[i]
+            copy_to(u, inputs[i])
             when(t, x, u, given, before)
             rhs(t, x, u, given, slopes[0])
         elif _jumps(comes_to[i - 1], inputs[i]):
             # What the events were before the jump stays: one that it brings about is then found in the next step.
             h = 0.1 * (end - t)
-            u[:] = inputs[i]
+            copy_to(u, inputs[i])
             rhs(t, x, u, given, slopes[0])
         driven = (t, end, inputs[i], comes_to[i], u)
         along = (driven, given)
@@ -368,7 +369,7 @@ def _integrate(
             error = _size(step, x, new, slopes, rtol)
             steps += 1
             if steps > most or step < 1e-14 * max(1.0, abs(t)):
-                states[i + 1] = slopes[0]
+                copy_to(states[i + 1], slopes[0])
                 return states, i
             if not np.isfinite(error):
                 h = 0.2 * step
@@ -380,8 +381,10 @@ def _integrate(
                     t = _through_event(functions, t, step, x, along, slopes, before)
                     continue
                 t += step
-                x[:], before[:], slopes[0] = new, now, slopes[6]
+                copy_to(x, new)
+                copy_to(before, now)
+                copy_to(slopes[0], slopes[6])
             # The usual safety factor and limits of a step's change (II.4).
             h = max(least, step * min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2)))
-        states[i + 1] = x
+        copy_to(states[i + 1], x)
     return states, -1
