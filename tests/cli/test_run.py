@@ -49,7 +49,7 @@ SCENE = """
 seed = 23
 [protocol]
 time_factor = 0.1
-rest_s = 40.0
+rest_s = 15.0
 [[protocol.half_cycle]]
 spring = "a"
 peak_c = 84.0

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import scatter, usual_step
+from torsight.core.series import scatter, scatter_of_rows, usual_step
 from torsight.core.units import Floats
 
 _MAX_STRIDE_S: Final = 2.0
@@ -40,9 +40,17 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     whole = np.array([scatter(temp_c, stride=stride) for stride in strides])
     # As many of the longest strides in a part as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
-    parts = np.array_split(temp_c, count)
-    quiet = np.array([np.quantile([scatter(part, stride=stride) for part in parts], 0.25) for stride in strides])
+    parts = _parts(temp_c, count)
+    of_parts = [np.concatenate([scatter_of_rows(part, stride=stride) for part in parts]) for stride in strides]
+    quiet = np.quantile(of_parts, 0.25, axis=1)
     # Where a log stands still to its last digit nothing is seen of its noise.
     seen = quiet if quiet.min() > 0.0 else whole
     enough = strides[np.argmax(seen >= 0.8 * seen.max())]
     return float(whole[strides <= 2 * enough].max()), float(enough)
+
+
+def _parts(values: Floats, count: int) -> list[Floats]:
+    """Cut values (n,) into so many parts; those of one length, which differs by one at most, stand together (k, m)."""
+    length, longer = divmod(len(values), count)
+    first = longer * (length + 1)
+    return [values[:first].reshape(longer, length + 1), values[first:].reshape(count - longer, length)]

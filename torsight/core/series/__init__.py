@@ -113,7 +113,18 @@ def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
     squared binomial coefficients, which is C(2 order, order): 6 for the second difference, 20 for the third.
     """
     differences = np.concatenate([_difference(piece, stride, order) for piece in pieces])
-    return robust_sigma(differences) / float(np.sqrt(float(math.comb(2 * order, order))))
+    return robust_sigma(differences) / _gain(order)
+
+
+def scatter_of_rows(rows: Floats, *, stride: int = 1, order: int = 3) -> Floats:
+    """Return :func:`scatter` of every row (m,) of many pieces of one length (m, n)."""
+    size = np.median(np.abs(_difference(rows, stride, order)), axis=1)
+    return np.asarray(size / _NORMAL_MEDIAN / _gain(order))
+
+
+def _gain(order: int) -> float:
+    """Return the standard deviation of a difference of white noise, in those of a sample."""
+    return math.sqrt(float(math.comb(2 * order, order)))
 
 
 def share_explained(measured: Floats, fitted: Floats) -> float:
@@ -123,10 +134,12 @@ def share_explained(measured: Floats, fitted: Floats) -> float:
 
 
 def _difference(piece: Floats, stride: int, order: int) -> Floats:
-    count = max(0, len(piece) - order * stride)
-    total = np.zeros(count)
+    """Return the differences of a piece (n,), or of every one of many (m, n)."""
+    count = max(0, piece.shape[-1] - order * stride)
+    total = np.zeros((*piece.shape[:-1], count))
     for step in range(order, -1, -1):
-        total = total + (-1) ** (order - step) * math.comb(order, step) * piece[step * stride : step * stride + count]
+        there = piece[..., step * stride : step * stride + count]
+        total = total + (-1) ** (order - step) * math.comb(order, step) * there
     return total
 
 
