@@ -123,17 +123,13 @@ class Rig:
     def truth_deg(self) -> np.ndarray:
         return self.angle_deg(self.times)
 
-    def marker_px(self, angle_deg: float) -> np.ndarray:
-        """Pixel positions (4, 2) of the markers without shaking, in the order of the contract."""
-        points = []
-        for radii, turn, z, off in (
-            (self.base_px, self.base_deg, self.base_z, 0.0),
-            (self.moving_px, self.base_deg + angle_deg, self.moving_z, 0.0),
-        ):
-            for radius in radii:
-                a = np.deg2rad(turn + off)
-                points.append([radius * np.cos(a), radius * np.sin(a), z])
-        return self.project(np.array(points))
+    def marker_px(self, angle_deg: float | np.ndarray) -> np.ndarray:
+        """Pixel positions (4, 2), or (..., 4, 2), of the markers without shaking, in the order of the contract."""
+        moving_deg = self.base_deg + np.asarray(angle_deg, float)
+        base_deg = np.full_like(moving_deg, self.base_deg)
+        turn = np.deg2rad(np.stack([base_deg, base_deg, moving_deg, moving_deg], axis=-1))
+        radii, z = np.array([*self.base_px, *self.moving_px]), [self.base_z] * 2 + [self.moving_z] * 2
+        return self.project(np.stack([radii * np.cos(turn), radii * np.sin(turn), np.broadcast_to(z, turn.shape)], -1))
 
     def camera_toml(self) -> str:
         r = _rotation_vector(self.rotation)

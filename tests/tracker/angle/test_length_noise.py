@@ -34,7 +34,7 @@ RESTS = RIG.times < REST_S
 def compressed(rig: Rig, *, times_white: float, seed: int = 0) -> MarkerTracks:
     """Errors anew in every frame of motion, kept while a stick stands still, and a little left of what is new there."""
     rng = np.random.default_rng(seed)
-    position = np.array([rig.marker_px(angle) for angle in rig.truth_deg])
+    position = rig.marker_px(rig.truth_deg)
     n = len(position)
     error = times_white * WHITE_PX * rng.normal(size=position.shape)
     error[:, :2] = WHITE_PX * rng.normal(size=(1, 2, 2))

@@ -34,7 +34,7 @@ TILTED = Rig(
 def tracks_of(rig: Rig, *, seed: int = 0, angle_deg: np.ndarray | None = None) -> MarkerTracks:
     """Exact projections and noise of known size."""
     angles = rig.truth_deg if angle_deg is None else angle_deg
-    position = np.array([rig.marker_px(a) for a in angles])
+    position = rig.marker_px(angles)
     position += np.random.default_rng(seed).normal(0.0, SIGMA_PX, position.shape)
     n = len(angles)
     return MarkerTracks(
@@ -197,7 +197,7 @@ def test_an_axis_that_points_away_is_refused(tmp_path: Path) -> None:
 def test_errors_along_the_motion_are_no_tilt(seed: int) -> None:
     """A codec's errors are larger along the motion than across it: over a short arc a map could exchange both."""
     rig = replace(TILTED, angle_deg=lambda t: 60.0 - 40.0 * seed + 2.0 * t, tilt_deg=(0.0, 0.0), k1=0.0)
-    exact = np.array([rig.marker_px(angle) for angle in rig.truth_deg])
+    exact = rig.marker_px(rig.truth_deg)
     noise = np.random.default_rng(seed).normal(0.0, SIGMA_PX, exact.shape)
     turn = np.deg2rad(rig.truth_deg)
     outwards = np.stack([np.cos(turn), -np.sin(turn)], axis=1)[:, None]

@@ -33,12 +33,12 @@ STRAIGHT = replace(SWINGS, tilt_deg=(0.0, 0.0), k1=0.0)
 def rolled(rig: Rig, row_s: float, *, along: int, backwards: bool = False, seed: int = 0) -> MarkerTracks:
     """Return tracks of a picture that is read from the left (along 0) or the top (1), or from the other side."""
     last = rig.size[along] - 1
-    position = np.array([rig.marker_px(angle) for angle in rig.truth_deg])
+    position = rig.marker_px(rig.truth_deg)
     for _ in range(6):
         row = last - position[:, 2:, along] if backwards else position[:, 2:, along]
         angle = rig.angle_deg(rig.times[:, None] + row * row_s)
         for marker in (0, 1):
-            position[:, 2 + marker] = [rig.marker_px(float(a))[2 + marker] for a in angle[:, marker]]
+            position[:, 2 + marker] = rig.marker_px(angle[:, marker])[:, 2 + marker]
     noise = np.random.default_rng(seed).normal(0.0, SIGMA_PX, position.shape)
     return replace(tracks_of(rig), position_px=position + noise)
 

@@ -34,7 +34,7 @@ def bound_rad(rigs: list[Rig], seen: np.ndarray | None = None) -> np.ndarray:
     """Return the least standard deviation (n,) of the stick's angle from markers ``seen`` (rigs, n, 2)."""
     step, information = 0.01, np.zeros(len(rigs[0].truth_deg))
     for number, rig in enumerate(rigs):
-        ends = [np.array([rig.marker_px(a + sign * step)[2:] for a in rig.truth_deg]) for sign in (1.0, -1.0)]
+        ends = [rig.marker_px(rig.truth_deg + sign * step)[:, 2:] for sign in (1.0, -1.0)]
         slope = (ends[0] - ends[1]) / np.deg2rad(2.0 * step)
         known = 1.0 if seen is None else seen[number]
         information += np.sum(known * np.sum(slope**2, axis=-1), axis=1) / SIGMA_PX**2
@@ -54,7 +54,7 @@ def hide(tracks: MarkerTracks, marker: int, frames: slice) -> MarkerTracks:
 @pytest.mark.parametrize("tilts", [((0.0, 0.0), (0.0, 12.0)), ((28.0, 0.0), (28.0, -12.0)), ((-40.0, 5.0), (0.0, 0.0))])
 def test_projections_without_noise_give_the_exact_angle(tmp_path: Path, tilts) -> None:
     left, right = (replace(TILTED, angle_deg=lambda t: 60.0 - 170.0 * t, tilt_deg=tilt) for tilt in tilts)
-    exact = [replace(t, position_px=np.array([rig.marker_px(a) for a in rig.truth_deg])) for t, rig in
+    exact = [replace(t, position_px=rig.marker_px(rig.truth_deg)) for t, rig in
              ((tracks_of(left), left), (tracks_of(right), right))]  # fmt: skip
     found = orient_pair(*exact, pair_of(left, right, tmp_path))
     assert np.ptp(left.truth_deg) > 1000.0
@@ -178,7 +178,7 @@ def test_a_base_marker_that_comes_loose_turns_the_base(tmp_path: Path) -> None:
     for number, rig in enumerate((TILTED, RIGHT)):
         turned = replace(rig, base_deg=rig.base_deg + np.rad2deg(2.0 / 140.0))
         now = tracks_of(rig, seed=11 + number)
-        moved = np.array([turned.marker_px(a)[1] - rig.marker_px(a)[1] for a in rig.truth_deg])
+        moved = (turned.marker_px(rig.truth_deg) - rig.marker_px(rig.truth_deg))[:, 1]
         position = now.position_px.copy()
         position[200:, 1] += moved[200:]
         tracks.append(replace(now, position_px=position))
