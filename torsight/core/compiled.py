@@ -6,6 +6,9 @@ constants. So whoever imports this looks whether any source of a compiled functi
 changed since the code on the disk was made, and throws all of it away if so. A source of compiled functions is one
 that imports from here.
 
+What lets Python call a function takes its tuples of records apart, one by one: for those that only compiled code calls
+(:func:`internal`) it is not made, which took a twelfth of all compiling.
+
 Called with a number that is written out, a function is compiled for its type: numba would compile it again for each
 such number, which took a tenth of all compiling.
 
@@ -30,15 +33,18 @@ from numba import njit, types
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
 from numba.core.options import DefaultOptions
+from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 
-__all__ = ["compiled", "inlined", "lending", "njit"]
+__all__ = ["compiled", "inlined", "internal", "lending", "njit"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
 
 _KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Without what would let C call each function: nothing does, and it is made and optimised like the function itself."""
+_INTERNAL: Final = {**_KEPT, "no_cpython_wrapper": True}
+"""Without what would let Python call it, too."""
 _UNCOUNTED: Final = {**_KEPT, "_nrt": False} if hasattr(DefaultOptions, "_nrt") else _KEPT
 """With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
 
@@ -61,6 +67,14 @@ class _Kept(FunctionCache):
         with self._guard_against_spurious_io_errors():
             load: Any = self._load_overload
             return load(sig, target_context)
+
+
+class _Internal(CPUDispatcher):
+    """A function that only compiled code calls; Python would find no code there, and go on from nowhere."""
+
+    def __call__(self, *_: object, **__: object) -> None:
+        """Say so."""
+        raise TypeError(f"{self.py_func.__name__} is there for compiled callers: @compiled lets Python call it, too")
 
 
 def _prepared(function: Any) -> Any:
@@ -91,6 +105,14 @@ def compiled(function: F) -> F:
     A division by zero gives infinity, as in numpy.
     """
     return cast("F", _prepared(njit(**_KEPT)(function)))
+
+
+def internal(function: F) -> F:
+    """Compile as :func:`compiled` a function that only compiled code calls."""
+    made = _prepared(njit(**_INTERNAL)(function))
+    if isinstance(made, CPUDispatcher):
+        made.__class__ = _Internal
+    return cast("F", made)
 
 
 def lending(function: F) -> F:
