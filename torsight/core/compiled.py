@@ -35,8 +35,9 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.options import DefaultOptions
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
+from numpy.typing import NDArray
 
-__all__ = ["compiled", "inlined", "internal", "lending", "njit"]
+__all__ = ["compiled", "copy_to", "inlined", "internal", "lending", "njit"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -127,6 +128,18 @@ def lending(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile a small function, one that makes no array, into its callers."""
     return cast("F", _prepared(njit(forceinline=True, **_UNCOUNTED)(function)))
+
+
+@inlined
+def copy_to(into: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy values (n,) into an array of that length that holds none of them.
+
+    ``into[:] = values`` asks whether both have one shape; where they have not, numba says so in a message that names
+    both. To compile what writes the message took a seventh of all compiling, and nobody reads it: the shapes are the
+    code's own.
+    """
+    for i in range(len(into)):
+        into[i] = values[i]
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]

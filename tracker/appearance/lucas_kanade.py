@@ -20,8 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled, internal, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, internal, lending
 from torsight.core.units import Floats, Ints
 from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, window_pixels
 

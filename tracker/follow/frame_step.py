@@ -6,8 +6,7 @@ It stops where a stick that should be seen was not found where it was predicted,
 
 from __future__ import annotations
 
-from torsight.core.compiled import compiled, internal, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, internal, lending
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.judgement import (
     KNOWN,

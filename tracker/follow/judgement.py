@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, internal, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point

@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, inlined, internal, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, inlined, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
