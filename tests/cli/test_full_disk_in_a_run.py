@@ -13,6 +13,7 @@ from tests.cli.bad_inputs import make_world
 from tests.command_line import leave
 from tests.few_effects import try_few
 from tests.full_disk import full_disk
+from tests.plain_report import draw_no_plots
 
 STAGES = ("track", "sync", "fit", "discover")
 EXPERIMENT = """
@@ -29,9 +30,10 @@ file = "actuator.toml"
 
 @pytest.fixture(scope="module", autouse=True)
 def little_is_tried() -> Iterator[None]:
-    """Try two effects and one law: what is found does not matter here, only what is written of it."""
+    """Try two effects and one law, draw no plots: what is found does not matter here, only what is written of it."""
     with pytest.MonkeyPatch.context() as patch:
         try_few(patch)
+        draw_no_plots(patch)
         yield
 
 

@@ -15,7 +15,7 @@ import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from torsight.core.compiled import FOLDERS, LOADING, compiled, drop_outdated, inlined, lending, sources
+from torsight.core.compiled import FOLDERS, LOADING, compiled, drop_outdated, inlined, internal, lending, sources
 
 IMPORT = "from torsight.core.compiled import compiled"
 PACKAGES = ("calibration", "sync", "torsight", "tracker")
@@ -69,7 +69,7 @@ def scaled(x: float, power: int) -> float:
     return x**power
 
 
-@pytest.mark.parametrize("decorate", [compiled, lending, inlined])
+@pytest.mark.parametrize("decorate", [compiled, internal, lending, inlined])
 def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(
     decorate: Callable[..., Dispatcher], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -83,6 +83,12 @@ def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(
 
     assert caller(2.0) == 28.0
     assert len(inner.signatures) == 1
+
+
+def test_what_only_compiled_code_calls_tells_python_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
+    with pytest.raises(TypeError, match="scaled is there for compiled callers"):
+        internal(scaled)(2.0, 3)
 
 
 USER = """

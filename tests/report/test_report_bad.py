@@ -13,6 +13,7 @@ import pytest
 from made_up_run import LOST_S, discovery, rewrite, write_made_up_run
 from report_words import figures_of, words_of
 
+from tests.plain_report import draw_no_plots
 from torsight.report import write_report
 from torsight.report.figures.export import NAMES, write_figures
 from torsight.report.plots.panels import Band
@@ -117,7 +118,9 @@ def planned_table() -> pd.DataFrame:
     )
 
 
-def test_the_next_experiment_is_drawn_and_goes_when_the_answer_is_another(run: Path) -> None:
+def test_the_next_experiment_is_drawn_and_goes_when_the_answer_is_another(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     segment = {"spring": "a", "action": "heat", "from_c": 25.0, "to_c": 60.0, "rate_c_per_s": 0.4, "duration_s": 87.5}
     plan = {
         "text": "Heat A fast.",
@@ -135,6 +138,7 @@ def test_the_next_experiment_is_drawn_and_goes_when_the_answer_is_another(run: P
     assert "clock offset with fatigue less sensor lag" in text
     assert (run / "figures" / "next_experiment.svg").exists()
     rewrite(run, "discovery")
+    draw_no_plots(monkeypatch)
     assert "next_experiment.svg" not in write_report(run).read_text(encoding="utf-8")
     assert not (run / "figures" / "next_experiment.svg").exists()
 

@@ -6,6 +6,9 @@ constants. So whoever imports this looks whether any source of a compiled functi
 changed since the code on the disk was made, and throws all of it away if so. A source of compiled functions is one
 that imports from here.
 
+What lets Python call a function takes its tuples of records apart, one by one: for those that only compiled code calls
+(:func:`internal`) it is not made, which took a twelfth of all compiling.
+
 Called with a number that is written out, a function is compiled for its type: numba would compile it again for each
 such number, which took a tenth of all compiling.
 
@@ -30,15 +33,19 @@ from numba import njit, types
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
 from numba.core.options import DefaultOptions
+from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
+from numpy.typing import NDArray
 
-__all__ = ["compiled", "inlined", "lending", "njit"]
+__all__ = ["compiled", "copy_to", "inlined", "internal", "lending", "njit"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
 
 _KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Without what would let C call each function: nothing does, and it is made and optimised like the function itself."""
+_INTERNAL: Final = {**_KEPT, "no_cpython_wrapper": True}
+"""Without what would let Python call it, too."""
 _UNCOUNTED: Final = {**_KEPT, "_nrt": False} if hasattr(DefaultOptions, "_nrt") else _KEPT
 """With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
 
@@ -61,6 +68,14 @@ class _Kept(FunctionCache):
         with self._guard_against_spurious_io_errors():
             load: Any = self._load_overload
             return load(sig, target_context)
+
+
+class _Internal(CPUDispatcher):
+    """A function that only compiled code calls; Python would find no code there, and go on from nowhere."""
+
+    def __call__(self, *_: object, **__: object) -> None:
+        """Say so."""
+        raise TypeError(f"{self.py_func.__name__} is there for compiled callers: @compiled lets Python call it, too")
 
 
 def _prepared(function: Any) -> Any:
@@ -93,6 +108,14 @@ def compiled(function: F) -> F:
     return cast("F", _prepared(njit(**_KEPT)(function)))
 
 
+def internal(function: F) -> F:
+    """Compile as :func:`compiled` a function that only compiled code calls."""
+    made = _prepared(njit(**_INTERNAL)(function))
+    if isinstance(made, CPUDispatcher):
+        made.__class__ = _Internal
+    return cast("F", made)
+
+
 def lending(function: F) -> F:
     """Compile as :func:`compiled` a function that makes no array and keeps none: its callers lend it theirs.
 
@@ -105,6 +128,18 @@ def lending(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile a small function, one that makes no array, into its callers."""
     return cast("F", _prepared(njit(forceinline=True, **_UNCOUNTED)(function)))
+
+
+@inlined
+def copy_to(into: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy values (n,) into an array of that length that holds none of them.
+
+    ``into[:] = values`` asks whether both have one shape; where they have not, numba says so in a message that names
+    both. To compile what writes the message took a seventh of all compiling, and nobody reads it: the shapes are the
+    code's own.
+    """
+    for i in range(len(into)):
+        into[i] = values[i]
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]

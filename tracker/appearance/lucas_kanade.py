@@ -20,8 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, internal, lending
 from torsight.core.units import Floats, Ints
 from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, window_pixels
 
@@ -91,7 +90,7 @@ def eliminate(a: Floats, b: Floats, i: int) -> None:
             b[k, j] -= factor * b[i, j]
 
 
-@compiled
+@internal
 def invert(normal: Floats) -> Floats:
     """Return the inverse of a small symmetric matrix, scaled and with a weak ridge."""
     n = normal.shape[0]
@@ -136,7 +135,7 @@ def inner(one: Floats, other: Floats) -> float:
     return (a + b) + (c + d)
 
 
-@compiled
+@internal
 def products(rows: Floats, count: int) -> Floats:
     """Return the products of the first rows with each other."""
     normal = np.empty((count, count))
@@ -146,7 +145,7 @@ def products(rows: Floats, count: int) -> Floats:
     return normal
 
 
-@compiled
+@internal
 def fill_model(model: Floats, extra: Floats, columns: int, pixels: Ints, shape: Record) -> None:
     """Fill a model whose columns stand in rows ``columns`` to 2 ``columns`` already.
 
@@ -180,7 +179,7 @@ def take_away(values: Floats, row: Floats, weight: float) -> None:
         values[i] -= weight * row[i]
 
 
-@compiled
+@internal
 def worst_sector(left: Floats, pixels: Ints) -> float:
     """Return the largest mean over a sector of a window."""
     sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
@@ -203,7 +202,7 @@ def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, fo
         found[k] -= extra[2 * k] * marker.slope[0] * scale + extra[2 * k + 1] * marker.slope[1] * scale
 
 
-@compiled
+@internal
 def take_reading(
     values: Floats, found: Floats, model: Floats, extra: Floats, pixels: Ints, marker: Record, out: Record
 ) -> None:
@@ -237,7 +236,7 @@ def take_values(luma: Luma, cx: int, cy: int, pixels: Ints, half: int, values: F
     return True
 
 
-@compiled
+@internal
 def model_at(pixels: Ints, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
     """Return the slot of the model of a dot at rest whose centre is ``place`` from the window's middle; filled."""
     off_x, off_y = round(place[0] * PHASES), round(place[1] * PHASES)

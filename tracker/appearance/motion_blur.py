@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record, fill_beside, smear_count, smeared_point, window_pixels
 from tracker.appearance.lucas_kanade import (
@@ -65,7 +65,7 @@ def smear_slack(rig: Record, length: float) -> float:
     return (_SLACK_KNOWN if shutter_known(rig) else _SLACK_UNKNOWN) * math.sqrt(length)
 
 
-@compiled
+@internal
 def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
     """Take in a fast marker; every now and then compare how well smears of several lengths fit its picture."""
     rig.fast += 1
@@ -103,7 +103,7 @@ def shutter_limits(cost: Floats) -> tuple[float, float]:
     return low, min(float(SHARES[above[0]]), 1.0) if len(above) else 1.0
 
 
-@compiled
+@internal
 def residual_share(rows: Floats, values: Floats) -> float:
     """Return the residual of a linear fit over the coefficient of row 1, the step; negative where there is no step."""
     columns, n = rows.shape

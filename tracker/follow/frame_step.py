@@ -6,8 +6,7 @@ It stops where a stick that should be seen was not found where it was predicted,
 
 from __future__ import annotations
 
-from torsight.core.compiled import compiled, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, internal, lending
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.judgement import (
     KNOWN,
@@ -41,7 +40,7 @@ def stick_at(scene: Scene, stage: int) -> int:
     return 1 - moving if stage == FIRST else moving  # type: ignore[no-any-return]
 
 
-@compiled
+@internal
 def read_all(scene: Scene, luma: Luma) -> None:
     """Read all markers from where they are predicted, the moving stick's first.
 
@@ -59,7 +58,7 @@ def read_all(scene: Scene, luma: Luma) -> None:
                 read_marker(scene, luma, index)
 
 
-@compiled
+@internal
 def judge_stick(scene: Scene, stage: int) -> bool:
     """Judge a stick; return whether it has to be looked for."""
     stick = stick_at(scene, stage)

@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
@@ -182,7 +181,7 @@ def further(off_px: float, other_px: float) -> bool:
     return off_px > 2.0 * other_px + 0.5
 
 
-@compiled
+@internal
 def judge_pair(scene: Scene, stick: int) -> None:
     """Refuse the marker that is further from its prediction where both are not of one rigid stick; of the base both.
 
@@ -235,7 +234,7 @@ def vote(rig: Record, evidence: int) -> None:
     rig.above = max(-MOST_VOTES, min(MOST_VOTES, rig.above + evidence))
 
 
-@compiled
+@internal
 def judge_base(scene: Scene) -> bool:
     """Judge the base; return whether it has to be looked for.
 
@@ -291,7 +290,7 @@ def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
     return count > 0
 
 
-@compiled
+@internal
 def find_shift(scene: Scene) -> bool:
     """Find the shift of the picture; return whether anything tells it.
 
@@ -312,7 +311,7 @@ def find_shift(scene: Scene) -> bool:
     return False
 
 
-@compiled
+@internal
 def circles_off(scene: Scene, out: Floats) -> bool:
     """Find how far either moving marker is from where its circle puts it (2, 2); False while that is not known."""
     stick = scene.rig[0].moving
@@ -362,7 +361,7 @@ def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
     return False
 
 
-@compiled
+@internal
 def both_own(scene: Scene) -> bool:
     """Return whether both dots are known to be the moving stick's, next to the base's dots as they may be.
 
@@ -379,7 +378,7 @@ def both_own(scene: Scene) -> bool:
     return passes(apart / (_LENGTH_PX / SIGMAS) ** 2, 2)
 
 
-@compiled
+@internal
 def judge_moving(scene: Scene) -> bool:
     """Refuse readings that could be of a base dot or are off their circle; return whether to look for the stick."""
     rig, i, j = scene.rig[0], 2 * scene.rig[0].moving, 2 * scene.rig[0].moving + 1

@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, inlined, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, inlined, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
@@ -32,7 +31,7 @@ _RADIUS_RANGE: Final = (0.7, 1.4)
 """Radius over the first one within which a dot's shape is followed."""
 
 
-@compiled
+@internal
 def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     """Take in how well a sharp reading fits, and follow slow changes of shape and light."""
     for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
@@ -61,7 +60,7 @@ def _follow(mean: Floats, values: Floats) -> None:
         mean[i] += RATE * (values[i] - mean[i])
 
 
-@compiled
+@internal
 def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
     """Note a reading in a marker's history."""
     x, y, h = reading.x - shift[0], reading.y - shift[1], marker.history
@@ -94,7 +93,7 @@ def miss(marker: Record, x: float, y: float) -> None:
         marker.count = 0
 
 
-@compiled
+@internal
 def note(scene: Scene, luma: Luma, time_s: float) -> None:
     """Take in what was read of all markers."""
     rig = scene.rig[0]
@@ -119,7 +118,7 @@ def skip(scene: Scene, time_s: float) -> None:
         miss(scene.markers[index], predicted[0], predicted[1])
 
 
-@compiled
+@internal
 def _note_marker(scene: Scene, index: int, time_s: float) -> None:
     rig, marker, reading = scene.rig[0], scene.markers[index], scene.readings[index]
     if reading.state != SEEN:
@@ -137,7 +136,7 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
     take(marker, time_s, reading, rig.shift)
 
 
-@compiled
+@internal
 def _note_stick(scene: Scene, stick: int) -> None:
     """Follow the distance of a stick's markers, and learn its axis where it turns."""
     rig, own, i = scene.rig[0], scene.sticks[stick], 2 * stick

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.follow.rotation_axis import direction_from, folded, on_circle
@@ -53,7 +53,7 @@ def ways(marker: Record, time_s: float) -> Floats:
     return out
 
 
-@compiled
+@internal
 def predict(scene: Scene, time_s: float) -> None:
     """Fill in where every marker is expected, and how far it is expected to have moved since the last frame."""
     rig = scene.rig[0]

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, internal, lending
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
 from tracker.innovation import SIGMAS
@@ -87,7 +87,7 @@ def axis_weight(axis: Record) -> float:
     return axis.guessed + turned_frames  # type: ignore[no-any-return]
 
 
-@compiled
+@internal
 def solve_axis(axis: Record) -> None:
     """Solve the normal equations: of the arms for a given axis, so that one equation is left for that."""
     n, weight = axis.frames, axis_weight(axis)

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled
+from torsight.core.compiled import compiled, internal
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import eliminate
 from tracker.patches.warps import project
@@ -47,7 +47,7 @@ _FARTHEST: Final = 0.7
 """Step, over the half width, that leads astray: the template knows nothing of what lies there."""
 
 
-@compiled
+@internal
 def in_part(warp: Floats, rim: Floats, part: Part) -> bool:
     """Return whether the rim of a patch lies in a part of a picture."""
     seen = project(warp, rim)

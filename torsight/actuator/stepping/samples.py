@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
-from torsight.core.compiled import compiled
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to
 from torsight.core.units import Floats, Ints
 
 

@@ -7,8 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
-from torsight.core.copying import copy_to
+from torsight.core.compiled import compiled, copy_to, lending
 from torsight.core.units import Floats, Ints
 from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import Constants, law

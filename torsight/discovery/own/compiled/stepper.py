@@ -22,8 +22,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from scipy.integrate import RK45
 
 from torsight.core.compiled import compiled as kept
-from torsight.core.compiled import lending, njit
-from torsight.core.copying import copy_to
+from torsight.core.compiled import copy_to, lending, njit
 from torsight.core.units import Floats
 from torsight.discovery.own.compiled.functions import compiled, curve_at, fill
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
