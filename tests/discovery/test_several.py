@@ -48,7 +48,7 @@ def record(number: int, effects: Mapping[str, Any] | None = None) -> SyncedTable
         "sticks": {"offset_deg": ZEROS_DEG[number]},
         "effects": effects or {"viscous_friction": {VISCOUS: TRUE}},
     }
-    return make_record(scene, seed=5 + number, rate_hz=1.25).table
+    return make_record(scene, seed=5 + number, rate_hz=2.0).table
 
 
 @pytest.fixture(scope="module")
