@@ -49,6 +49,16 @@ def test_pictures_come_in_the_order_of_their_names(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frames[0].luma, next(RIG.pictures()))
 
 
+def test_numbers_in_names_count_by_their_size(tmp_path: Path) -> None:
+    folder = tmp_path / "run_2"
+    folder.mkdir()
+    for number in range(12):
+        cv2.imwrite(str(folder / f"img_{number}.png"), np.full((8, 8), 10 * number, np.uint8))
+    for source in (open_source(folder, fps=10.0), open_source(str(folder / "img_*.png"), fps=10.0)):
+        levels = [int(frame.luma[0, 0]) for frame in source if frame.luma is not None]
+        assert levels == [10 * number for number in range(12)]
+
+
 def test_a_picture_that_cannot_be_read_is_a_frame_without_one(tmp_path: Path) -> None:
     folder = write_pictures(RIG, tmp_path / "pictures")
     (folder / "picture_00004.png").write_bytes(b"broken")
