@@ -1,18 +1,21 @@
 """Which two of several pairs of dots are the sticks: what the film's motion says of each couple of pairs.
 
 Dots that look like a stick's markers may lie on a ruler or a frame beside the rig. A picture does not tell them from
-the markers; the film does. Of a rig is known that its base stands, that its moving stick goes around an axis, and that
-both sticks run to that axis. So every pair is followed by itself, and a couple (base i, moving j) explains the film by
+the markers; the film does. Of a rig is known that its base stands, that its moving stick goes around an axis, that both
+sticks lie in line with that axis, and that they are alike in make. So every pair is followed by itself, and a couple
+(base i, moving j) explains all the dots of the film by
 
-    −2 ln p = s_i + t_j − s_j + δ_ij² / σ_j² + ln σ_j² − 2 ln f_ij / (1 − f_ij),    σ_j² = r² + δ_jj² + σ_c²
+    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln g_ij,    σ_j² = r² + δ_jj² + σ_c²
 
-up to a constant of all couples. s_k and t_k are χ² of pair k as one that stands and as one that goes around circles, of
-a usual frame (what errs is correlated over a film, and counts once; in some frames the other stick lies over a pair).
+up to a constant of all couples. s and t are χ² of a marker as one that stands and as one that goes around a circle, of
+a usual frame (what errs is correlated over a film, and counts once); c_dj is that of a dot d of neither stick as one
+that is carried around by pair j. Frames in which the dots of i may be those of j tell nothing of i.
 δ_ij is how far the axis that pair j shows lies beside the line of pair i. Markers are put on the middle of a stick
 within their radius r, and sticks of one rig are made alike: as far as the axis is beside the moving stick's own line it
 may be beside the base's. σ_c is what is not known of the axis; of a stick that hardly turned that is all, and no couple
-is better than another. f_ij is the share of the line from pair i to the axis that is as bright as a stick: a stick goes
-on to the axis, and what lies elsewhere does not. It counts once the axis is known to a marker's radius.
+is better than another. u_ij is χ² of the ratios of their dots' steps in brightness and of the light around them. g_ij:
+as much as the moving stick goes on to the axis, by the brightness of the line to it, the base is expected to; that
+counts once the axis is known to a marker's radius.
 """
 
 from __future__ import annotations

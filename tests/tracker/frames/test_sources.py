@@ -176,6 +176,21 @@ def test_a_film_that_was_cut_keeps_what_came_before(tmp_path: Path) -> None:
         assert picture.shape == (120, 160)
 
 
+def test_a_film_without_a_count_of_frames_that_was_cut_is_told_by_its_length(tmp_path: Path) -> None:
+    film = write_film(RIG, tmp_path / "film.mkv", codec="ffv1", crf=None)
+    whole = open_source(film)
+    assert len(list(whole)) == RIG.frames
+    assert not whole.damage.entries
+    content = film.read_bytes()
+    film.write_bytes(content[: len(content) // 2])
+    cut = open_source(film)
+    count = len(list(cut))
+    assert 0 < count < RIG.frames
+    (entry,) = cut.damage.entries
+    assert f"ends after frame {count - 1}" in entry["text"]
+    assert "it was cut" in entry["text"]
+
+
 def test_damage_within_a_film_is_named_and_nothing_hangs_on_it(tmp_path: Path) -> None:
     rig = replace(RIG, frames=60, noise=4.0)
     film = write_film(rig, tmp_path / "film.mp4", codec="libx264", crf=12, options={"g": "20", "bf": "0"})
