@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
+from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.fiducials import tags_seen
@@ -114,15 +115,17 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
 class _Dots:
     """The best start at dots of the pictures so far, None without one.
 
-    Dots of one picture may be the wrong ones: while the light comes up, or while something else is before the camera.
-    Such are lost in the frames that follow. So later pictures are asked, until the sticks of one are read in most of
-    the frames after it, and in more than those of an earlier one.
+    Dots of one picture may be the wrong ones: while the light comes up, while something else is before the camera, or
+    where one stick lies over a dot of the other. Such are lost in the frames that follow, no base of them stands, or
+    nothing of them moves. So later pictures are asked, until the sticks of one are read in most of the frames after
+    it, and in more than those of an earlier one.
     """
 
     def __init__(self, source: FrameSource) -> None:
         self.start: Start | None = None
         self._source = source
         self._read, self._score = -1, -math.inf
+        self._asked: list[Floats] = []
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Take in a picture; return whether no later one need be looked at."""
@@ -130,10 +133,16 @@ class _Dots:
         score = min(stick.score for stick in found[0]) if found else -math.inf
         if not found or not are_markers(found[0]) or (score <= CLEAR and (self._read >= 0 or score <= self._score)):
             return False
-        weighed = weigh_couples(luma, found, self._after(index))
+        # What did not do at the same place in another picture does not do now.
+        places = np.array([stick.places_px for stick in found[0]])
+        radius_px = found[0][0].inner.radius_px
+        if any(np.abs(places - before).max() < radius_px for before in self._asked):
+            return False
+        self._asked.append(places)
+        weighed, stands = weigh_couples(luma, found, self._after(index))
         enough = False
         if score > CLEAR:
-            count, enough = self._count(_markers(luma, weighed[0]), index)
+            count, enough = self._count(_markers(luma, weighed[0]), index) if stands else (0, False)
             if count <= self._read:
                 return False
             self._read = count
@@ -149,15 +158,15 @@ class _Dots:
     def _count(self, markers: list[Marker], index: int) -> tuple[int, bool]:
         """Return in how many frames after a picture one of its sticks is read, and whether that is enough.
 
-        The other stick may lie under it.
+        The other stick may lie under it. None count as long as nothing moves.
         """
         follower = Follower([DotState(markers)], moving=None)
         read = number = 0
         for number, frame in enumerate(islice(self._after(index), LOOKED_AT[-1]), 1):
             read += bool((follower.step(frame)["state"].reshape(2, 2) == SEEN).all(axis=1).any())
-            if number >= 2 * STALE and 2 * read > number and read > self._read:
+            if number >= 2 * STALE and 2 * read > number and read > self._read and follower.moving is not None:
                 return read, True
-        return read, 2 * read >= number
+        return (0, False) if follower.moving is None else (read, 2 * read >= number)
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:

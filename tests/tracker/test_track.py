@@ -129,6 +129,19 @@ def test_markers_of_the_first_picture_that_are_not_seen_again_are_not_taken() ->
     nothing_wrong(outcome)
 
 
+@pytest.mark.parametrize(
+    ("base_px", "moving_px"), [((70.0, 110.0), (24.0, 62.0)), ((60.0, 104.0), (30.0, 98.0))], ids=["inner", "outer"]
+)
+def test_sticks_of_which_one_covers_a_dot_of_the_other_at_first_are_found_later(
+    base_px: tuple[float, float], moving_px: tuple[float, float]
+) -> None:
+    # The hub and the dots that are left make up two pairs, of which neither stands.
+    rig = Rig(swing(8.0, -100.0, 3.0), frames=60, base_px=base_px, moving_px=moving_px, hub_px=8.0)
+    outcome = run(rig, given=False)
+    assert outcome.valid.mean() > 0.8
+    assert outcome.rms_deg < 3.0 * bound_deg(rig)
+
+
 def test_a_base_dot_that_a_wide_stick_half_covers_is_not_taken() -> None:
     # So faint that the dot fits as well as it usually does while the stick's edge slowly moves over it.
     rig = Rig(

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
+from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.sticks import LIKE, Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
 from tracker.follow.judgement import NEAR
@@ -36,7 +37,7 @@ from tracker.follow.marker import markers_on
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import STANDS_PX, axis_weight, suppose_axis
 from tracker.frames.frame import Frame
-from tracker.innovation import SIGMAS, SURE
+from tracker.innovation import SIGMAS, SURE, passes
 from tracker.rows import SEEN
 
 Places = NDArray[np.complex128]
@@ -109,38 +110,54 @@ def _median(values: Floats) -> Floats:
 
 def weigh_couples(
     luma: NDArray[np.uint8], couples: Sequence[tuple[Stick, Stick]], frames: Iterable[Frame]
-) -> list[Couple]:
-    """Return couples of pairs, each with either as the base, the likeliest first.
+) -> tuple[list[Couple], bool]:
+    """Return couples of pairs, each with either as the base, the likeliest first; and whether that one's base stands.
 
-    ``luma`` is the picture in which they were found, ``frames`` are those after it: they are taken until a couple, with
-    either stick as the base, is as sure as :data:`tracker.innovation.SURE`, or to their end. Couples of which the film
-    tells nothing keep their order.
+    ``luma`` is the picture in which they were found, ``frames`` are those after it: they are taken until a couple is as
+    sure as :data:`tracker.innovation.SURE`, or to their end; no more than markers are looked for in where only which
+    stick moves is open. Couples of which the film tells nothing keep their order.
     """
     pairs = {id(pair): pair for couple in couples for pair in couple}
     states = {key: DotState(markers_on(luma, pair)) for key, pair in pairs.items()}
     places: dict[int, list[Places]] = {key: [] for key in pairs}
     height, width = luma.shape
 
-    def weighed() -> list[Couple]:
+    def weighed() -> tuple[list[Couple], dict[int, _Motion]]:
         motion = {key: _motion(state, places[key], (width, height)) for key, state in states.items()}
-        return _weighed(luma, couples, motion)
+        return _weighed(luma, couples, motion), motion
 
-    due = STALE
+    due, found = STALE, list[Couple]()
     for number, frame in enumerate(frames, 1):
         if frame.luma is not None:
             for key, state in states.items():
                 seen = state.step(frame.luma, frame.time_s, np.zeros(2))
                 places[key].append(np.where((seen["state"] == SEEN).all(), seen["x"] + 1j * seen["y"], _NOWHERE))
         if number == due:
-            if _sure(found := weighed()):
-                return found
+            before, (found, motion) = found, weighed()
+            if number >= LOOKED_AT[-1] and _settled(found):
+                break
+            # Twice, the second time on twice as many frames: what fits a short stretch may not fit a longer one.
+            if found[0].probability > SURE and before and before[0].probability > SURE:
+                break
             due *= 2
-    return weighed()
+    else:
+        found, motion = weighed()
+    return found, _base_stands(found[0], pairs, motion)
 
 
-def _sure(found: Sequence[Couple]) -> bool:
+def _settled(found: Sequence[Couple]) -> bool:
     """Return whether it is settled which two pairs are the sticks, whichever of them is the base."""
     return sum(one.probability for one in found if one is found[0] or one.swaps(found[0])) > SURE
+
+
+def _base_stands(couple: Couple, pairs: Mapping[int, Stick], motion: Mapping[int, _Motion]) -> bool:
+    """Return whether the base's dots keep their distance and direction in a usual frame, wherever the camera goes."""
+    still, moving = (
+        next(motion[key] for key, pair in pairs.items() if pair.is_of(stick)) for stick in (couple.base, couple.moving)
+    )
+    places = _apart(still, moving, max(couple.base.inner.radius_px, couple.base.outer.radius_px))
+    # Both dots are off by STANDS_PX each.
+    return passes(0.5 * float(_stands(places[:, 1] - places[:, 0])), 2)
 
 
 def _weighed(
