@@ -83,6 +83,13 @@ def test_couples_of_which_the_film_tells_nothing_are_as_the_picture_has_them(tmp
     assert start.taken.probability < 0.5
 
 
+def test_one_picture_alone_has_its_clearest_couple(tmp_path: Path) -> None:
+    film = DecoyFilm.of(3, frames=1)
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.frame == 0
+    assert len(start.markers) == 4
+
+
 def test_the_page_for_markers_shows_what_motion_tells(tmp_path: Path) -> None:
     film = DecoyFilm.of(3)
     source = open_source(film.write(tmp_path / "film.mkv"))

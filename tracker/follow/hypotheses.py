@@ -103,6 +103,8 @@ def _carried(places: Places, moving: _Motion) -> Floats:
 
 def _median(values: Floats) -> Floats:
     """Return the median of what is known along the last axis, 0 where nothing is."""
+    if not values.shape[-1]:
+        return np.zeros(values.shape[:-1])
     known = np.isfinite(values)
     middle = np.nanmedian(np.where(known.any(axis=-1, keepdims=True), values, 0.0), axis=-1)
     return np.asarray(middle)
