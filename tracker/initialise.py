@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
+from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.fiducials import tags_seen
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, Stick, are_markers, couples_in, towards_axis
+from tracker.detect.sticks import CLEAR, are_markers, couples_in
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.hypotheses import Couple, weigh_couples
 from tracker.follow.marker import Marker, given_markers, markers_on
+from tracker.follow.motion_model import STALE
 from tracker.frames.frame import Frame, FrameSource
 from tracker.innovation import SURE
+from tracker.rows import SEEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,28 +84,24 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
     kept: list[NDArray[np.uint8]] = []
-    best: tuple[float, int, NDArray[np.uint8], list[tuple[Stick, Stick]]] | None = None
+    dots = _Dots(source)
     last, tags = 0, ("", list[int]())
     for last, lent in looked_at(source, progress, what="the markers"):
         luma = lent.copy()
         # The first frame and the last two: markers may come into sight late.
         kept = [*kept[:1], *kept[1:][-1:], luma]
-        found = couples_in(luma)
-        score = min(stick.score for stick in found[0]) if found else -np.inf
-        if found and are_markers(found[0]) and (best is None or score > best[0]):
-            best = (score, last, luma, found)
         # Two pictures prove a tag to be one.
-        if score > CLEAR or (last == LOOKED_AT[1] and (tags := tags_seen(kept))[1]):
+        if dots.settled_by(last, luma) or (last == LOOKED_AT[1] and (tags := tags_seen(kept))[1]):
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if not kept:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
     where = f"{getattr(source, 'name', 'film')}, frames 0 to {last}"
-    if best is None or best[0] <= CLEAR:
+    if dots.start is None or dots.start.doubtful:
         family, numbers = tags if tags[1] else tags_seen(kept)
         if numbers:
             return _start_at_tags(family, numbers, where=where)
-    if best is None:
+    if dots.start is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=where,
@@ -108,15 +109,69 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             "of one stick no more than 3 times as large as those of the other; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
-    score, index, luma, couples = best
-    weighed = [Couple(*towards_axis(*couples[0]), 1.0)]
-    if len(couples) > 1:
-        progress("looking which dots move", 0, LOOKED_AT[-1])
-        weighed = weigh_couples(luma, couples, (frame for frame in decoded(source) if frame.index > index))
-    taken, *others = weighed
-    markers = [marker for stick in (taken.base, taken.moving) for marker in markers_on(luma, stick)]
-    rivals = tuple(one for one in others if one.probability > 1.0 - SURE and not one.swaps(taken))
-    return Start(markers, index, None, doubtful=score <= CLEAR, taken=taken, rivals=rivals)
+    return dots.start
+
+
+class _Dots:
+    """The best start at dots of the pictures so far, None without one.
+
+    Dots of one picture may be the wrong ones: while the light comes up, while something else is before the camera, or
+    where one stick lies over a dot of the other. Such are lost in the frames that follow, no base of them stands, or
+    nothing of them moves. So later pictures are asked, until the sticks of one are read in most of the frames after
+    it, and in more than those of an earlier one.
+    """
+
+    def __init__(self, source: FrameSource) -> None:
+        self.start: Start | None = None
+        self._source = source
+        self._read, self._score = -1, -math.inf
+        self._asked: list[Floats] = []
+
+    def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
+        """Take in a picture; return whether no later one need be looked at."""
+        found = couples_in(luma)
+        score = min(stick.score for stick in found[0]) if found else -math.inf
+        if not found or not are_markers(found[0]) or (score <= CLEAR and (self._read >= 0 or score <= self._score)):
+            return False
+        # What did not do at the same place in another picture does not do now.
+        places = np.array([stick.places_px for stick in found[0]])
+        radius_px = found[0][0].inner.radius_px
+        if any(np.abs(places - before).max() < radius_px for before in self._asked):
+            return False
+        self._asked.append(places)
+        weighed, stands = weigh_couples(luma, found, self._after(index))
+        enough = False
+        if score > CLEAR:
+            count, enough = self._count(_markers(luma, weighed[0]), index) if stands else (0, False)
+            if count <= self._read:
+                return False
+            self._read = count
+        self._score = score
+        rivals = tuple(one for one in weighed[1:] if one.probability > 1.0 - SURE and not one.swaps(weighed[0]))
+        markers = _markers(luma, weighed[0])
+        self.start = Start(markers, index, None, doubtful=score <= CLEAR, taken=weighed[0], rivals=rivals)
+        return enough
+
+    def _after(self, index: int) -> Iterator[Frame]:
+        return (frame for frame in decoded(self._source) if frame.index > index)
+
+    def _count(self, markers: list[Marker], index: int) -> tuple[int, bool]:
+        """Return in how many frames after a picture one of its sticks is read, and whether that is enough.
+
+        The other stick may lie under it. None count as long as nothing moves.
+        """
+        follower = Follower([DotState(markers)], moving=None)
+        read = number = 0
+        for number, frame in enumerate(islice(self._after(index), LOOKED_AT[-1]), 1):
+            read += bool((follower.step(frame)["state"].reshape(2, 2) == SEEN).all(axis=1).any())
+            if number >= 2 * STALE and 2 * read > number and read > self._read and follower.moving is not None:
+                return read, True
+        return (0, False) if follower.moving is None else (read, 2 * read >= number)
+
+
+def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:
+    """Return the markers of a couple, new ones: following changes them."""
+    return [marker for stick in (couple.base, couple.moving) for marker in markers_on(luma, stick)]
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:

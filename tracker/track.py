@@ -18,6 +18,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from torsight.core.words.shown import Shown
+from tracker.angle.axis_of_circles import turned_round
 from tracker.checkpoint import RowStore, source_key
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
@@ -179,11 +180,17 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
     return {"family": start.hints.family, "base_id": ids[base], "moving_id": ids[1 - base]}
 
 
-def _rivals(start: Start) -> dict[str, Any]:
-    """Return which dots were taken for the markers and which others may be, where nothing tells them apart."""
+def _rivals(start: Start, turned: tuple[bool, bool]) -> dict[str, Any]:
+    """Return which dots were taken for the markers and which others may be, where nothing tells them apart.
+
+    ``turned``: whether the inner marker of each stick taken was found to be the outer one.
+    """
     if start.taken is None or not start.rivals:
         return {}
-    return {"taken": start.taken.to_json(), "rivals": [one.to_json() for one in start.rivals]}
+    taken = start.taken.to_json()
+    for name, turn in zip(STICKS, turned, strict=True):
+        taken[name] = taken[name][:: -1 if turn else 1]
+    return {"taken": taken, "rivals": [one.to_json() for one in start.rivals]}
 
 
 def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]:
@@ -197,12 +204,8 @@ def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]
     return {} if math.isnan(turn_deg) else {"looks_alike_turned_by_deg": turn_deg}
 
 
-def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
-    moving = follower.moving
-    if moving is None or (start.doubtful and not _moves(table, moving)):
-        raise _nothing_moves(table, start, where=source.name)
-    base = 1 - moving
-    order = [2 * base, 2 * base + 1, 2 * moving, 2 * moving + 1]
+def _ordered(table: NDArray[np.void], order: list[int], source: FrameSource) -> tuple[NDArray[np.void], MarkerTracks]:
+    """Return the rows and the tracks with their markers in another order."""
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]
@@ -215,6 +218,20 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
         valid=rows["state"] == CODE["seen"],
         size_px=source.size_px,
     )
+    return rows, tracks
+
+
+def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
+    moving = follower.moving
+    if moving is None or (start.doubtful and not _moves(table, moving)):
+        raise _nothing_moves(table, start, where=source.name)
+    base = 1 - moving
+    rows, tracks = _ordered(table, [2 * base, 2 * base + 1, 2 * moving, 2 * moving + 1], source)
+    round_ = (False, False)
+    if start.moving is None and start.hints is None:
+        # Dots that were found in one picture: which of two is nearer to the axis shows in how they move.
+        round_ = turned_round(tracks)
+        rows, tracks = _ordered(rows, [i ^ round_[i // 2] for i in range(4)], source)
     report = {
         "source": source.describe(),
         "markers": {
@@ -223,7 +240,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             **_tags(start, base=base),
             "first_frame": start.frame,
             "faint": start.doubtful,
-            **_rivals(start),
+            **_rivals(start, round_ if base == 0 else round_[::-1]),
             **follower.report(),
             **_alike(start, follower, moving=moving),
         },

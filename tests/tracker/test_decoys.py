@@ -58,12 +58,36 @@ def test_what_nothing_tells_apart_is_said_with_both(tmp_path: Path, capsys: pyte
     assert "Other dots look like" in capsys.readouterr().err
 
 
+def short(bar: Bar, *, inner: float, outer: float) -> Bar:
+    """Return a bar that ends on this side of the axis."""
+    return replace(bar, ends=(inner - 10.0, outer + 10.0), dots=(inner, outer), across=(0.0, 0.0))
+
+
+def test_screws_in_line_with_the_axis_are_not_taken_for_a_stick_of_another_make(tmp_path: Path) -> None:
+    # The base ends far from the axis; from the screws to the axis the ground is as bright as around them.
+    film = replace(DecoyFilm.of(3), shake_px=np.zeros((75, 2)))
+    base = short(replace(film.base, level=200.0, dot_level=40.0), inner=70.0, outer=110.0)
+    moving = short(replace(film.moving, level=200.0, dot_level=40.0), inner=40.0, outer=90.0)
+    away = replace(base, turn_deg=base.turn_deg + 170.0, ends=(30.0, 90.0), dots=(38.0, 78.0), level=115.0)
+    film = replace(film, base=base, moving=moving, decoys=(away,), angle_deg=film.angle_deg - film.angle_deg[0] + 40.0)
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert "rivals" not in result.report["markers"]
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
+
+
 def test_couples_of_which_the_film_tells_nothing_are_as_the_picture_has_them(tmp_path: Path) -> None:
     film = replace(DecoyFilm.of(1), angle_deg=np.full(20, 100.0))
     start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
     assert start.rivals
     assert start.taken is not None
     assert start.taken.probability < 0.5
+
+
+def test_one_picture_alone_has_its_clearest_couple(tmp_path: Path) -> None:
+    film = DecoyFilm.of(3, frames=1)
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.frame == 0
+    assert len(start.markers) == 4
 
 
 def test_the_page_for_markers_shows_what_motion_tells(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,9 +17,11 @@ import pytest
 from films import Cover, Rig, write_film
 
 from torsight.core.optics.camera import read_camera
+from tracker import track
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
 from tracker.frames.source import open_source
+from tracker.initialise import Start
 from tracker.track import track_film
 
 
@@ -93,6 +96,50 @@ def test_markers_found_without_help_give_the_same_angles() -> None:
     outcome = run(RIG, given=False)
     assert outcome.valid.all()
     np.testing.assert_allclose(outcome.error_deg, clean().error_deg, atol=4.0 * bound_deg(RIG))
+
+
+@pytest.mark.parametrize("stick", [0, 1])
+def test_inner_and_outer_are_named_by_the_motion(stick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    film = write_film(SLOW, tmp_path / "film.mkv", codec="rawvideo")
+    right = track_film(open_source(film)).tracks.position_px
+    seen = track.find_start
+
+    def turned(*given: object) -> Start:
+        start = seen(*given)
+        two = start.markers[2 * stick : 2 * stick + 2]
+        start.markers[2 * stick : 2 * stick + 2] = two[::-1]
+        return start
+
+    monkeypatch.setattr(track, "find_start", lambda source, markers, **_: turned(source, markers))
+    np.testing.assert_allclose(track_film(open_source(film)).tracks.position_px, right, atol=0.01)
+
+
+class Cut(Rig):
+    """Before the rig two frames show another one."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        other = Rig.pictures(replace(self, base_deg=20.0, centre=(175.0, 135.0)))
+        for number, picture in enumerate(super().pictures()):
+            yield next(other) if number < 2 else picture
+
+
+def test_markers_of_the_first_picture_that_are_not_seen_again_are_not_taken() -> None:
+    outcome = run(Cut(swing(60.0, 80.0, 6.0), frames=60), given=False)
+    assert outcome.valid.mean() > 0.9
+    nothing_wrong(outcome)
+
+
+@pytest.mark.parametrize(
+    ("base_px", "moving_px"), [((70.0, 110.0), (24.0, 62.0)), ((60.0, 104.0), (30.0, 98.0))], ids=["inner", "outer"]
+)
+def test_sticks_of_which_one_covers_a_dot_of_the_other_at_first_are_found_later(
+    base_px: tuple[float, float], moving_px: tuple[float, float]
+) -> None:
+    # The hub and the dots that are left make up two pairs, of which neither stands.
+    rig = Rig(swing(8.0, -100.0, 3.0), frames=60, base_px=base_px, moving_px=moving_px, hub_px=8.0)
+    outcome = run(rig, given=False)
+    assert outcome.valid.mean() > 0.8
+    assert outcome.rms_deg < 3.0 * bound_deg(rig)
 
 
 def test_a_base_dot_that_a_wide_stick_half_covers_is_not_taken() -> None:

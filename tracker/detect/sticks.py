@@ -21,7 +21,7 @@ _LEAST: Final = 1.2
 """Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
 _CLEARER: Final = 2.0
 """Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
-_LIKE: Final = 1.6
+LIKE: Final = 1.6
 """Markers are of one make: size, brightness step and light differ by less than this factor."""
 _SIZES: Final = (1.8, 3.0)
 """Between two sticks the size may differ more: up to the first factor freely, to the second if nothing fits better."""
@@ -213,8 +213,8 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
         ("light around them", a.light, b.light),
     ):
         ratio = max(one, two) / max(min(one, two), 1e-6)
-        if ratio > _LIKE:
-            return f"they differ in {name} by a factor of {ratio:.1f}; {_LIKE:g} allowed"
+        if ratio > LIKE:
+            return f"they differ in {name} by a factor of {ratio:.1f}; {LIKE:g} allowed"
         likeness /= ratio
     distance, needed = _gap(a, b), 1.5 * (a.radius_px + b.radius_px) + 3.0
     if distance < needed:
@@ -232,15 +232,17 @@ def _strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot, distance: float) -> fl
     return float(np.mean(_as_bright(luma, (a, b), (b.x_px, b.y_px), along)))
 
 
-def reaches(luma: NDArray[np.uint8], stick: Stick, x_px: float, y_px: float) -> float:
-    """Return how much likelier it is that a stick goes on from its inner dot to a place than that it does not.
+def reaches(luma: NDArray[np.uint8], stick: Stick, x_px: float, y_px: float) -> tuple[float, float]:
+    """Return on how many looks a stick is seen to go on from its inner dot to a place, and on how many it is not.
 
-    By the share f of the line that is as bright as the stick: f / (1 − f), each with one point more of either kind.
+    Those are the points of the line between them that are as bright as the stick, and those that are not, one look for
+    every diameter of the dot: what lies closer together looks alike anyway.
     """
     dot = stick.inner
     distance = max(math.hypot(x_px - dot.x_px, y_px - dot.y_px), 1.0)
     alike = _as_bright(luma, (dot, dot), (x_px, y_px), np.array([min((dot.radius_px + 2.0) / distance, 1.0), 1.0]))
-    return float((alike.sum() + 1) / ((~alike).sum() + 1))
+    looks, share = max(distance - dot.radius_px - 2.0, 0.0) / (2.0 * dot.radius_px), float(np.mean(alike))
+    return looks * share, looks * (1.0 - share)
 
 
 def _as_bright(luma: NDArray[np.uint8], dots: tuple[Dot, Dot], end: tuple[float, float], along: Floats) -> Flags:

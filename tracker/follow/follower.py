@@ -71,6 +71,13 @@ def nothing(state: int, *, markers: int = 2) -> NDArray[np.void]:
     return readings
 
 
+def _direction_sigma_rad(readings: NDArray[np.void]) -> float:
+    """Return the standard deviation of a stick's direction as its two readings (2,) tell it."""
+    (x, y), (xx, xy, yy) = (readings["x"], readings["y"]), readings["covariance"].sum(axis=0)
+    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
+    return math.sqrt(max(dy * dy * xx - 2.0 * dx * dy * xy + dx * dx * yy, 0.0)) / (dx * dx + dy * dy)
+
+
 class Follower(Kept):
     """Follows two sticks, of which dots of both are followed as one: ``moving`` is None until it shows.
 
@@ -78,7 +85,7 @@ class Follower(Kept):
     marker.
     """
 
-    kept = ("moving", "_brightness", "_noise", "_shift", "_zero", "_starts", "sticks")
+    kept = ("moving", "_brightness", "_noise", "_shift", "_zero", "_starts", "_last", "sticks")
 
     def __init__(self, sticks: Sequence[Stick], *, moving: int | None) -> None:
         self.sticks = list(sticks)
@@ -89,6 +96,7 @@ class Follower(Kept):
         self._shift, self._zero = np.zeros(2), np.full((2, 2), np.nan)
         dots = sticks[0] if len(sticks) == 1 else None
         self._starts = np.array(dots.starts_rad if isinstance(dots, DotState) else [math.nan, math.nan])
+        self._last = self._starts.copy()
         self._rows = np.zeros(1, ROW)
         if moving is not None:
             self._name_moving(moving)
@@ -154,16 +162,23 @@ class Follower(Kept):
         return nothing(state, markers=4)
 
     def _look_for_motion(self, readings: NDArray[np.void]) -> None:
-        """Settle which stick moves: the one that turns; one that is not seen may have turned with the camera."""
+        """Settle which stick moves: the one that turns; one that is not seen may have turned with the camera.
+
+        Only what turns in sight counts, from the frame in which a stick came back: what was found again may be another.
+        """
         now = [
             math.nan if readings["state"][i : i + 2].any() else direction(*map(place_of, readings[i : i + 2]))
             for i in (0, 2)
         ]
-        self._starts = np.where(np.isnan(self._starts), now, self._starts)
+        back = (np.isnan(self._last) & np.isfinite(now)).any()
+        self._last = np.array(now)
+        self._starts = np.where(np.isnan(self._starts) | back, now, self._starts)
         angles = [turned(one, first) for one, first in zip(now, self._starts.tolist(), strict=True)]
         for stick in (0, 1):
             other = SIGMAS * TURN_RAD if math.isnan(now[1 - stick]) else angles[1 - stick]
-            if angles[stick] > MOVED_RAD + 3.0 * other and not math.isnan(self._starts[1 - stick]):
+            # Of a direction against another one as noisy.
+            noise = SIGMAS * math.sqrt(2.0) * _direction_sigma_rad(readings[2 * stick : 2 * stick + 2])
+            if angles[stick] > MOVED_RAD + noise + 3.0 * other and not math.isnan(self._starts[1 - stick]):
                 self._name_moving(stick)
 
     def _name_moving(self, moving: int) -> None:

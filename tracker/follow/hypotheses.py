@@ -1,41 +1,49 @@
 """Which two of several pairs of dots are the sticks: what the film's motion says of each couple of pairs.
 
 Dots that look like a stick's markers may lie on a ruler or a frame beside the rig. A picture does not tell them from
-the markers; the film does. Of a rig is known that its base stands, that its moving stick goes around an axis, and that
-both sticks run to that axis. So every pair is followed by itself, and a couple (base i, moving j) explains the film by
+the markers; the film does. Of a rig is known that its base stands, that its moving stick goes around an axis, that both
+sticks lie in line with that axis, and that they are alike in make. So every pair is followed by itself, and a couple
+(base i, moving j) explains all the dots of the film by
 
-    −2 ln p = s_i + t_j − s_j + δ_ij² / σ_j² + ln σ_j² − 2 ln f_ij / (1 − f_ij),    σ_j² = r² + δ_jj² + σ_c²
+    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln g_ij,    σ_j² = r² + δ_jj² + σ_c²
 
-up to a constant of all couples. s_k and t_k are χ² of pair k as one that stands and as one that goes around circles, of
-a usual frame (what errs is correlated over a film, and counts once; in some frames the other stick lies over a pair).
+up to a constant of all couples. s and t are χ² of a marker as one that stands and as one that goes around a circle, of
+a usual frame (what errs is correlated over a film, and counts once); c_dj is that of a dot d of neither stick as one
+that is carried around by pair j. Frames in which the dots of i may be those of j tell nothing of i.
 δ_ij is how far the axis that pair j shows lies beside the line of pair i. Markers are put on the middle of a stick
 within their radius r, and sticks of one rig are made alike: as far as the axis is beside the moving stick's own line it
 may be beside the base's. σ_c is what is not known of the axis; of a stick that hardly turned that is all, and no couple
-is better than another. f_ij is the share of the line from pair i to the axis that is as bright as a stick: a stick goes
-on to the axis, and what lies elsewhere does not. It counts once the axis is known to a marker's radius.
+is better than another. u_ij is χ² of the ratios of their dots' steps in brightness and of the light around them. g_ij:
+as much as the moving stick goes on to the axis, by the brightness of the line to it, the base is expected to; that
+counts once the axis is known to a marker's radius.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
-from tracker.detect.sticks import Stick, reaches, towards_axis
+from tracker.detect.given_positions import LOOKED_AT
+from tracker.detect.sticks import LIKE, Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
+from tracker.follow.judgement import NEAR
 from tracker.follow.marker import markers_on
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import STANDS_PX, axis_weight, suppose_axis
 from tracker.frames.frame import Frame
-from tracker.innovation import SURE
+from tracker.innovation import SIGMAS, SURE, passes
 from tracker.rows import SEEN
 
 Places = NDArray[np.complex128]
+
+_NOWHERE: Final = complex(math.nan, math.nan)
+"""The place of a marker that is not seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,50 +68,105 @@ class Couple:
 class _Motion:
     """What a pair's readings say: χ² if it stands and if it turns, about which axis (2,), and how far its line is off.
 
-    ``variance_px2`` is that of the axis; px.
+    ``places`` (n, 2), complex, are its markers in every frame, NaN where one was not seen; ``variance_px2`` is that of
+    the axis; px.
     """
 
+    places: Places
     stands: float
     turns: float
     axis: Floats
     variance_px2: float
     beside_px: float
 
+    @property
+    def unit(self) -> Places:
+        """Its direction (n,) in every frame, complex."""
+        return np.asarray(np.exp(1j * np.angle(self.places[:, 1] - self.places[:, 0])))
+
+
+def _usual(off_px: Places) -> Floats:
+    """Return χ² of markers that are off by (…, n), NaN where they are not seen, in a usual one of n frames."""
+    return np.asarray(_median(np.abs(off_px) ** 2) / STANDS_PX**2)
+
+
+def _stands(places: Places) -> Floats:
+    """Return χ² of markers at places (…, n) as ones that stand."""
+    return _usual(places - _median(places.real)[..., None] - 1j * _median(places.imag)[..., None])
+
+
+def _carried(places: Places, moving: _Motion) -> Floats:
+    """Return χ² of markers at places (…, n) as ones that are carried around by a moving pair."""
+    arms = (places - complex(*moving.axis)) * np.conj(moving.unit)
+    return _usual(arms - _median(arms.real)[..., None] - 1j * _median(arms.imag)[..., None])
+
+
+def _median(values: Floats) -> Floats:
+    """Return the median of what is known along the last axis, 0 where nothing is."""
+    if not values.shape[-1]:
+        return np.zeros(values.shape[:-1])
+    known = np.isfinite(values)
+    middle = np.nanmedian(np.where(known.any(axis=-1, keepdims=True), values, 0.0), axis=-1)
+    return np.asarray(middle)
+
 
 def weigh_couples(
     luma: NDArray[np.uint8], couples: Sequence[tuple[Stick, Stick]], frames: Iterable[Frame]
-) -> list[Couple]:
-    """Return couples of pairs, each with either as the base, the likeliest first.
+) -> tuple[list[Couple], bool]:
+    """Return couples of pairs, each with either as the base, the likeliest first; and whether that one's base stands.
 
     ``luma`` is the picture in which they were found, ``frames`` are those after it: they are taken until a couple is as
-    sure as :data:`tracker.innovation.SURE`, or to their end. Couples of which the film tells nothing keep their
-    order.
+    sure as :data:`tracker.innovation.SURE`, or to their end; no more than markers are looked for in where only which
+    stick moves is open. Couples of which the film tells nothing keep their order.
     """
     pairs = {id(pair): pair for couple in couples for pair in couple}
     states = {key: DotState(markers_on(luma, pair)) for key, pair in pairs.items()}
     places: dict[int, list[Places]] = {key: [] for key in pairs}
     height, width = luma.shape
 
-    def weighed() -> list[Couple]:
+    def weighed() -> tuple[list[Couple], dict[int, _Motion]]:
         motion = {key: _motion(state, places[key], (width, height)) for key, state in states.items()}
-        return _weighed(luma, couples, motion)
+        return _weighed(luma, couples, motion), motion
 
+    due, found = STALE, list[Couple]()
     for number, frame in enumerate(frames, 1):
         if frame.luma is not None:
             for key, state in states.items():
                 seen = state.step(frame.luma, frame.time_s, np.zeros(2))
-                if (seen["state"] == SEEN).all():
-                    places[key].append(seen["x"] + 1j * seen["y"])
-        if number % STALE == 0 and (found := weighed())[0].probability > SURE:
-            return found
-    return weighed()
+                places[key].append(np.where((seen["state"] == SEEN).all(), seen["x"] + 1j * seen["y"], _NOWHERE))
+        if number == due:
+            before, (found, motion) = found, weighed()
+            if number >= LOOKED_AT[-1] and _settled(found):
+                break
+            # Twice, the second time on twice as many frames: what fits a short stretch may not fit a longer one.
+            if found[0].probability > SURE and before and before[0].probability > SURE:
+                break
+            due *= 2
+    else:
+        found, motion = weighed()
+    return found, _base_stands(found[0], pairs, motion)
+
+
+def _settled(found: Sequence[Couple]) -> bool:
+    """Return whether it is settled which two pairs are the sticks, whichever of them is the base."""
+    return sum(one.probability for one in found if one is found[0] or one.swaps(found[0])) > SURE
+
+
+def _base_stands(couple: Couple, pairs: Mapping[int, Stick], motion: Mapping[int, _Motion]) -> bool:
+    """Return whether the base's dots keep their distance and direction in a usual frame, wherever the camera goes."""
+    still, moving = (
+        next(motion[key] for key, pair in pairs.items() if pair.is_of(stick)) for stick in (couple.base, couple.moving)
+    )
+    places = _apart(still, moving, max(couple.base.inner.radius_px, couple.base.outer.radius_px))
+    # Both dots are off by STANDS_PX each.
+    return passes(0.5 * float(_stands(places[:, 1] - places[:, 0])), 2)
 
 
 def _weighed(
     luma: NDArray[np.uint8], couples: Sequence[tuple[Stick, Stick]], motion: dict[int, _Motion]
 ) -> list[Couple]:
     both = [pair for one, two in couples for pair in ((one, two), (two, one))]
-    score = np.array([_score(luma, base, motion[id(base)], motion[id(moving)]) for base, moving in both])
+    score = np.array([_score(luma, base, moving, motion) for base, moving in both]) - 0.5 * _rest(both, motion)
     chance = np.exp(score - score.max())
     chance /= chance.sum()
     found: list[Couple] = []
@@ -111,6 +174,31 @@ def _weighed(
         base, moving = both[index]
         found.append(Couple(*_inner_first(base, moving, motion[id(moving)]), probability=float(chance[index])))
     return found
+
+
+def _rest(both: Sequence[tuple[Stick, Stick]], motion: Mapping[int, _Motion]) -> Floats:
+    """Return χ² of all dots that are not of a couple, for each: such a dot stands, or is carried by the moving stick.
+
+    A dot may be of several pairs: that counts in which it is explained best.
+    """
+    pairs = {id(pair): pair for couple in both for pair in couple}
+    dots = [id(dot) for pair in pairs.values() for dot in (pair.inner, pair.outer)]
+    number = np.unique(dots, return_inverse=True)[1]
+    places = np.concatenate([motion[key].places.T for key in pairs])
+    if not places.size:
+        return np.zeros(len(both))
+    stands = _stands(places)
+    found: dict[int, Floats] = {}
+    for key in {id(moving) for _, moving in both}:
+        found[key] = np.full(number.max() + 1, np.inf)
+        np.minimum.at(found[key], number, np.minimum(stands, _carried(places, motion[key])))
+    of = dict(zip(dots, number.tolist(), strict=True))
+
+    def rest(base: Stick, moving: Stick) -> float:
+        own = [of[id(dot)] for stick in (base, moving) for dot in (stick.inner, stick.outer)]
+        return float(found[id(moving)].sum() - found[id(moving)][own].sum())
+
+    return np.array([rest(*couple) for couple in both])
 
 
 def _inner_first(base: Stick, moving: Stick, motion: _Motion) -> tuple[Stick, Stick]:
@@ -122,25 +210,28 @@ def _inner_first(base: Stick, moving: Stick, motion: _Motion) -> tuple[Stick, St
 
 
 def _motion(state: DotState, places: Sequence[Places], size_px: tuple[int, int]) -> _Motion:
-    """Return what the places (n, 2), complex, of a pair say; nothing in favour of anything where it was never seen."""
+    """Return what the places (n, 2), complex, of a pair say, NaN where it was not seen.
+
+    Nothing speaks for or against a pair that was never seen.
+    """
     width, height = size_px
     axis = state.scene.sticks["axis"][0].copy()
     # Before anything moves the axis may be anywhere around the middle of the picture.
     anywhere_px2 = 0.25 * (width**2 + height**2)
     suppose_axis(axis, 0.5 * width, 0.5 * height, math.sqrt(anywhere_px2))
-    if not places or not axis["known"]:
-        return _Motion(0.0, 0.0, np.array([0.5 * width, 0.5 * height]), anywhere_px2, 0.0)
-    at, arms = np.array(places), axis["arm"][:, 0] + 1j * axis["arm"][:, 1]
-    stick = at[:, 1] - at[:, 0]
-    left = at - complex(*axis["centre"]) - (stick / np.abs(stick))[:, None] * arms
-    middle = np.median(at.real, axis=0) + 1j * np.median(at.imag, axis=0)
-    stands, turns = (float(np.median(np.sum(np.abs(off) ** 2, axis=1))) / STANDS_PX**2 for off in (at - middle, left))
+    nowhere = np.array([0.5 * width, 0.5 * height])
+    at, arms = np.array(places).reshape(-1, 2), axis["arm"][:, 0] + 1j * axis["arm"][:, 1]
+    if not np.isfinite(at).any() or not axis["known"]:
+        return _Motion(at, 0.0, 0.0, nowhere, anywhere_px2, 0.0)
+    beside_px = abs(float(arms.mean().imag))
     # Arms are told along the line through both markers: what is across it is how far the axis is beside.
-    return _Motion(stands, turns, axis["centre"], STANDS_PX**2 / axis_weight(axis), abs(float(arms.mean().imag)))
+    found = _Motion(at, _stands(at.T).sum(), 0.0, axis["centre"], STANDS_PX**2 / axis_weight(axis), beside_px)
+    return replace(found, turns=_usual((at - complex(*axis["centre"])).T - found.unit * arms[:, None]).sum())
 
 
-def _score(luma: NDArray[np.uint8], base: Stick, still: _Motion, moving: _Motion) -> float:
-    """Return the logarithm of how well a couple explains the film, up to a constant of all couples."""
+def _score(luma: NDArray[np.uint8], base: Stick, turning: Stick, motion: Mapping[int, _Motion]) -> float:
+    """Return the logarithm of how well a couple explains its own motion, up to a constant of all couples."""
+    still, moving = motion[id(base)], motion[id(turning)]
     x, y = moving.axis.tolist()
     ux, uy = (
         (base.outer.x_px - base.inner.x_px) / base.length_px,
@@ -149,6 +240,26 @@ def _score(luma: NDArray[np.uint8], base: Stick, still: _Motion, moving: _Motion
     beside_px = ux * (y - base.inner.y_px) - uy * (x - base.inner.x_px)
     radius_px = max(base.inner.radius_px, base.outer.radius_px)
     spread = radius_px**2 + moving.beside_px**2 + moving.variance_px2
-    misfit = still.stands + moving.turns - moving.stands + beside_px**2 / spread
-    seen: float = math.log(reaches(luma, base.towards(x, y), x, y)) if moving.variance_px2 < radius_px**2 else 0.0
-    return float(seen - 0.5 * (misfit + math.log(spread)))
+    misfit = _stands(_apart(still, moving, radius_px).T).sum() + moving.turns
+    misfit += beside_px**2 / spread + _unlike(base, turning)
+    goes_on = 0.0
+    if moving.variance_px2 < radius_px**2:
+        (bright, dark), (of_bright, of_dark) = (reaches(luma, one.towards(x, y), x, y) for one in (base, turning))
+        share = (of_bright + 1.0) / (of_bright + of_dark + 2.0)
+        goes_on = bright * math.log(share) + dark * math.log(1.0 - share)
+    return float(goes_on - 0.5 * (misfit + math.log(spread)))
+
+
+def _apart(still: _Motion, moving: _Motion, radius_px: float) -> Places:
+    """Return where a pair is that stands, without the frames in which its dots may be those of the moving pair."""
+    between_px: Floats = np.abs(still.places[:, :, None] - moving.places[:, None, :])
+    near = np.any(between_px < NEAR * radius_px, axis=(1, 2), keepdims=True)[:, 0]
+    return np.where(near, _NOWHERE, still.places)
+
+
+def _unlike(one: Stick, two: Stick) -> float:
+    """Return χ² of two sticks as those of one make: by the step of their dots in brightness, and the light around."""
+    values = [
+        [getattr(stick.inner, what) + getattr(stick.outer, what) for stick in (one, two)] for what in ("step", "light")
+    ]
+    return sum(math.log(a / b) ** 2 for a, b in values) / (math.log(LIKE) / SIGMAS) ** 2

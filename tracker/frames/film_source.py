@@ -51,6 +51,9 @@ class FilmSource:
             self.tick_s = float(stream.time_base or 0)
             whole_s = stream.duration * stream.time_base if stream.duration else 0
             self.span_s = float(whole_s or (container.duration or 0) / av.time_base) or None
+            # Containers without a count of frames declare a length; that of the whole may be that of the sound.
+            self._declared_s = self.span_s if len(container.streams) == 1 else None
+            self._start_s = float((stream.start_time or 0) * (stream.time_base or 0))
             bit_rate = stream.bit_rate or container.bit_rate
             self._about: dict[str, Any] = {
                 "kind": "film",
@@ -229,6 +232,16 @@ class FilmSource:
                 last_s,
                 f"the film ends after frame {count - 1}, but {self.frame_count} frames are declared: it was cut",
             )
+        elif self.frame_count is None and self._declared_s is not None and not self.given:
+            steps_s = np.diff(np.array([pts for pts in self.pts if pts is not None])) * self.tick_s
+            # The last frame may be shown for as long as any other one, and one step is rounding.
+            if len(steps_s) and self._declared_s - last_s > self._start_s + 2.0 * float(steps_s.max()):
+                self.damage.add(
+                    count,
+                    last_s,
+                    f"the film ends after frame {count - 1}, {last_s:.1f} s into it, but a length of "
+                    f"{self._declared_s:.1f} s is declared: it was cut",
+                )
 
     def _note_interlaced(self, decoder: Decoder, count: int) -> None:
         if not decoder.interlaced:

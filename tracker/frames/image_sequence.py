@@ -26,7 +26,7 @@ _LOOKED_AT: Final = 24
 
 
 class PictureSource:
-    """Pictures in the order of their names, all of one size; messages call them ``name``.
+    """Pictures in the order given, all of one size; messages call them ``name``.
 
     ``times_s`` (n,) are in place of ``fps``; ``bits``, the depth of pictures with two bytes per pixel, is read off the
     pictures unless given. No picture, a first one that cannot be read, or a pointer of Git LFS is an
@@ -137,7 +137,7 @@ class PictureSource:
         if self.bits is not None:
             content["bits_in_use"] = self.bits
         if not self.given:
-            content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} pictures per second are taken"
+            content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} a second are taken; give it with --fps"
         return content
 
 

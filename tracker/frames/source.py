@@ -7,13 +7,20 @@ stale picture content, on which a marker would be found at its old place).
 
 from __future__ import annotations
 
-import glob
 from pathlib import Path
 
 import numpy as np
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, missing_file, require_content
+from torsight.core.files.paths import (
+    PICTURE_SUFFIXES,
+    AnyPath,
+    in_order,
+    is_glob,
+    matching,
+    missing_file,
+    require_content,
+)
 from torsight.core.units import Floats
 from tracker.frames.film_source import FilmSource
 from tracker.frames.image_sequence import PictureSource
@@ -27,7 +34,7 @@ def open_source(
     Parameters
     ----------
     source : str or Path
-        Film, folder, or glob of pictures in the order of their names.
+        Film, folder, or glob of pictures in the order of their names, numbers in them by their size.
     fps : float, optional
         Frame rate of pictures, or the rate at which a film was captured: frame k is then at k / fps, whatever the
         film's own stamps say (slow motion plays at 30 what was filmed at 240).
@@ -47,13 +54,11 @@ def open_source(
     times = None if timestamps is None else _read_times(timestamps)
     path = Path(source)
     if path.is_dir():
-        found = sorted(item for item in path.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+        found = in_order(item for item in path.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
         return PictureSource(found, name=str(source), fps=fps, times_s=times)
     if not path.exists():
-        if any(character in str(source) for character in "*?["):
-            # glob.glob, not Path.glob: the pattern may be absolute and hold wildcards in its folders.
-            matches = [Path(name) for name in sorted(glob.glob(str(source)))]  # noqa: PTH207
-            return PictureSource(matches, name=str(source), fps=fps, times_s=times)
+        if is_glob(source):
+            return PictureSource(matching(path), name=str(source), fps=fps, times_s=times)
         raise missing_file(path)
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), do="record or copy the film again")

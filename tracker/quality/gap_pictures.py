@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG, Floats, Ints
+from tracker.angle.axis_of_circles import axis_px
 from tracker.detect.sticks import crossing_point
 from tracker.follow.redetect import JUMP_PX
-from tracker.quality.track_warnings import axis_px
 
 Luma = NDArray[np.uint8]
 Pictures = Callable[[Iterable[int]], dict[int, Luma]]

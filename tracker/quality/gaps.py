@@ -36,6 +36,10 @@ _DO: Final = {
         "the texture around a marker was lost: it changed, glared or left the picture; choose points with clear "
         "structure all around them, or stick dots or tags on."
     ),
+    "tag": (
+        "a tag was not seen: something lay over it, or it is too small, smeared, or without its white border; keep it "
+        "whole in sight, and print it larger if its modules are smaller than 4 px."
+    ),
     "picture": "a marker leaves the picture; film from further away.",
     "sticks": (
         "one stick lies over the other's markers, or so close to them that they mix; mount the moving stick on the "
@@ -85,7 +89,9 @@ def find_causes(
         return Causes()
     markers = result.report["markers"]
     first = int(markers.get("first_frame", 0))
-    textured = "texture" in str(markers.get("kind", ""))
+    # What is lost of a stick without dots, whichever of its points.
+    kinds = str(markers.get("kind", ""))
+    without_dots = next((kind for kind in ("texture", "tag") if kind in kinds), None)
     figures = {"first_frame": first, "first_s": float(angles.time_s[min(first, len(angles) - 1)] - angles.time_s[0])}
     count: Counter[str] = Counter()
     unclear: list[int] = []
@@ -98,7 +104,7 @@ def find_causes(
             count[_OF_STATE.get(state, "hand")] += 1
     for index, cause in zip(unclear, _of_unclear(unclear, result, angles, pictures, figures), strict=True):
         state = states[int(np.searchsorted(unknown, index))]
-        count[cause or ("texture" if textured else _OF_STATE.get(state, "hand"))] += 1
+        count[cause or without_dots or _OF_STATE.get(state, "hand")] += 1
     return Causes(dict(count.most_common()), figures)
 
 

@@ -9,19 +9,16 @@ import numpy as np
 
 from torsight.core.series import BY_CHANCE
 from torsight.core.tracks import MarkerTracks
-from torsight.core.units import Floats
 from torsight.core.words.wording import counted
+from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
-from tracker.angle.plane import Orientation, stick_direction
-from tracker.angle.row_time import circles
+from tracker.angle.plane import Orientation
 from tracker.follow.judgement import MOVED_RAD, circle_sigma_px
 from tracker.innovation import passes
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
 _STICKS: Final = ("base", "moving")
-_ARC_RAD: Final = np.deg2rad(20.0)
-"""Turn of the moving stick from which its markers' circles tell where the axis is."""
 _GONE: Final = 0.5
 """Share of frames without the base from which it is doubted."""
 _WANDERS: Final = 0.25
@@ -38,11 +35,10 @@ def doubts(result: TrackResult) -> list[str]:
         if given
         else _rival_markers(result) + _faint_markers(result)
     )
-    # Circles of a stick that rests tell nothing of the axis.
     kind = result.report["markers"]["kind"]
-    if "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
+    if given and "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Which end of a tag is nearer to the axis is a matter of how it was stuck on: it has no inner marker.
-        found = found or _exchanged_markers(result.tracks, given=given)
+        found = found or _exchanged_markers(result.tracks)
     return found + _repeated_texture(result) + _moving_axis(result.tracks) + _file_faults(result)
 
 
@@ -99,7 +95,7 @@ def _faint_markers(result: TrackResult) -> list[str]:
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     """Tell that the stick given as base turns while the one given as moving rests."""
-    sticks = [_direction(tracks, first) for first in (0, 2)]
+    sticks = [direction_of(tracks, first) for first in (0, 2)]
     both = np.flatnonzero(np.isfinite(sticks[0][0]) & np.isfinite(sticks[1][0]))
     if len(both) <= _FEW:
         return []
@@ -132,31 +128,26 @@ def _missing_base(result: TrackResult) -> list[str]:
     return [words]
 
 
-def _exchanged_markers(tracks: MarkerTracks, *, given: bool) -> list[str]:
-    """Tell which stick's inner marker is the one further from the axis."""
+def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
+    """Tell of which stick the marker that was given as the inner one is the one further from the axis."""
     axis = axis_px(tracks)
     if axis is None:
         return []
     found: list[str] = []
-    for stick, name in enumerate(_STICKS):
-        part = slice(2 * stick, 2 * stick + 2)
-        points = np.where(tracks.valid[:, part, None], tracks.position_px[:, part], np.nan)
-        away = np.hypot(*np.moveaxis(points - axis, -1, 0))
-        length = np.hypot(*(points[:, 1] - points[:, 0]).T)
-        if not np.isfinite(length).any():
-            continue
-        inner, outer = (float(np.nanmedian(away[:, marker])) for marker in (0, 1))
+    for name, (inner, outer), first in zip(_STICKS, away_px(tracks, axis).reshape(2, 2).tolist(), (0, 2), strict=True):
+        offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
+        length = np.hypot(*offset[tracks.valid[:, first : first + 2].all(axis=1)].T)
         # An axis between a stick's markers leaves open which one is meant as the inner one.
-        if inner - outer > 0.5 * float(np.nanmedian(length)):
+        if len(length) and inner - outer > 0.5 * float(np.median(length)):
             found.append(
-                f"The markers of the {name} stick are exchanged: its inner marker is {inner:.0f} px from the axis, "
-                f"its outer one {outer:.0f} px."
+                f"the markers of the {name} stick are exchanged (its inner marker is {inner:.0f} px from the axis, "
+                f"its outer one {outer:.0f} px)"
             )
     if not found:
         return []
-    do = "exchange the two positions in the marker file" if given else "give the positions with --markers MARKERS.toml"
-    what = "Every angle is off by 180 degrees" if len(found) == 1 else "The angles hold, but not the markers' names"
-    return [" ".join([*found, f"{what}: {do}."])]
+    what = "every angle is off by 180 degrees" if len(found) == 1 else "the angles hold, but not the markers' names"
+    words = " and ".join(found)
+    return [f"{words[0].upper()}{words[1:]}: {what}. Exchange the two positions in the marker file."]
 
 
 def _repeated_texture(result: TrackResult) -> list[str]:
@@ -182,10 +173,10 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
     both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & tracks.valid[:, :2].any(axis=1))
     if axis is None or not len(both):
         return []
-    away_px = np.linalg.norm(tracks.position_px[both, 2:] - axis, axis=-1)
-    usual_px = np.median(away_px, axis=0)
-    sigma_px = np.array([circle_sigma_px(px, 0.0) for px in usual_px.tolist()])
-    chi_squared = np.sum(np.square((away_px - usual_px) / sigma_px), axis=1)
+    away = np.linalg.norm(tracks.position_px[both, 2:] - axis, axis=-1)
+    usual = np.median(away, axis=0)
+    sigma_px = np.array([circle_sigma_px(px, 0.0) for px in usual.tolist()])
+    chi_squared = np.sum(np.square((away - usual) / sigma_px), axis=1)
     off = sum(not passes(value, 2) for value in chi_squared.tolist())
     if off < _WANDERS * len(both):
         return []
@@ -197,29 +188,11 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
     return [words]
 
 
-def axis_px(tracks: MarkerTracks) -> Floats | None:
-    """Return the common centre (2,) of both moving markers' circles; None where they turn too little."""
-    turn, _ = _direction(tracks, 2)
-    seen = np.isfinite(turn)
-    if seen.sum() < 5:
-        return None
-    unit = np.exp(1j * turn[seen])
-    if np.ptp(np.angle(unit / unit[0])) < _ARC_RAD:
-        return None
-    (centre, *_), _ = circles(tracks.position_px[seen, 2:], turn[seen])
-    return np.array([centre.real, centre.imag])
-
-
-def _direction(tracks: MarkerTracks, first: int) -> tuple[Floats, Floats]:
-    """Return a stick's direction in the picture (n,), y down, and its variance; NaN where a marker is not valid."""
-    places = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
-    inner, outer = ((places[:, marker], tracks.covariance_px2[:, marker]) for marker in (first, first + 1))
-    return stick_direction(inner, outer)
-
-
 def _file_faults(result: TrackResult) -> list[str]:
     """Tell what is wrong with the film, the pictures or the table of times, from what the source noted."""
-    found = [_sentence(entry) for entry in result.damage if entry["kind"] != "damage"]
+    found = [_sentence(entry["text"]) for entry in result.damage if entry["kind"] != "damage"]
+    if "note" in result.report["source"]:
+        found.append(_sentence(result.report["source"]["note"]))
     damage = [entry for entry in result.damage if entry["kind"] == "damage"]
     if damage:
         lost = int((result.rows["state"] == CODE["damaged"]).any(axis=1).sum())
@@ -229,6 +202,5 @@ def _file_faults(result: TrackResult) -> list[str]:
     return found
 
 
-def _sentence(entry: Mapping[str, Any]) -> str:
-    text = str(entry["text"])
+def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}."

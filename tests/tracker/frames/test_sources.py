@@ -49,6 +49,16 @@ def test_pictures_come_in_the_order_of_their_names(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frames[0].luma, next(RIG.pictures()))
 
 
+def test_numbers_in_names_count_by_their_size(tmp_path: Path) -> None:
+    folder = tmp_path / "run_2"
+    folder.mkdir()
+    for number in range(12):
+        cv2.imwrite(str(folder / f"img_{number}.png"), np.full((8, 8), 10 * number, np.uint8))
+    for source in (open_source(folder, fps=10.0), open_source(str(folder / "img_*.png"), fps=10.0)):
+        levels = [int(frame.luma[0, 0]) for frame in source if frame.luma is not None]
+        assert levels == [10 * number for number in range(12)]
+
+
 def test_a_picture_that_cannot_be_read_is_a_frame_without_one(tmp_path: Path) -> None:
     folder = write_pictures(RIG, tmp_path / "pictures")
     (folder / "picture_00004.png").write_bytes(b"broken")
@@ -164,6 +174,21 @@ def test_a_film_that_was_cut_keeps_what_came_before(tmp_path: Path) -> None:
     for frame, picture in zip([frame.index for frame in frames], rig.pictures(), strict=False):
         assert frame < 40
         assert picture.shape == (120, 160)
+
+
+def test_a_film_without_a_count_of_frames_that_was_cut_is_told_by_its_length(tmp_path: Path) -> None:
+    film = write_film(RIG, tmp_path / "film.mkv", codec="ffv1", crf=None)
+    whole = open_source(film)
+    assert len(list(whole)) == RIG.frames
+    assert not whole.damage.entries
+    content = film.read_bytes()
+    film.write_bytes(content[: len(content) // 2])
+    cut = open_source(film)
+    count = len(list(cut))
+    assert 0 < count < RIG.frames
+    (entry,) = cut.damage.entries
+    assert f"ends after frame {count - 1}" in entry["text"]
+    assert "it was cut" in entry["text"]
 
 
 def test_damage_within_a_film_is_named_and_nothing_hangs_on_it(tmp_path: Path) -> None:

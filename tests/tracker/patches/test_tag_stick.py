@@ -18,6 +18,7 @@ from tracker.detect.fiducials import families
 from tracker.detect.marker_file import read_markers
 from tracker.frames.source import open_source
 from tracker.initialise import find_start
+from tracker.quality.account import account
 from tracker.track import track_film
 
 SIDE = 36.0
@@ -96,6 +97,11 @@ def test_a_tag_behind_a_hand_is_found_again_where_it_comes_out(tmp_path: Path) -
     hidden = ~result.tracks.valid[:, 2:].any(axis=1)
     np.testing.assert_array_equal(np.flatnonzero(hidden), np.arange(10, 25))
     assert np.nanmax(np.abs(error)) < 0.2
+    # A tag is no dot, and was found again: what is said of it is of tags.
+    (about,) = [
+        text for text in account(result, orient(result.tracks, None), doubts=[])["advice"] if "have no angle" in text
+    ]
+    assert "a tag was not seen: something lay over it" in about
 
 
 def test_a_hand_over_a_corner_does_not_turn_the_tag(tmp_path: Path) -> None:

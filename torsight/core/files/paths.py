@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import glob
 import os
+import re
 import stat
 from collections.abc import Iterable
 from pathlib import Path
@@ -30,9 +32,19 @@ def is_glob(name: AnyPath) -> bool:
 
 
 def matching(pattern: Path) -> list[Path]:
-    """Return the files and folders that match a glob, in the order of their names."""
-    anchor = Path(pattern.anchor)
-    return sorted(anchor.glob(str(pattern.relative_to(anchor))))
+    """Return the files and folders that match a glob, absolute or not, in the order of :func:`in_order`."""
+    # glob.glob, not Path.glob: the pattern may be absolute, and hidden files are left out.
+    return in_order(Path(name) for name in glob.glob(str(pattern)))  # noqa: PTH207
+
+
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Return paths by their names, numbers in them by their size: ``img_2`` comes before ``img_10``."""
+
+    def parts(path: Path) -> list[str | int]:
+        # Text and digits take turns, so that like is compared with like.
+        return [int(part) if turn % 2 else part for turn, part in enumerate(re.split(r"([0-9]+)", str(path)))]
+
+    return sorted(sorted(paths), key=parts)
 
 
 def missing_file(path: Path) -> InputError:
