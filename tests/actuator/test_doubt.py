@@ -16,6 +16,7 @@ from torsight.actuator.fitted import FittedModel, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
 from torsight.core.errors import InputError
+from torsight.core.law import LawForm
 from torsight.core.parameter import REACH
 from torsight.core.units import DEG
 from torsight.discovery.prediction import predict_with_sigma
@@ -129,7 +130,9 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
     nominal = ActuatorModel(reference_spec()).nominal()
     slow = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
     late = ActuatorModel(reference_spec(), ("clock_offset",))
-    model = FittedModel(late, late.nominal(), doubt=Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.2, (slow,)))
+    same = LawForm("clock_time_s", np.array([0.0, 1e4]), np.ones((2, 1)), "s", 1.0, prior=True)
+    wandering = Alternative((), {**nominal, same.names[0]: 1.0}, (same,), 0.3)
+    model = FittedModel(late, late.nominal(), doubt=Doubt(("tau_c_mnm",), np.array([[4e-4]]), 0.2, (slow, wandering)))
     write_model(tmp_path / "model.json", model)
     columns = {"time_s": log.time_s, "temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}
     write_table(tmp_path / "temps.csv", columns)
@@ -139,7 +142,8 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
     assert list(written.columns[:3]) == ["time_s", "angle_deg", "angle_sigma_deg"]
     found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
     assert written["angle_sigma_deg"].to_numpy() == pytest.approx(found.sigma_rad / DEG, abs=1e-3)
-    assert "may be another one than clock_offset: sensor_lag (50 %)" in capsys.readouterr().err
+    # A law of the clock's course is no other explanation than its offset.
+    assert "may be another one than clock_offset: sensor_lag (50 %); angle_sigma_deg" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -67,20 +67,32 @@ def predict(
         found = predict_with_sigma(
             fitted, log, start_angle_rad=start_angle * DEG, where=str(temperature), progress=progress
         )
-    others = sorted(fitted.alternatives(), key=lambda other: -other[1])
+    own = _acting(fitted.model)
+    # The same law by other means is no other explanation to people.
+    others = [
+        (other.model, share) for other, share in fitted.alternatives() if _acting(other.model).keys() ^ own.keys()
+    ]
+    others.sort(key=lambda other: -other[1])
     if others:
-        told = [f"{_what_acts(other.model)} ({100.0 * share:.0f} %)" for other, share in others[:_MOST_TOLD]]
+        told = [f"{_named(_acting(other))} ({100.0 * share:.0f} %)" for other, share in others[:_MOST_TOLD]]
         more = [f"{len(others) - _MOST_TOLD} more"] if len(others) > _MOST_TOLD else []
         say(
-            f"the record's explanation may be another one than {_what_acts(fitted.model)}: {', '.join(told + more)}; "
+            f"the record's explanation may be another one than {_named(own)}: {', '.join(told + more)}; "
             "angle_sigma_deg is wide where they predict something else"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
 
 
-def _what_acts(model: ActuatorModel) -> str:
-    """Return the ids of a model's effects and laws."""
-    return " + ".join([*model.effects, *(form.id for form in model.laws)]) or "the plain model"
+def _acting(model: ActuatorModel) -> dict[str, str]:
+    """Return by their law what acts in a model, beside what every fit has: the ids of its effects and laws."""
+    from torsight.actuator.effects import always_fitted
+
+    effects = {(*effect.laws, effect.id)[0]: effect.id for effect in model.chosen if effect not in always_fitted()}
+    return effects | {form.id: form.id for form in model.laws}
+
+
+def _named(acting: Mapping[str, str]) -> str:
+    return " + ".join(acting.values()) or "the plain model"
 
 
 def _predict_own(model: Path, record: Path, *, initial: Sequence[str], out: Path) -> Answer:
