@@ -231,7 +231,8 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
     if start.moving is None and start.hints is None:
         # Dots that were found in one picture: which of two is nearer to the axis shows in how they move.
         round_ = turned_round(tracks)
-        rows, tracks = _ordered(rows, [i ^ round_[i // 2] for i in range(4)], source)
+        if any(round_):
+            rows, tracks = _ordered(rows, [i ^ round_[i // 2] for i in range(4)], source)
     report = {
         "source": source.describe(),
         "markers": {

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.half_and_twice import half_and_twice
 from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.drive import _LAG_GRID_S
-from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.conditioning import Readings, condition
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms
 
@@ -99,7 +99,7 @@ def line(title: str, seeds: int) -> None:
 def measured(wire: Wire, seed: int) -> Iterator[tuple[float, float, float, float, float]]:
     """Give the rms errors of one log."""
     time_s, temp_c, read = logged(wire, seed)
-    found = condition(time_s, read, lag_s=wire.lag_s)
+    found = Readings.of(time_s, read).behind(time_s, wire.lag_s) if wire.lag_s else condition(time_s, read)
     error = found.temp_c - temp_c
     slope = found.rate_c_s - np.gradient(true_wire(wire)[1], FINE_S)[:: round(wire.interval_s / FINE_S)]
     pull = float(np.sqrt(np.mean((error / np.maximum(found.sigma_c, 1e-3)) ** 2)))
@@ -122,7 +122,8 @@ def lagged(wire: Wire, seed: int) -> tuple[float, float]:
     time_s, temp_c, read = logged(wire, seed)
     above = next(lag_s for lag_s in _LAG_GRID_S if lag_s > wire.lag_s)
     below = max(lag_s for lag_s in _LAG_GRID_S if lag_s <= wire.lag_s)
-    low, high, own = (condition(time_s, read, lag_s=lag_s).temp_c for lag_s in (below, above, wire.lag_s))
+    readings = Readings.of(time_s, read)
+    low, high, own = (readings.behind(time_s, lag_s).temp_c for lag_s in (below, above, wire.lag_s))
     share = (wire.lag_s - below) / (above - below)
     return 1e6 * rms(low + share * (high - low) - temp_c) ** 2, 1e6 * rms(own - temp_c) ** 2
 

@@ -7,7 +7,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from torsight.actuator.record import conditioning, smoother
-from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.log_noise import measure_noise
 
 RATE_C_S = 0.12
@@ -103,7 +103,7 @@ def test_the_top_is_not_overshot():
 @pytest.mark.parametrize("lag_s", [2.0, 6.0, 12.0])
 def test_the_wire_behind_a_slow_sensor(lag_s):
     time_s, true, read = logged(0.25, 0.02, lag_s=lag_s)
-    error = condition(time_s, read, lag_s=lag_s).temp_c - true
+    error = Readings.of(time_s, read).behind(time_s, lag_s).temp_c - true
     inside = (time_s > 5.0) & (time_s < 890.0)
     # Differentiating the noise over one sample would give 0.02 · √2 · lag / 0.25 °C.
     naive = 0.02 * np.sqrt(2.0) * lag_s / 0.25
@@ -154,7 +154,8 @@ def test_the_overshoot_of_a_controlled_top_stays(interval_s):
 def test_the_error_does_not_jump_where_a_window_changes(lag_s: float) -> None:
     """A jump drives the angle by degrees at once; a slow error of the same size hardly shows."""
     time_s, wire_c, read = logged(0.25, 0.03, lag_s=lag_s)
-    error_c = condition(time_s, read, lag_s=lag_s).temp_c - wire_c
+    found = Readings.of(time_s, read).behind(time_s, lag_s) if lag_s else condition(time_s, read)
+    error_c = found.temp_c - wire_c
     away = np.min(np.abs(time_s - np.array([[50.0], [450.0], [475.0]])), axis=0) > 5.0
     jumps_c = np.abs(np.diff(error_c))[away[1:] & away[:-1]]
     # Fifty milliseconds of this ramp, behind a sensor a hundred; where windows changed it was 0.03 and 0.16 °C.
@@ -169,7 +170,7 @@ def test_one_compilation_serves_frozen_strided_and_single_precision_logs_with_an
     expected = condition(time_s, read)
     for log in (frozen, strided):
         np.testing.assert_array_equal(condition(time_s, log).temp_c, expected.temp_c)
-    condition(time_s, read.astype(np.float32), lag_s=3.0)
+    Readings.of(time_s, read.astype(np.float32)).behind(time_s, 3.0)
     functions = [each for module in (conditioning, smoother) for each in vars(module).values()]
     counts = {each.py_func.__name__: len(each.signatures) for each in functions if isinstance(each, Dispatcher)}
     assert max(counts.values()) == 1, counts

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.smoother import smoothed
 
 Array = NDArray[np.float64]
@@ -116,6 +116,6 @@ def test_what_stands_still_stays_as_it_is(lag_s: float) -> None:
 def test_a_pause_of_the_log_leaves_the_wires_temperature_finite() -> None:
     time_s, temp_c = uneven_log(150)
     time_s = np.where(np.arange(150) < 75, time_s, time_s + 4000.0)
-    wire = condition(time_s, np.round(temp_c, 2), lag_s=3.0)
+    wire = Readings.of(time_s, np.round(temp_c, 2)).behind(time_s, 3.0)
     assert np.isfinite(wire.temp_c).all()
     assert np.isfinite(wire.rate_c_s).all()

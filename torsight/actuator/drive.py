@@ -85,7 +85,7 @@ class Sensors:
         if lag_s not in self._known:
             none = np.zeros(len(self.rows))
             a, b = (
-                readings.smooth(self.time_s, lag_s)[0][self.rows] - driven_c if lag_s > 0.0 else none
+                readings.behind(self.time_s, lag_s).temp_c[self.rows] - driven_c if lag_s > 0.0 else none
                 for readings, driven_c in zip(self._readings, self.driven_c, strict=True)
             )
             self._known[lag_s] = (a, b)

@@ -166,26 +166,23 @@ class ActuatorModel:
         given = {**self._nominal, **values}
         history = history or _NO_HISTORY
         rig, zero_rad = Rig.from_values(given), given["zero_deg"] * DEG
-        ports = self._begin(drive, history, rig, given).changed(
+        ports = self._felt(drive, history, rig, given).changed(
             rig=rig,
             rig_b=rig if self._alike else Rig.from_values(values_of_b(given)),
             reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
         )
         return _acted(ports, self._parts[len(self._first) :], given)
 
-    def _begin(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
+    def _felt(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
         """Return the ports after what acts on clocks and temperatures alone.
 
         In the next run, which mostly is one of the same record with another value changed, they are the same.
         """
         values = tuple(given[parameter.name] for part in self._first for parameter in part.parameters)
-        begun = None
-        for of, plain, before, ports in self._begun:
-            if of is drive and plain.history is history:
-                if before == values:
-                    return ports
-                begun = plain
-        begun = begun or _begin(drive, history, rig)
+        last = next((kept for kept in self._begun if kept[0] is drive and kept[1].history is history), None)
+        if last is not None and last[2] == values:
+            return last[3]
+        begun = _begin(drive, history, rig) if last is None else last[1]
         ports = _acted(begun, self._first, given)
         self._begun[:] = [(drive, begun, values, ports)]
         return ports

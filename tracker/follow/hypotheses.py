@@ -66,14 +66,13 @@ class Couple:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Motion:
-    """What a pair's readings say: χ² if it stands and if it turns, about which axis (2,), and how far its line is off.
+    """What a pair's readings say: χ² if it turns, about which axis (2,), and how far its line is off.
 
     ``places`` (n, 2), complex, are its markers in every frame, NaN where one was not seen; ``variance_px2`` is that of
     the axis; px.
     """
 
     places: Places
-    stands: float
     turns: float
     axis: Floats
     variance_px2: float
@@ -222,10 +221,10 @@ def _motion(state: DotState, places: Sequence[Places], size_px: tuple[int, int])
     nowhere = np.array([0.5 * width, 0.5 * height])
     at, arms = np.array(places).reshape(-1, 2), axis["arm"][:, 0] + 1j * axis["arm"][:, 1]
     if not np.isfinite(at).any() or not axis["known"]:
-        return _Motion(at, 0.0, 0.0, nowhere, anywhere_px2, 0.0)
+        return _Motion(at, 0.0, nowhere, anywhere_px2, 0.0)
     beside_px = abs(float(arms.mean().imag))
     # Arms are told along the line through both markers: what is across it is how far the axis is beside.
-    found = _Motion(at, _stands(at.T).sum(), 0.0, axis["centre"], STANDS_PX**2 / axis_weight(axis), beside_px)
+    found = _Motion(at, 0.0, axis["centre"], STANDS_PX**2 / axis_weight(axis), beside_px)
     return replace(found, turns=_usual((at - complex(*axis["centre"])).T - found.unit * arms[:, None]).sum())
 
 

@@ -57,28 +57,25 @@ class Conditioned:
     reading_s: float
 
 
-def condition(time_s: Floats, temp_c: Floats, *, lag_s: float = 0.0) -> Conditioned:
+def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
     """Remove the noise of a temperature log and keep its corners.
 
     Parameters
     ----------
     time_s, temp_c : (n,) float64
         Finite; times increasing, not necessarily at one rate.
-    lag_s : float
-        Time constant of the sensor: the wire's temperature is returned.
     """
-    own = own_readings(time_s, temp_c) if lag_s == 0.0 else None
+    own = own_readings(time_s, temp_c)
     if own is not None:
         return _apart(Readings.of(*own), time_s, temp_c)
     readings = Readings.of(time_s, temp_c)
-    noise, interval_s = readings.noise_c, readings.interval_s
-    value, rate, sigma = readings.smooth(time_s, lag_s)
-    if noise <= NEGLIGIBLE_C and lag_s == 0.0:
-        return Conditioned(temp_c, rate, np.full(len(temp_c), noise), noise, interval_s)
-    if lag_s == 0.0:
-        # Noise that is alike over several rows counts as more of it.
-        level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
-    return Conditioned(value, rate, sigma, noise, interval_s)
+    noise, found = readings.noise_c, readings.behind(time_s, 0.0)
+    if noise <= NEGLIGIBLE_C:
+        return replace(found, temp_c=temp_c, sigma_c=np.full(len(temp_c), noise))
+    # Noise that is alike over several rows counts as more of it.
+    value, rate, sigma = found.temp_c, found.rate_c_s, found.sigma_c
+    level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
+    return found
 
 
 def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned:
@@ -141,6 +138,10 @@ class Readings:
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
         return cls(times, means, noise, alike, alike * interval_s, sigma)
+
+    def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
+        """Return the wire's temperature (n,) at the wanted times, behind a sensor of this time constant."""
+        return Conditioned(*self.smooth(wanted_s, lag_s), self.noise_c, self.interval_s)
 
     def smooth(self, wanted_s: Floats, lag_s: float) -> tuple[Floats, Floats, Floats]:
         """Return value, slope and sigma of the wire's temperature at the wanted times."""
