@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -77,7 +78,12 @@ def test_explanations_that_predict_something_else_widen_it_there(log, share: flo
     assert its_share == share
     apart = other.predict(log, start_angle_rad=START_RAD).angle_rad - found.angle_rad
     assert np.abs(apart).max() > 5.0 * DEG
-    assert found.sigma_rad == pytest.approx(np.hypot(0.1 * DEG, counts * apart), rel=1e-9)
+    assert np.all(found.sigma_rad >= np.hypot(0.1 * DEG, counts * apart) * (1.0 - 1e-9))
+    half, own = REACH * found.sigma_rad, 0.1 * DEG
+    around = [NormalDist(middle, own) for middle in apart]
+    there = np.array([one.cdf(h) - one.cdf(-h) for one, h in zip(around, half, strict=True)])
+    here = np.array([2.0 * NormalDist(0.0, own).cdf(h) - 1.0 for h in half])
+    assert np.min(share * there + (1.0 - share) * here) == pytest.approx(0.95, abs=1e-4)
 
 
 def test_noise_of_the_temperatures_counts_where_an_incomplete_heating_ends(log) -> None:

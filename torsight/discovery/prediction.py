@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from scipy.special import ndtr
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
@@ -22,6 +23,8 @@ from torsight.discovery.actuator_problem import rest_mask
 
 _DRAWS: Final = 8
 """Draws of the temperatures' noise."""
+_HALVINGS: Final = 20
+"""Of a half-width that is between zero and all that there is: known to a millionth of it then."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,8 +76,9 @@ def predict_with_sigma(
     Four things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
     has not seen, in motion and at rest; what the values are uncertain by (the log is simulated one standard deviation
     to either side along every axis of their uncertainty); how far other credible explanations of the record predict
-    something else, by their parts of the probability and so far at least that the interval of 95 % reaches each; and
-    the noise of the log's temperatures, drawn: where an incomplete heating ends, its error stays in the angle.
+    something else, by their parts of the probability; and the noise of the log's temperatures, drawn: where an
+    incomplete heating ends, its error stays in the angle. Where explanations lie apart the angle has no normal
+    distribution: ±1.96 sigma hold at least 95 % of it then, and reach what each explanation predicts.
 
     Parameters
     ----------
@@ -109,14 +113,38 @@ def predict_with_sigma(
     for done, (other, its_drive, weight) in enumerate(others):
         progress("uncertainty", done, whole)
         square += weight * (other.simulate(its_drive).angle_rad[rows] - own) ** 2
-    spread, furthest = np.zeros(len(own)), np.zeros(len(own))
-    for done, (other, share) in enumerate(alternatives, len(others)):
-        progress("uncertainty", done, whole)
-        apart = (other.simulate(drive).angle_rad[rows] - own) ** 2
-        spread, furthest = spread + share * apart, np.maximum(furthest, apart)
+    apart = np.zeros((len(alternatives), len(own)))
+    for done, (other, _) in enumerate(alternatives):
+        progress("uncertainty", len(others) + done, whole)
+        apart[done] = other.simulate(drive).angle_rad[rows] - own
     progress("uncertainty", whole, whole)
-    sigma = np.where(known, np.sqrt(square + np.maximum(spread, furthest / REACH**2)), np.nan)
-    return PredictedAngle(angle, drive, simulation, rows, sigma)
+    sigma = _with_alternatives(np.sqrt(square), apart, np.array([share for _, share in alternatives]))
+    return PredictedAngle(angle, drive, simulation, rows, np.where(known, sigma, np.nan))
+
+
+def _with_alternatives(sigma: Floats, apart: Floats, share: Floats) -> Floats:
+    """Return the standard deviation (n,) where explanations, each as unsure, predict angles so far apart (k, n).
+
+    That of their mixture by their shares (k,), and so much at least that the interval of 95 % holds as much of the
+    mixture and reaches each.
+    """
+    if not len(share):
+        return sigma
+    furthest = np.max(np.abs(apart), axis=0)
+    low, high = np.zeros(len(sigma)), furthest + 2.0 * REACH * sigma
+    wanted = 2.0 * ndtr(REACH) - 1.0
+    for _ in range(_HALVINGS):
+        half = 0.5 * (low + high)
+        held = (1.0 - share.sum()) * _inside(half, np.zeros(len(sigma)), sigma)
+        held += share @ _inside(half, apart, sigma)
+        low, high = np.where(held < wanted, half, low), np.where(held < wanted, high, half)
+    spread = np.maximum(share @ apart**2, (furthest / REACH) ** 2)
+    return np.asarray(np.maximum(np.sqrt(sigma**2 + spread), high / REACH))
+
+
+def _inside(half: Floats, middle: Floats, sigma: Floats) -> Floats:
+    """Return the probability that a normal variable around a middle lies within ± half of zero."""
+    return np.asarray(ndtr((half - middle) / sigma) - ndtr((-half - middle) / sigma))
 
 
 def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:
