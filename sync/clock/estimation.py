@@ -23,7 +23,7 @@ from sync.log.repairs import LogReading
 from sync.signals.changepoints import MAX_LAG_S
 from torsight.core.errors import NoResultError
 from torsight.core.parameter import REACH
-from torsight.core.records import SHARED_EVENT, ClockMap, TemperatureLog
+from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
@@ -109,7 +109,7 @@ def find_clock(
     weighed = weigh_restarts(angles, reading, prior=prior)
     if given_offset_s is not None and given_drift_ppm is not None:
         exact = (given_offset_s, given_offset_s), (given_drift_ppm, given_drift_ppm)
-        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, "given offset and drift", _restart_notes(weighed))
+        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, f"{GIVEN_OFFSET} and drift", _restart_notes(weighed))
         return Found(clock, weighed.reading)
     likelihood = weighed.likelihood
     if likelihood is None:
@@ -118,13 +118,13 @@ def find_clock(
         interval = (-REACH * PRIORS.drift_sigma_ppm, REACH * PRIORS.drift_sigma_ppm)
         notes = ("drift is not known and taken as none", *_restart_notes(weighed))
         exact_offset = (given_offset_s, given_offset_s)
-        return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, "given offset", notes), weighed.reading)
+        return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, GIVEN_OFFSET, notes), weighed.reading)
     if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
     mixture = likelihood.mixture
     if given_drift_ppm is not None:
         mixture = tuple(gaussian.with_drift(given_drift_ppm) for gaussian in mixture)
-    method = "given offset; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
+    method = f"{GIVEN_OFFSET}; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
     clock = clock_of(mixture, middle_s=likelihood.middle_s, method=method)
     clock = replace(clock, notes=(*_notes(likelihood, clock), *_restart_notes(weighed)))
     return Found(clock if given_offset_s is not None else _coarse(clock, reading.coarse_s), weighed.reading)
@@ -151,7 +151,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, give
             "a restart that shows; the interval holds both, look at the log's stamps"
         )
     method = (
-        f"{SHARED_EVENT}: {match.matched} of {match.events} changes of the light against the heating switch's "
+        f"shared event: {match.matched} of {match.events} changes of the light against the heating switch's "
         f"{match.switchings}"
     )
     clock = replace(clock_of([gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
+from torsight.cli.clock_known import clock_sigma_s
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile, Seed
 from torsight.core.errors import ConfigError, InputError
@@ -16,9 +17,7 @@ from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import read_merged
-from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
-from torsight.core.records import SHARED_EVENT
 from torsight.core.words.wording import verdict_sentence
 
 if TYPE_CHECKING:
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
 FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
 """What the command writes."""
 _MADE: Final = (*FILES, "next_experiment.csv")
-_LEAST_CLOCK_SIGMA_S: Final = 0.05
-"""An event that both recorders saw is read to a frame of one, 0.03 s at 30 per second, and a row of the other."""
 
 
 def discover(
@@ -79,27 +76,6 @@ def discover(
     return Answer(content, files=(*(out / name for name in FILES), *more, *laws))
 
 
-def _clock_sigma_s(merged: Path) -> float | None:
-    """Return how well the clocks are known by an event that both saw, from the ``sync.json`` beside the table.
-
-    What motion and temperature said about the clocks is in the table itself: it is not counted a second time. An offset
-    that was given is a claim like any other.
-    """
-    path = merged.parent / "sync.json"
-    if not path.is_file():
-        return None
-    content = read_json(path)
-    if not str(content.get("method", "")).startswith(SHARED_EVENT):
-        return None
-    try:
-        low, high = (float(end) for end in content["offset_s"]["ci95"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or take it away"
-        ) from error
-    return max((high - low) / (2.0 * REACH), _LEAST_CLOCK_SIGMA_S) if low <= high else None
-
-
 def curves_name(record: int) -> str:
     """Return the name of the curves of a record, from 0."""
     return "curves.csv" if record == 0 else f"curves_{record + 1}.csv"
@@ -124,7 +100,7 @@ def discover_to_folder(
     require_one_rig(merged)
     spec = read_actuator(actuator)
     records, names = [read_merged(path) for path in merged], [str(path) for path in merged]
-    sigmas_s = [_clock_sigma_s(path) for path in merged]
+    sigmas_s = [clock_sigma_s(path) for path in merged]
     if len(records) == 1:
         where, known_s = names[0], sigmas_s[0]
         report = find(records[0], spec, seed=seed, clock_sigma_s=known_s, progress=progress, where=where)

@@ -84,11 +84,11 @@ def predict(
 
 
 def _acting(model: ActuatorModel) -> dict[str, str]:
-    """Return by their law what acts in a model, beside what every fit has: the ids of its effects and laws."""
+    """Return by their law what acts in predictions, beside what every fit has: the ids of its effects and laws."""
     from torsight.actuator.effects import always_fitted
 
-    effects = {(*effect.laws, effect.id)[0]: effect.id for effect in model.chosen if effect not in always_fitted()}
-    return effects | {form.id: form.id for form in model.laws}
+    own = (effect for effect in model.chosen if effect not in always_fitted() and not effect.is_clock)
+    return {(*effect.laws, effect.id)[0]: effect.id for effect in own} | {form.id: form.id for form in model.laws}
 
 
 def _named(acting: Mapping[str, str]) -> str:

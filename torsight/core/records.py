@@ -15,8 +15,8 @@ from torsight.core.units import DEG, PPM, Flags, Floats
 from torsight.core.words.plausible import SPRING_C
 from torsight.core.words.shown import Shown, draw_series, share, span
 
-SHARED_EVENT: Final = "shared event"
-"""How the ``method`` of a clock map begins that rests on an event that both clocks saw."""
+GIVEN_OFFSET: Final = "given offset"
+"""How the ``method`` of a clock map begins whose offset was given and not found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -17,6 +17,7 @@ import numpy as np
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
+from torsight.actuator.effects.clock_offset import EFFECT as CLOCK_OFFSET
 from torsight.actuator.fit_result import middle_deg
 from torsight.actuator.laws import laws_of
 from torsight.actuator.model import ActuatorModel, PhaseLaw
@@ -59,7 +60,8 @@ class ActuatorProblem(OptionalMembers):
     resolution : float
         In degrees.
     clock_sigma_s : float or None
-        How well the clocks were put together by something else than motion and temperature; None: not at all.
+        How well the clocks were put together beforehand: their offset is then a value like the characterised ones, no
+        effect that may be missing. None: they were not, or nothing says how well.
     forms : tuple of LawForm
         Measured laws that are candidates, too.
     history : History
@@ -99,14 +101,23 @@ class ActuatorProblem(OptionalMembers):
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The plain model's free parameters, and those of what is always fitted beside them."""
-        return self.model().parameters
+        return tuple(self._clock_known(parameter) for parameter in self.model().parameters)
+
+    def _clock_known(self, parameter: Parameter) -> Parameter:
+        """Return the clocks' offset with its prior: none, to within what is known of it."""
+        if parameter.name != CLOCK_OFFSET.parameters[0].name:
+            return parameter
+        return replace(parameter, value=0.0, sigma=self.clock_sigma_s)
+
+    @cached_property
+    def always(self) -> tuple[Effect, ...]:
+        """What every fit of this record has beside the characterised values."""
+        return (*always_fitted(), *(() if self.clock_sigma_s is None else (CLOCK_OFFSET,)))
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """Every effect file as a candidate, but for what is always fitted; then the measured laws."""
-        effects = [effect for effect in load_effects().values() if effect not in always_fitted()]
-        if self.clock_sigma_s is not None:
-            effects = [_clock_known(effect, self.clock_sigma_s) if effect.is_clock else effect for effect in effects]
+        effects = [effect for effect in load_effects().values() if effect not in self.always]
         measured = self.drive.angle_rad
         named = [_candidate(effect, measured) for effect in effects]
         return (*named, *(Candidate(form.id, "law", form.parameters) for form in self.forms))
@@ -115,7 +126,7 @@ class ActuatorProblem(OptionalMembers):
     def laws(self) -> tuple[Law, ...]:
         """Places and variables at which a law may be missing."""
         found = laws_of(self.drive, self.model().nominal()["tau_c_mnm"])
-        # Where events that both recorders saw have put the clocks together, a clock's course is no open question.
+        # Where the clocks were put together beforehand, their course is no open question.
         return found if self.clock_sigma_s is None else tuple(law for law in found if law.id != "clock_time_s")
 
     def with_laws(self, forms: Sequence[LawForm]) -> ActuatorProblem:
@@ -199,7 +210,7 @@ class ActuatorProblem(OptionalMembers):
         """Return the model with these effects and what is always fitted."""
         chosen = tuple(effects)
         if chosen not in self._models:
-            always = (effect.id for effect in always_fitted())
+            always = (effect.id for effect in self.always)
             forms = tuple(form for form in self.forms if form.id in chosen)
             effects = tuple(name for name in chosen if name not in {form.id for form in forms})
             effects = (*effects, *always)
@@ -340,12 +351,6 @@ def _symmetric_means(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:
     mean = (total[high] - total[low]) / number
     usable = good[rows] | (count[high] - count[low] > half)
     return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
-
-
-def _clock_known(effect: Effect, sigma_s: float) -> Effect:
-    """Return the clocks' error with its prior: none, to within what is known of them."""
-    own = tuple(replace(p, value=0.0, sigma=sigma_s) if p.unit == "s" else p for p in effect.parameters)
-    return replace(effect, parameters=own)
 
 
 def _candidate(effect: Effect, angle_rad: Floats) -> Candidate:

@@ -65,8 +65,8 @@ def discover(
     seed : int
         Of every random draw: the same table, spec and seed give the same report.
     clock_sigma_s : float or None
-        Standard deviation of the offset between the two clocks where an event that both saw has told it; None where
-        nothing but motion and temperature has.
+        Standard deviation of what is left between the two clocks where they were put together beforehand: the offset
+        is then fitted with every model. None where nothing says how well they were: an offset is an effect then.
     progress : Progress
         Called with how far the work is.
     where : str

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import always_fitted
 from torsight.actuator.fit_result import FitResult, notes_of_fit, quiet, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
@@ -26,7 +25,14 @@ from torsight.discovery.own.find import KnownFit, fit_known
 
 
 @one_thread()
-def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent, where: str = "record") -> FitResult:
+def fit_model(
+    model: ActuatorModel,
+    drive: Drive,
+    *,
+    clock_sigma_s: float | None = None,
+    progress: Progress = silent,
+    where: str = "record",
+) -> FitResult:
     """Fit all free parameters of a model to a record.
 
     The plain model comes first, then one effect or measured law of the model after the other, each time with all that
@@ -38,6 +44,8 @@ def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent
         Plain or with effects.
     drive : Drive
         From ``model.prepare``.
+    clock_sigma_s : float or None
+        Standard deviation of what is left between the two clocks; as of :func:`torsight.discovery.discover`.
     progress : Progress
         Called with how far the work is.
     where : str
@@ -52,8 +60,15 @@ def fit_model(model: ActuatorModel, drive: Drive, *, progress: Progress = silent
     require_kind(drive, Drive, where="fit_model, drive", do="model.prepare(read_merged(path)) gives one")
     require_motion(model, drive, where=where)
     forms = model.laws
-    problem = ActuatorProblem(drive, model.spec, forms=forms, phase_law=model.phase_law, theta_l_deg=model.theta_l_deg)
-    named = [effect.id for effect in model.chosen if effect not in always_fitted()]
+    problem = ActuatorProblem(
+        drive,
+        model.spec,
+        clock_sigma_s=clock_sigma_s,
+        forms=forms,
+        phase_law=model.phase_law,
+        theta_l_deg=model.theta_l_deg,
+    )
+    named = [effect.id for effect in model.chosen if effect not in problem.always]
     return _result(problem, fit_known(problem, [*named, *(form.id for form in forms)], progress=progress))
 
 

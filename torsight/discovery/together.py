@@ -119,7 +119,7 @@ def discover_together(
     names : sequence of str, optional
         Names of the records in messages and in the answer.
     clock_sigmas_s : sequence of float or None, optional
-        For each record the standard deviation of its clocks' offset where an event that both saw has told it.
+        For each record the standard deviation of what is left between its clocks; see :func:`discover`.
     seed : int
         Of every random draw.
     progress : Progress

@@ -20,7 +20,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import always_fitted, load_effects
+from torsight.actuator.effects import load_effects
+from torsight.actuator.effects.clock_offset import EFFECT as CLOCK_OFFSET
 from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
@@ -67,11 +68,14 @@ class SeveralRecords(OptionalMembers):
         spec : ActuatorSpec
             Of the one actuator.
         clock_sigmas_s : sequence of float or None
-            For each record how well its clocks are known by something else than motion and temperature.
+            For each record how well its clocks were put together; see :class:`ActuatorProblem`.
         seed : int
             Of the temperature noise that is drawn.
         """
         parts, cycles = [], (0, 0)
+        if any(sigma_s is not None for sigma_s in clock_sigmas_s):
+            # Beside records whose clocks were put together, an offset in another one is no effect of the rig, either.
+            clock_sigmas_s = [CLOCK_OFFSET.parameters[0].upper if s is None else s for s in clock_sigmas_s]
         for k, (drive, sigma_s) in enumerate(zip(drives, clock_sigmas_s, strict=True)):
             history = History(cycles=cycles)
             parts.append(ActuatorProblem(drive, spec, seed=seed + k, clock_sigma_s=sigma_s, history=history))
@@ -97,10 +101,9 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def own(self) -> frozenset[str]:
         """Names, as the first record has them, of values that every record has for itself."""
-        clocks = (p.name for effect in always_fitted() if effect.is_clock for p in effect.parameters)
-        base = {ZERO, *self.parts[0].once, *clocks}
-        apart = (c for c in self.parts[0].candidates if c.id in self._clocks or c.propose is not None)
-        return frozenset(base | {p.name for candidate in apart for p in candidate.parameters})
+        clocks = (p.name for name in self._clocks for p in load_effects()[name].parameters)
+        events = (p.name for c in self.parts[0].candidates if c.propose is not None for p in c.parameters)
+        return frozenset((ZERO, *self.parts[0].once, *clocks, *events))
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

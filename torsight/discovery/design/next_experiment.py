@@ -237,6 +237,7 @@ class _Planner:
             ),
             self._problem.spec,
             seed=self._problem.seed,
+            clock_sigma_s=self._problem.clock_sigma_s,
         )
         # A model is never quite right under temperatures that it was not fitted to: no finer than the resolution.
         least, tau = self._problem.resolution, self._field.likelihood.correlation_samples
