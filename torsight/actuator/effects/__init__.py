@@ -1,7 +1,8 @@
 """Effects that the quasi-static model lacks: one file each, found by folder.
 
 A module ``effects/<id>.py`` declares ``EFFECT``, an :class:`Effect`. Adding one touches nothing else: models, fits, the
-discovery, the model file and the common test find it here.
+discovery, the model file and the common test find it here. A parameter's row begins with its name, start, unit and both
+bounds.
 """
 
 from __future__ import annotations
