@@ -83,18 +83,10 @@ def pose_on_disk(
     base_z_mm: float = 0.0,
     moving_z_mm: float = 0.0,
 ) -> DiskPose:
-    """Find the rotation axis.
+    """Find the rotation axis from the board on the disk, in one or several positions of the disk.
 
-    Parameters
-    ----------
-    views : sequence of View
-        The board on the disk, in one or several positions of the disk; the camera stands still.
-    intrinsics : Intrinsics
-        The camera.
-    board : Board
-        The board.
-    base_z_mm, moving_z_mm : float
-        Heights of the two sticks' markers above the board's face, towards the camera.
+    The camera stands still. The heights are those of the two sticks' markers above the board's face, towards the
+    camera.
 
     Raises
     ------

@@ -113,18 +113,8 @@ def find_views(
 ) -> Seen:
     """Look for the board in pictures, films, folders or globs.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        What to look through.
-    board : Board
-        The board.
-    step : int, optional
-        Look at every ``step``-th frame of films; chosen by their length otherwise.
-    only : frozenset of int, optional
-        Places in the row of pictures that matter (for the second camera of a pair).
-    progress : Progress
-        Called after every picture.
+    Of films every ``step``-th frame is looked at, chosen by their length where that is not given; ``only`` some places
+    in the row of pictures matter for the second camera of a pair.
 
     Raises
     ------

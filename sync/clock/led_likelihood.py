@@ -83,18 +83,8 @@ def match_led(
 ) -> LedMatch:
     """Pair the light's changes with the switch's and estimate the clock.
 
-    Parameters
-    ----------
-    events : LightEvents
-        From the film.
-    frame_s : (n,) float64
-        Times of all frames.
-    log : TemperatureLog
-        With at least one heating switch.
-    near : (float, float), optional
-        Range of offsets to choose from where several shifts pair as many events.
-    gaps : sequence of UnknownGap
-        Joints of the log whose gap is not sure: further unknowns of the Gaussian.
+    ``frame_s`` are the times of all frames; where several shifts pair as many events, those with an offset ``near`` are
+    chosen from. The ``gaps`` at joints of the log that are not sure are further unknowns of the Gaussian.
 
     Raises
     ------

@@ -37,24 +37,7 @@ _TO_AND_FRO: Final = 0.25
 
 
 def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats, list[Repair]]:
-    """Set spikes and stuck readings to NaN.
-
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Strictly increasing.
-    temp_c : (n,) float64
-        Readings; NaN where there is none.
-    name : str
-        The column, for the list of repairs.
-
-    Returns
-    -------
-    temp_c : (n,) float64
-        The same, doubtful readings as NaN.
-    repairs : list of Repair
-        What was found.
-    """
+    """Set spikes and stuck readings (n,) of a column to NaN; return it with the list of what was found."""
     repairs: list[Repair] = []
     clean = temp_c.copy()
     missing = int(np.count_nonzero(~np.isfinite(clean)))

@@ -89,16 +89,7 @@ class RunningStamps:
 
 
 def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamps:
-    """Read a column of stamps.
-
-    Parameters
-    ----------
-    column : Series
-        Numbers, dates or text.
-    where : str
-        File, for messages.
-    first_line : int
-        Line of the file on which row 0 stands.
+    """Read a column of stamps, numbers, dates or text, whose row 0 stands on ``first_line`` of the file.
 
     Raises
     ------

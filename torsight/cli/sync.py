@@ -116,22 +116,8 @@ def sync_to_folder(
 ) -> SyncedTable:
     """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for a lamp ``led_events.csv``).
 
-    Parameters
-    ----------
-    angle, temperature : Path
-        ``ANGLE.csv`` and ``TEMPS.csv`` (or Parquet).
-    settings : mapping
-        Table ``[sync]`` of the experiment; see :class:`Settings`.
-    out : Path
-        Folder for the results.
-    film, timestamps, fps
-        The film that the angles come from, as it was tracked; needed for ``led`` alone.
-    table : Path, optional
-        Another place for the merged table, CSV or Parquet by its suffix.
-    columns, units : mapping of str to str, optional
-        Names and units of the log's columns, as ``[temperature]`` of the experiment gives them.
-    progress : Progress
-        Told about every step.
+    ``settings`` is the table ``[sync]`` of the experiment; ``film``, ``timestamps`` and ``fps`` are those of the film
+    that the angles come from, needed for ``led`` alone. ``table`` is another place for the merged table.
 
     Raises
     ------

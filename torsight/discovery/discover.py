@@ -118,18 +118,8 @@ def decided(
 ) -> dict[str, Any]:
     """Return the members of a report that follow from the decision, be it on one record or on several.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of one record, or of all.
-    findings : Findings
-        Of the engine.
-    record : ActuatorProblem
-        One of the records: the rig's exact values, and the range in which laws are shown.
-    seed : int
-        Of the draws for values that follow from fitted ones.
-    effect_of : callable
-        From a candidate's id to its effect's, where it has another.
+    The ``record``, or one of them, tells the rig's exact values and the range in which laws are shown; ``effect_of``
+    gives a candidate's effect where that has another id.
     """
     field, decision = findings.field, findings.decision
     base, chosen = field.plain, decision.chosen
@@ -180,16 +170,8 @@ def doubt_of(
 ) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
 
-    Parameters
-    ----------
-    parameters : sequence of Parameter
-        The free parameters.
-    spread : (m, m) float64
-        Their covariance.
-    left_deg : (float, float)
-        What the model leaves in motion and at rest, root mean square.
-    others : sequence of (FittedModel, float)
-        The other explanations, and which part of the probability each holds.
+    ``spread`` (m, m) is the free parameters' covariance, ``left_deg`` what is left in motion and at rest, root mean
+    square; the others are further explanations, each with its part of the probability.
     """
     return Doubt(
         names=tuple(p.name for p in parameters),

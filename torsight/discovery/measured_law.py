@@ -93,13 +93,6 @@ class MeasuredLaw:
 def read_laws(folder: Path, discovery: Mapping[str, Any]) -> tuple[MeasuredLaw, ...]:
     """Return the laws that a ``discovery.json`` names, with the numbers of the files beside it.
 
-    Parameters
-    ----------
-    folder : Path
-        Holds the files.
-    discovery : mapping
-        Content of ``discovery.json``.
-
     Raises
     ------
     InputError

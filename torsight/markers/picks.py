@@ -47,18 +47,9 @@ class Place:
 def place(
     luma: NDArray[np.uint8], x_px: float, y_px: float, *, kind: str, others: Mapping[str, tuple[float, float]]
 ) -> Place:
-    """Return where a pick comes to lie: on the centre of the dot next to it, or just there for other kinds.
+    """Return where a pick in the first frame (h, w) comes to lie: on the centre of the dot next to it, or just there.
 
-    Parameters
-    ----------
-    luma : (h, w) uint8
-        The first frame.
-    x_px, y_px : float
-        The pick.
-    kind : str
-        Kind of marker.
-    others : mapping
-        The picks before it, by the markers' names.
+    Only markers of the ``kind`` dot have centres; ``others`` are the picks before it, by the markers' names.
 
     Raises
     ------
@@ -105,12 +96,8 @@ def place(
 def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:
     """Return the content of ``markers.toml`` from what a page sends.
 
-    Parameters
-    ----------
-    picks : mapping
-        ``points``: a pair of numbers by the name of each marker; ``kind``: by the name of each stick.
-    kept : mapping
-        Content of the file that is replaced: its measured lengths stay.
+    That is ``points``, a pair of numbers by the name of each marker, and ``kind`` by the name of each stick; of
+    ``kept``, the content of the file that is replaced, the measured lengths stay.
 
     Raises
     ------

@@ -64,14 +64,8 @@ def colour_of(name: str) -> Colour:
 def overlay(position_px: Floats, angle_rad: float, *, scale: float) -> Overlay:
     """Return what is drawn on one frame.
 
-    Parameters
-    ----------
-    position_px : (4, 2) float64
-        Markers in the film's pixels, in the order of ``torsight.core.tracks.MARKERS``; NaN where not found.
-    angle_rad : float
-        Angle, positive counter-clockwise as displayed; NaN where not known.
-    scale : float
-        Pixels of the picture that is shown per pixel of the film.
+    Markers (4, 2) are in the film's pixels and the order of ``torsight.core.tracks.MARKERS``, the angle is positive
+    counter-clockwise as displayed; NaN where not known. ``scale`` is pixels of what is shown per pixel of the film.
     """
     shown = position_px * scale
     found = np.asarray(np.isfinite(shown).all(axis=1))

@@ -68,23 +68,11 @@ def fit_curve(
     profiled: Sequence[str] = (),
     what: str = "curve",
 ) -> CurveFit:
-    """Fit parameters to a measured curve; a parameter's ``sigma`` makes its value a prior.
+    """Fit parameters to a measured curve (n,); a parameter's ``sigma`` makes its value a prior.
 
-    Parameters
-    ----------
-    model : callable
-        From values by name to the curve (n,).
-    parameters : sequence of Parameter
-        Start values, bounds and priors.
-    measured : (n,) float64
-        What was measured.
-    parts : sequence of slice
-        Stretches that were recorded in one go, each with a scatter and a correlation of its own; the whole by default.
-    profiled : sequence of str
-        Parameters whose interval is taken where the best of all others costs 95 %'s worth more, not from the curvature:
-        for those in which the curve is far from linear.
-    what : str
-        Name of the curve in messages.
+    Each of the ``parts`` was recorded in one go, with a scatter and a correlation of its own. Of ``profiled``
+    parameters, in which the curve is far from linear, the interval ends where the best of all others costs 95 %'s worth
+    more; of the others it follows from the curvature. ``what`` is the curve's name in messages.
 
     Raises
     ------

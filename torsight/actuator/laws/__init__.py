@@ -69,12 +69,7 @@ def _law_from(entry: Mapping[str, Any], *, where: str) -> LawForm:
 def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
     """Return the laws that a record may show, with their nodes where it covers their drivers.
 
-    Parameters
-    ----------
-    drive : Drive
-        The prepared record.
-    tau_c_mnm : float
-        The friction torque's start value: the measure of all torques.
+    ``tau_c_mnm`` is the friction torque's start value, the measure of all torques.
     """
     found = []
     for family in FAMILIES.values():

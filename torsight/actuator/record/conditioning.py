@@ -58,13 +58,7 @@ class Conditioned:
 
 
 def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
-    """Remove the noise of a temperature log and keep its corners.
-
-    Parameters
-    ----------
-    time_s, temp_c : (n,) float64
-        Finite; times increasing, not necessarily at one rate.
-    """
+    """Remove the noise of a temperature log (n,) and keep its corners; times increase, not necessarily at one rate."""
     own = own_readings(time_s, temp_c)
     if own is not None:
         return _apart(Readings.of(*own), time_s, temp_c)

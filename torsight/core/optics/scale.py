@@ -68,14 +68,8 @@ def check_scale(
 ) -> ScaleCheck:
     """Measure the distance of each stick's markers over a film, and compare.
 
-    Parameters
-    ----------
-    position_mm : (n, 4, 3) float64
-        Markers in space, in the order of :data:`torsight.core.tracks.MARKERS`; NaN where not known.
-    covariance_mm2 : (n, 4, 3, 3) float64
-        Their covariance.
-    known_mm : mapping of str to float, optional
-        Distances measured by hand, for ``base`` and ``moving``.
+    Positions (n, 4, 3) are in the order of :data:`torsight.core.tracks.MARKERS`, NaN where not known; ``known_mm``
+    holds distances that were measured by hand, for ``base`` and ``moving``.
 
     Raises
     ------

@@ -50,18 +50,8 @@ class Studio:
     ) -> NDArray[np.uint8]:
         """Return one frame (h, w).
 
-        Parameters
-        ----------
-        stick_rad : (n,) float64
-            Moving stick less base stick at evenly spaced moments while the shutter is open.
-        shift_px : (2,) float64
-            By how much the picture has moved.
-        gain : float
-            Light of this frame.
-        bars : list of Bar
-            What stands in front.
-        lamp : bool
-            Whether the lamp is lit.
+        ``stick_rad`` (n,) is the moving stick less the base stick at evenly spaced moments while the shutter is open,
+        ``shift_px`` by how much the picture has moved, ``gain`` the frame's light; the bars stand in front.
         """
         picture = self._set(shift_px)
         self._draw(picture, 1, stick_rad, shift_px)

@@ -167,20 +167,10 @@ def integrate(
 ) -> Floats:
     """Run the rig and return one row of signals per sample, those of a ``RigRecord`` in their order.
 
-    Parameters
-    ----------
-    pair : (2,) record
-        The rig's numbers with spring A's and B's values (:func:`torsight.synthetic.rig.constants.to_records`).
-    start : (4,) float64
-        Angle, and temperatures of wire A, wire B and the body.
-    s : (2, columns) float64
-        States of both springs; changed in place.
-    zones : two (z,) float64
-        Zones of the wire: weights, and how much cooler than the middle.
-    course : Course
-        What is done at every sample.
-    sample_s, substeps
-        Sampling time; steps per sample.
+    The ``pair`` of records holds the rig's numbers with spring A's and B's values
+    (:func:`torsight.synthetic.rig.constants.to_records`), ``start`` the angle and the temperatures of wire A, wire B
+    and the body, ``s`` the states of both springs, which are changed in place, ``zones`` the weights of the wire's
+    zones and how much cooler each is than the middle, ``course`` what is done at every sample.
     """
     c = pair[0]
     command, reference_c, cycle, share, noise_c = course

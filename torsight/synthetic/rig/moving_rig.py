@@ -161,30 +161,11 @@ def simulate_rig(
     before_s: float = 0.0,
     after_s: float = 0.0,
 ) -> RigRecord:
-    """Run a rig through a protocol.
+    """Run a rig through a protocol and return its signals at every sample, homing left out.
 
-    Parameters
-    ----------
-    values : RigValues
-        Its springs and friction.
-    protocol : Protocol
-        What is done to it.
-    effects : mapping, optional
-        Hidden effects by id (:mod:`torsight.synthetic.effects.hidden`).
-    laws : sequence of RigLaw
-        Laws of no particular form (:mod:`torsight.synthetic.effects.random_laws`); those of the reading are not part of
-        the record.
-    setup : Setup
-        Masses, heat and sensors.
-    rng : numpy Generator, optional
-        Noise of the temperature readings; none where left out.
-    before_s, after_s : float
-        Rest that is recorded before and after.
-
-    Returns
-    -------
-    RigRecord
-        Signals at every sample, homing left out.
+    Effects are hidden ones by their ids (:mod:`torsight.synthetic.effects.hidden`); laws have no particular form
+    (:mod:`torsight.synthetic.effects.random_laws`), and those of the reading are not part of the record. Without
+    ``rng`` the temperature readings have no noise; the rest before and after is recorded, too.
     """
     effects = effects or {}
     sensor, thermal = setup.sensor, setup.thermal
@@ -276,18 +257,9 @@ def _record(rows: Floats, orders: Commands, *, sample_s: float) -> RigRecord:
 def reading_angle(
     angle_rad: Floats, time_s: Floats, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw] = ()
 ) -> Floats:
-    """Return the angle that a perfect camera would read, rad: play, eccentricity, a slip, drift and laws on top of φ.
+    """Return the angle (n,) that a perfect camera would read at times on the film's clock, rad.
 
-    Parameters
-    ----------
-    angle_rad : (n,) float64
-        Actuator angle φ.
-    time_s : (n,) float64
-        Film clock.
-    effects : mapping
-        Hidden effects by id.
-    laws : sequence of RigLaw
-        Those of the reading are added.
+    Play, eccentricity, a slip and drift, and laws of the reading, on top of the actuator's angle φ.
     """
     read = angle_rad + read_with(laws, angle_rad=angle_rad, time_s=time_s)
     for effect in effects.values():

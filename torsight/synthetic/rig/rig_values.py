@@ -106,14 +106,7 @@ def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
 def draw_values(declared: Declared, *, given: Mapping[str, float], rng: np.random.Generator | None) -> RigValues:
     """Return the rig's own values: declared ones, each off by its uncertainty, and ``given`` ones as they are.
 
-    Parameters
-    ----------
-    declared : Declared
-        What ``actuator.toml`` says.
-    given : mapping of str to float
-        True values that are set, by the file's keys.
-    rng : numpy Generator or None
-        Draws the deviations (normal, within 2.5 standard deviations); None leaves the declared values.
+    Deviations are normal, within 2.5 standard deviations; without ``rng`` the declared values stay.
     """
     values = declared.flat()
     for name, sigma in declared.uncertainty.items():
