@@ -15,16 +15,8 @@ _STICKS: Final = ("base", "moving")
 
 @dataclass(frozen=True, slots=True)
 class TagPair:
-    """Two tags of one family.
-
-    Attributes
-    ----------
-    family : str
-        OpenCV's dictionary without ``DICT_``.
-    ids : (int, int)
-        Numbers of the base's and the moving stick's tag.
-    side_mm : float
-        Side of the black square.
+    """Two tags of one family (OpenCV's dictionary without ``DICT_``), the base's and the moving stick's: numbers, black
+    side.
     """
 
     family: str

@@ -67,14 +67,9 @@ class Gaussian:
 
 @dataclass(frozen=True, slots=True)
 class UnknownGap:
-    """A joint of the log: rows behind it may belong later than they were put, by an unknown time.
+    """A joint of the log: rows behind it may belong later than they were put, by an unknown time with one sigma.
 
-    Attributes
-    ----------
-    after_s, begin_s : float
-        Stamps of the last row before and of the first behind, as they were joined.
-    sigma_s : float
-        One standard deviation of the time that is missing between them.
+    ``after_s`` and ``begin_s`` are the stamps of the last row before and of the first behind, as they were joined.
     """
 
     after_s: float

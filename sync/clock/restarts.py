@@ -44,12 +44,7 @@ _CLOCK_ONLY: Final = 1.0 - sum(share for _, _, share in _AWAY_CELLS_S)
 class WeighedRestarts:
     """The likelihood of the motion, and the log with its restarts moved to where the motion puts them.
 
-    Attributes
-    ----------
-    likelihood : MotionLikelihood or None
-        None where nothing moves or nothing fits.
-    reading : LogReading
-        The log, its restarts moved.
+    No likelihood where nothing moves or nothing fits.
     """
 
     likelihood: MotionLikelihood | None

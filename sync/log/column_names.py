@@ -61,18 +61,10 @@ _ENTRY: Final = re.compile(r",(?=\s*[A-Za-z_]+\s*=)")
 
 @dataclass(frozen=True, slots=True)
 class LogColumn:
-    """A column of a log that is used.
+    """A column of a log that is used: its name as the header spells it, and its place, from 0.
 
-    Attributes
-    ----------
-    name : str
-        As the header spells it.
-    index : int
-        Its place, from 0.
-    unit : Unit or None
-        As the header, a row below it or the user says; None where nothing says it: that of the contract.
-    guessed : bool
-        Whether nothing but the name says what it holds.
+    Its unit is what the header, a row below it or the user says, None where nothing says it: that of the contract.
+    ``guessed``: nothing but the name says what it holds.
     """
 
     name: str

@@ -59,17 +59,10 @@ class HeatingSegment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogSignals:
-    """The log as even signals, with its segments in the order of time.
+    """The log as even signals of each spring's temperature, with its segments in the order of time.
 
-    Attributes
-    ----------
-    springs : mapping
-        Each spring's temperature.
-    heated : mapping
-        The same, smoothed over a time that is short against a heating: noise of a reading is an error of the clock
-        that differs from one offset to the next, and favours one of them by chance.
-    segments : tuple of HeatingSegment
-        In order.
+    ``heated`` are the same signals smoothed over a time that is short against a heating: noise of a reading is an error
+    of the clock that differs from one offset to the next, and favours one of them by chance.
     """
 
     springs: dict[Spring, EvenSignal]

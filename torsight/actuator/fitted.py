@@ -46,15 +46,7 @@ then within arccos(2 · 0.999 − 1) / π = 2 % of the window above M_f, 0.3 °C
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How a record left the springs, both cold.
-
-    Attributes
-    ----------
-    angle_rad : float
-        The actuator's own angle, as read.
-    unwound_rad : (float, float)
-        By how much A and B had been wound further than they stand.
-    """
+    """How a record left the springs, both cold: its last angle as read, and by how much A and B were unwound."""
 
     angle_rad: float
     unwound_rad: tuple[float, float]

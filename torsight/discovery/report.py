@@ -44,18 +44,10 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect(Frozen):
-    """An accepted effect.
+    """An accepted effect as declared, with its fitted values and values for people that follow from them.
 
-    Attributes
-    ----------
-    id, family, title : str
-        As declared.
-    parameters : mapping of str to Estimate
-        Fitted values, and values for people that follow from them.
-    probability : float
-        Posterior weight of the sets that hold it, among the named set and its rivals.
-    gain : float
-        Information that is lost without it.
+    ``probability`` is the posterior weight of the sets that hold it, among the named set and its rivals; ``gain`` is
+    the information that is lost without it.
     """
 
     id: str

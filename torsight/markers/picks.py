@@ -29,15 +29,7 @@ SNAPS: Final = "dot"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a pick came to lie.
-
-    Attributes
-    ----------
-    x_px, y_px : float
-        Position in the first frame, y down.
-    radius_px : float or None
-        Radius of the dot there; None for a point without one.
-    """
+    """Where a pick came to lie in the first frame, y down, with the dot's radius; None for a point without one."""
 
     x_px: float
     y_px: float

@@ -20,18 +20,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class KeyRule:
-    """What a key may hold.
+    """What a key may hold: a number (each, in a list) within its bounds, one of the choices where there are any.
 
-    Attributes
-    ----------
-    help : str
-        One line; the unit is in the key's name.
-    lower, upper : float
-        Bounds of a number (of each, in a list).
-    choices : tuple of str
-        Allowed texts; empty where any is.
-    constant : str
-        The integrator's constant that a key sets; empty where it sets none by itself.
+    ``help`` is one line, the unit is in the key's name; ``constant`` is the integrator's that the key sets by itself,
+    if any.
     """
 
     help: str

@@ -56,17 +56,7 @@ class Finding:
 
 @dataclass(slots=True)
 class Check:
-    """What was found about one film or log.
-
-    Attributes
-    ----------
-    findings : list of Finding
-        In the order in which they were found.
-    content : dict
-        Measured figures, for a script.
-    duration_s : float
-        Length; 0 where it is not known.
-    """
+    """What was found about one film or log: findings, measured figures for a script, and its length (0: not known)."""
 
     findings: list[Finding] = field(default_factory=list)
     content: dict[str, Any] = field(default_factory=dict)

@@ -36,18 +36,10 @@ _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 
 @dataclass(frozen=True, slots=True)
 class Separable:
-    """What the record will tell.
+    """What the record will tell: effects that the plain model cannot take up are visible, the others are hidden.
 
-    Attributes
-    ----------
-    visible : tuple of str
-        Effects that the plain model cannot take up.
-    hidden : tuple of str
-        Effects that it takes up, or that do nothing here.
-    alike : tuple of (str, str)
-        Pairs of visible effects that take each other up.
-    left_deg : mapping of str to float
-        What the plain model leaves of each effect at its usual size, degrees rms.
+    ``alike`` are pairs of visible effects that take each other up, ``left_deg`` is what the plain model leaves of each
+    effect at its usual size, degrees rms.
     """
 
     visible: tuple[str, ...]

@@ -37,17 +37,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class HalfCyclePlan:
-    """One spring's heating and cooling.
-
-    Attributes
-    ----------
-    words : str
-        What is done, after 'heat a spring'.
-    legs : tuple of Leg
-        While it is switched on.
-    cool_s : float
-        Time switched off, until the next one.
-    """
+    """One spring's heating and cooling: words after 'heat a spring', legs, and the time switched off after them."""
 
     words: str
     legs: tuple[Leg, ...]
@@ -63,14 +53,8 @@ class HalfCyclePlan:
 class Heat:
     """How the two springs' readings follow what is done to them, as the record at hand shows it.
 
-    Attributes
-    ----------
-    to_room_per_s, between_per_s : float
-        Loss to the room and to the other spring.
-    room_c : float
-        Temperature of the room.
-    rounding_s : float
-        Time constant with which a reading turns its corners.
+    Losses to the room and to the other spring, the room's temperature, and the time constant with which a reading turns
+    its corners.
     """
 
     to_room_per_s: float

@@ -47,15 +47,7 @@ _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "Deja
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Plots as the page needs them.
-
-    Attributes
-    ----------
-    document : str
-        All plots, JSON.
-    roots : mapping of str to str
-        Name of every figure to the plot's identifier in the document.
-    """
+    """Plots as the page needs them: all of them as JSON, and each figure's identifier in it by its name."""
 
     document: str
     roots: Mapping[str, str]

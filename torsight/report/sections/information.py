@@ -28,16 +28,10 @@ HALVED: Final = 0.505
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A further measurement, and what it makes of an interval.
+    """A further measurement, and what it makes of an interval: its width after it, in widths of today's.
 
-    Attributes
-    ----------
-    name : str
-        Value that is characterised better; empty where the record is made longer.
-    factor : float
-        How much better, or how much longer.
-    ratio : float
-        Width of the interval after it, in widths of today's.
+    ``factor`` is how much better the value of this ``name`` is characterised, or, without one, how much longer the
+    record is.
     """
 
     name: str

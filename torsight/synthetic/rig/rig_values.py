@@ -46,14 +46,9 @@ _SIGNED: Final = ("A_s_c", "A_f_c", "M_s_c", "M_f_c")
 
 @dataclass(frozen=True, slots=True)
 class Declared(Frozen):
-    """What ``actuator.toml`` says of a rig.
+    """What ``actuator.toml`` says of a rig: geometry, material, assembly and friction in the file's units.
 
-    Attributes
-    ----------
-    tables : mapping
-        The tables geometry, material, assembly and friction, in the file's units.
-    uncertainty : mapping of str to float
-        One standard deviation of each value that is not exact.
+    And one standard deviation of each value that is not exact.
     """
 
     tables: Mapping[str, Mapping[str, float]]

@@ -77,16 +77,9 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """How outputs (rows, outputs) per record become the engine's row (n,), and back.
+    """How outputs (rows, outputs) per record become the engine's row (n,), and back: value = output / scale + shift.
 
-    Attributes
-    ----------
-    outputs : tuple of str
-        Names of the outputs.
-    rows : tuple of int
-        Rows of each record.
-    scale, shift : (outputs,) float64
-        Engine value = output / scale + shift.
+    ``rows`` are those of each record; scale and shift are (outputs,).
     """
 
     outputs: tuple[str, ...]

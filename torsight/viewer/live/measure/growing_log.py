@@ -38,16 +38,9 @@ class LogRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class WatchedLog:
-    """The temperature log of a live record.
+    """The temperature log of a live record, which may come later than the film, and what the user says of its columns.
 
-    Attributes
-    ----------
-    path : Path
-        It may come later than the film.
-    offset_s : float or None
-        Log's time less film time; None: taken from when rows arrive.
-    columns : ChosenColumns
-        What the user says of the log's columns.
+    ``offset_s`` is the log's time less film time; None: taken from when rows arrive.
     """
 
     path: Path
