@@ -15,9 +15,7 @@ _STICKS: Final = ("base", "moving")
 
 @dataclass(frozen=True, slots=True)
 class TagPair:
-    """Two tags of one family (OpenCV's dictionary without ``DICT_``), the base's and the moving stick's: numbers, black
-    side.
-    """
+    """The sticks' tags: OpenCV's family without ``DICT_``, numbers of base and moving, side of the black square."""
 
     family: str
     ids: tuple[int, int]

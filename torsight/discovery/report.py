@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -34,12 +34,7 @@ class Errors:
 
     def to_json(self) -> dict[str, Any]:
         """Return the keys of the contract."""
-        return {
-            "rmse_train_deg": self.rmse_train_deg,
-            "rmse_held_out_deg": self.rmse_held_out_deg,
-            "r2_held_out": self.r2_held_out,
-            "by_half_cycle_deg": list(self.by_half_cycle_deg),
-        }
+        return {**asdict(self), "by_half_cycle_deg": list(self.by_half_cycle_deg)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +55,8 @@ class FoundEffect(Frozen):
     def to_json(self) -> dict[str, Any]:
         """Return the keys of the contract."""
         return {
-            "id": self.id,
-            "family": self.family,
-            "title": self.title,
-            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
-            "probability": self.probability,
-            "gain": self.gain,
+            **{one.name: getattr(self, one.name) for one in fields(self)},
+            "parameters": _estimates(self.parameters),
         }
 
 

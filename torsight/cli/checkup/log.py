@@ -134,7 +134,7 @@ def check_programme(
         )
         findings.append(Finding("log", level, text, "" if level == "fine" else "shield the sensors", left_deg))
     told = separable(spec, drive, progress=progress)
-    content["discovery"] = told.to_json()
+    content["discovery"] = asdict(told)
     return [*findings, *_look_at_separable(told, cycles)], content
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from statistics import NormalDist
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -46,15 +46,6 @@ class Separable:
     hidden: tuple[str, ...]
     alike: tuple[tuple[str, str], ...]
     left_deg: dict[str, float]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the answer for a script."""
-        return {
-            "visible": list(self.visible),
-            "hidden": list(self.hidden),
-            "alike": [list(pair) for pair in self.alike],
-            "left_deg": self.left_deg,
-        }
 
 
 def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) -> Separable:
