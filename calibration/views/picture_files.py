@@ -55,13 +55,7 @@ class Picture:
 
 
 def expand(sources: Sequence[AnyPath]) -> list[Path]:
-    """Return the files behind pictures, films, folders and globs, each folder and glob in the order of names.
-
-    Raises
-    ------
-    InputError
-        When one is missing, or a folder or a glob holds no picture.
-    """
+    """Return the files behind pictures, films, folders and globs, each folder and glob in the order of names."""
     files: list[Path] = []
     for source in map(Path, sources):
         if source.is_dir():

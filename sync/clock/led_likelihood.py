@@ -85,13 +85,6 @@ def match_led(
 
     ``frame_s`` are the times of all frames; where several shifts pair as many events, those with an offset ``near`` are
     chosen from. The ``gaps`` at joints of the log that are not sure are further unknowns of the Gaussian.
-
-    Raises
-    ------
-    InputError
-        When the log has no heating switch.
-    NoResultError
-        When no shift pairs at least half of the events.
     """
     if log.heat_a is None and log.heat_b is None:
         raise InputError(

@@ -89,13 +89,7 @@ class RunningStamps:
 
 
 def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamps:
-    """Read a column of stamps, numbers, dates or text, whose row 0 stands on ``first_line`` of the file.
-
-    Raises
-    ------
-    InputError
-        When most fields are neither numbers nor dates nor times of day; it names the first such line.
-    """
+    """Read a column of stamps, numbers, dates or text, whose row 0 stands on ``first_line`` of the file."""
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column):

@@ -59,13 +59,7 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
 def require_overlap(
     table: SyncedTable, angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, where: str
 ) -> None:
-    """Refuse a table without any row that has both temperatures.
-
-    Raises
-    ------
-    InputError
-        When film and log do not overlap, or the log has nothing but gaps there.
-    """
+    """Refuse a table without any row that has both temperatures."""
     if np.any(np.isfinite(table.temp_a_c) & np.isfinite(table.temp_b_c)):
         return
     begin, end = clock.to_temperature_time(angles.time_s[[0, -1]])

@@ -202,13 +202,7 @@ class Ports:
     reading: tuple[Reading, ...] = ()
 
     def changed(self, **values: Any) -> Ports:
-        """Return ports with other values of some attributes, as :func:`dataclasses.replace` does, in less time.
-
-        Raises
-        ------
-        TypeError
-            For a name that is no attribute.
-        """
+        """Return ports with other values of some attributes, as :func:`dataclasses.replace` does, in less time."""
         if not values.keys() <= self.__dict__.keys():
             msg = f"ports have no {', '.join(sorted(values.keys() - self.__dict__.keys()))}"
             raise TypeError(msg)

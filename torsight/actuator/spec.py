@@ -265,13 +265,7 @@ def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, whe
 
 
 def check_order(values: Mapping[str, float], *, where: str) -> None:
-    """Refuse values out of physical order.
-
-    Raises
-    ------
-    ConfigError
-        Naming both keys, both values and why.
-    """
+    """Refuse values out of physical order."""
     for low, high, why in _ORDERS:
         if not values[low] < values[high]:
             raise ConfigError(

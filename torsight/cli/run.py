@@ -78,13 +78,7 @@ def answer_of(folder: Path) -> Answer:
 
 
 def again(path: Path) -> Experiment:
-    """Return the experiment of a ``provenance.json``, refusing inputs that have changed since.
-
-    Raises
-    ------
-    InputError
-        When the file is no provenance, or an input is missing or has other bytes.
-    """
+    """Return the experiment of a ``provenance.json``, refusing inputs that have changed since."""
     content = read_json(path)
     recorded, configuration = content.get("inputs"), content.get("configuration")
     if not isinstance(recorded, dict) or not isinstance(configuration, dict):

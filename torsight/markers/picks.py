@@ -42,13 +42,6 @@ def place(
     """Return where a pick in the first frame (h, w) comes to lie: on the centre of the dot next to it, or just there.
 
     Only markers of the ``kind`` dot have centres; ``others`` are the picks before it, by the markers' names.
-
-    Raises
-    ------
-    ConfigError
-        When the pick lies outside the picture, or where another one is.
-    NoResultError
-        When there is no dot next to it.
     """
     from tracker.detect.dots import dot_near
     from tracker.detect.given_positions import SNAP_PX
@@ -90,11 +83,6 @@ def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, A
 
     That is ``points``, a pair of numbers by the name of each marker, and ``kind`` by the name of each stick; of
     ``kept``, the content of the file that is replaced, the measured lengths stay.
-
-    Raises
-    ------
-    ConfigError
-        When a marker has no position, or the tracker would not accept the file.
     """
     points, kind = picks.get("points"), picks.get("kind")
     points = points if isinstance(points, Mapping) else {}

@@ -73,11 +73,6 @@ def fit_curve(
     Each of the ``parts`` was recorded in one go, with a scatter and a correlation of its own. Of ``profiled``
     parameters, in which the curve is far from linear, the interval ends where the best of all others costs 95 %'s worth
     more; of the others it follows from the curvature. ``what`` is the curve's name in messages.
-
-    Raises
-    ------
-    NoResultError
-        When the fit does not come to an end.
     """
     from scipy.optimize import least_squares
 

@@ -174,13 +174,7 @@ def always_fitted() -> tuple[Effect, ...]:
 
 
 def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Return effects by id.
-
-    Raises
-    ------
-    ConfigError
-        For an id that no file declares.
-    """
+    """Return effects by id."""
     known = load_effects()
     for name in ids:
         if name not in known:

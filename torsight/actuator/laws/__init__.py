@@ -39,13 +39,7 @@ def between_nodes(law: str, nodes: Floats, values: Floats) -> tuple[Floats, Floa
 
 
 def laws_from(entries: object, *, where: str) -> tuple[LawForm, ...]:
-    """Read the laws of a ``model.json``.
-
-    Raises
-    ------
-    ConfigError
-        When the list is damaged: an unknown law, nodes that do not rise, a basis that does not fit them.
-    """
+    """Read the laws of a ``model.json``."""
     if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
         raise ConfigError("is no list of laws", where=where, value=repr(entries)[:80])
     return tuple(_law_from(entry, where=where) for entry in entries)

@@ -72,13 +72,7 @@ class RigValues(Frozen):
 
 
 def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
-    """Read the declared actuator from tables in the layout of ``actuator.toml``; what is absent is the reference rig's.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown key or a value that is no number.
-    """
+    """Read the declared actuator from tables as in ``actuator.toml``; what is absent is the reference rig's."""
     check_keys(table, (*_TABLES, "uncertainty"), where=where)
     tables: dict[str, dict[str, float]] = {}
     for name, keys in _TABLES.items():
@@ -114,13 +108,7 @@ def draw_values(declared: Declared, *, given: Mapping[str, float], rng: np.rando
 
 
 def rig_values(public: Mapping[str, float]) -> RigValues:
-    """Convert values under their public names to SI.
-
-    Raises
-    ------
-    ConfigError
-        When a transformation would start after its finish.
-    """
+    """Convert values under their public names to SI."""
     for start, finish in (("A_s_c", "A_f_c"), ("M_f_c", "M_s_c")):
         if public[start] >= public[finish]:
             raise ConfigError(

@@ -148,13 +148,7 @@ def added_laws(layout: Layout, drivers: Mapping[str, Floats], observed: Floats) 
 
 
 def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProblem:
-    """Return a problem whose declared laws have their nodes and sizes, for the plain model's values.
-
-    Raises
-    ------
-    InputError
-        When the model never asks for a law, or a law changes nothing.
-    """
+    """Return a problem whose declared laws have their nodes and sizes, for the plain model's values."""
     called = problem.evaluator(problem.given(values, ()), {})
     nodes = {}
     for port in problem.ports:

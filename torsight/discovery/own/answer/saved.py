@@ -324,13 +324,7 @@ class SavedModel:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any], declared: Declared, *, where: str) -> SavedModel:
-        """Return a model from the content of ``model.json`` and the declarations of its model file.
-
-        Raises
-        ------
-        InputError
-            When the file is damaged, or belongs to another model.
-        """
+        """Return a model from the content of ``model.json`` and the declarations of its model file."""
         try:
             outputs, effects, initial, names, ports = (
                 tuple(str(name) for name in content[key]) for key in ("outputs", "effects", "initial", "names", "ports")

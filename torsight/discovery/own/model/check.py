@@ -24,14 +24,7 @@ _ELSEWHERE: Final = 0.3
 
 
 def check_problem(problem: Problem) -> tuple[str, ...]:
-    """Refuse a problem that cannot be searched; return what a person should know about one that can.
-
-    Raises
-    ------
-    InputError
-        Naming the member that is missing or of a wrong shape, what is declared twice or out of bounds, and a model
-        that raises, gives no numbers, is not deterministic or whose null values are none.
-    """
+    """Refuse a problem that cannot be searched; return what a person should know about one that can."""
     needed, further = ([name for name in some if not hasattr(problem, name)] for some in (_NEEDED, _OPTIONAL))
     missing = needed or further  # what may be left out is made of what is needed
     if len(needed) == len(_NEEDED) or isinstance(problem, type):
@@ -110,13 +103,7 @@ def _check_model(problem: ModelProblem) -> list[str]:
 
 
 def check_same(problem: ModelProblem, values: dict[str, float], before: list[Floats]) -> None:
-    """Refuse a model that for values that it was called with before gives anything else, called anew.
-
-    Raises
-    ------
-    InputError
-        Naming by how much; where the model fails now, its own failure.
-    """
+    """Refuse a model that for values that it was called with before gives anything else, called anew."""
     problem.evaluator.forget()
     again = problem.outputs(values, (), where=place_of(problem.model.predict))
     if any(np.any(a != b) for a, b in zip(before, again, strict=True)):

@@ -156,11 +156,6 @@ def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[s
     """Return what is given per output (a number, a column's name, or one of them by output) as (rows, outputs).
 
     NaN where it is not given.
-
-    Raises
-    ------
-    InputError
-        When a value is not positive, or an output is not known.
     """
     if isinstance(wanted, Mapping):
         unknown = sorted(set(wanted) - set(outputs))
@@ -199,13 +194,7 @@ def resolutions(given: Sequence[Floats], sigma: Sequence[Floats], observed: Sequ
 def blocks_of(
     wanted: int | str | Floats | Sequence[Floats] | None, records: Sequence[Record], times: Sequence[Floats]
 ) -> list[Ints]:
-    """Return the block of every row, labels from 0 on that no two records share.
-
-    Raises
-    ------
-    InputError
-        When a column is missing or not known everywhere, or a number cannot be meant.
-    """
+    """Return the block of every row, labels from 0 on that no two records share."""
     if wanted is None:
         wanted = 1 if len(records) > 1 else BLOCKS
     if isinstance(wanted, np.ndarray) and wanted.ndim == 1:
