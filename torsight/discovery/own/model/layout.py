@@ -111,12 +111,11 @@ class Layout:
                 begin += rows + 1
         return tuple(found)
 
-    def native(self, values: Floats, *, difference: bool = False) -> list[Floats]:
-        """Return engine values (n,), or differences of them, as (rows, outputs) per record in the outputs' units."""
+    def native(self, values: Floats) -> list[Floats]:
+        """Return engine values (n,) as (rows, outputs) per record in the outputs' units."""
         made = [np.empty((rows, len(self.outputs))) for rows in self.rows]
         for record, output, place in self.places:
-            shift = 0.0 if difference else self.shift[output]
-            made[record][:, output] = (values[place] - shift) * self.scale[output]
+            made[record][:, output] = (values[place] - self.shift[output]) * self.scale[output]
         return made
 
 
