@@ -212,7 +212,7 @@ def _draw(plot: Plot, panel: Panel, alike: Sequence[Any]) -> _Drawn:
             plot.add_glyph(ends, strip, level="underlay")
         case Note():
             said = _source(x=[one.x for one in alike], y=[one.y for one in alike], words=[one.words for one in alike])
-            font = {"text_font": value(_FONT), "text_font_size": "12px", "text_color": LIGHT["muted"]}
+            font: dict[str, Any] = {"text_font": value(_FONT), "text_font_size": "12px", "text_color": LIGHT["muted"]}
             plot.add_glyph(said, glyphs.Text(x="x", y="y", text="words", x_offset=5, text_baseline="middle", **font))
     return []
 

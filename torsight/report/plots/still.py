@@ -158,8 +158,8 @@ def _draw_mark(axes: Axes, panel: Panel, mark: Mark) -> None:
     """Draw one mark of any type."""
     if isinstance(mark, Note):
         words, place = _plain(mark.words), (mark.x, mark.y)
-        beside = {"xytext": (4.0, 0.0), "textcoords": "offset points"}
-        axes.annotate(words, place, **beside, va="center", color=LIGHT["muted"])
+        look: dict[str, Any] = {"va": "center", "color": LIGHT["muted"]}
+        axes.annotate(words, place, xytext=(4.0, 0.0), textcoords="offset points", **look)
         return
     style = style_of(mark.kind)
     filled: dict[str, Any] = {"color": style.colour, "alpha": style.opacity, "linewidth": 0.0}
