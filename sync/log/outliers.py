@@ -16,8 +16,9 @@ from sync.log.repairs import Repair
 from sync.log.timestamps import BRIDGED_S
 from torsight.core.series import APART, constant_runs, robust_sigma, scatter, usual_step
 from torsight.core.units import Flags, Floats
+from torsight.core.words.plausible import SPRING_C
 
-RANGE_C: Final = (-80.0, 250.0)
+RANGE_C: Final = (-80.0, SPRING_C[1])
 """Readings outside are the instrument's, not the spring's."""
 _SPIKE_FLOOR_C: Final = 1.0
 """A smaller spike stays, whatever the noise. With half of it a merged table's temperatures err as much, with twice of

@@ -71,7 +71,7 @@ class LinearProblem(OptionalMembers):
 
 _NODES: Final = 25
 """A wave needs five nodes a period: five of them fit into a driver's range."""
-_SCALE: Final = 0.03
+LAW_SHARE: Final = 0.03
 """Size of a law that matters, as a share of the output's."""
 _TIME_LIKE: Final = ("time_s", "cycle")
 
@@ -84,7 +84,7 @@ def law_over(name: str, driver: Floats, size: float) -> Law | None:
     nodes = places if len(places) < _NODES else np.linspace(float(places[0]), float(places[-1]), _NODES)
     smooth = smooth_kernels(nodes, line=True) if len(nodes) > 2 else ()
     kernels = (Kernel("slope", slope(nodes), smooth=False), *smooth)
-    scale = _SCALE * size
+    scale = LAW_SHARE * size
     return Law(name, "output", name, "", f"the output over {name}", nodes, scale, kernels, time_like=name in _TIME_LIKE)
 
 

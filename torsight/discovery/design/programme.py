@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive, Pair, Sensors
 from torsight.actuator.record.segments import HalfCycles, by_role
+from torsight.actuator.record.slow_log import SLOW_S
 from torsight.core.units import Floats, Ints
 
-STEP_S: Final = 0.5
-"""Rows of a planned log: twice the rate at which a record's corners are still seen (once a second)."""
+STEP_S: Final = 0.5 * SLOW_S
+"""Rows of a planned log: twice the rate at which a record's corners are still seen."""
 _FIRST_REST_S: Final = 20.0
 """Both springs at rest before the first heating: the film then shows where the actuator stands unheated."""
 _MEASURED_ROUNDING_S: Final = (0.5, 20.0)

@@ -13,11 +13,11 @@ from torsight.core.units import DEG, Floats, Ints
 from torsight.synthetic.filming.camera_work import Bar, marker_points
 from torsight.synthetic.filming.optics import View
 from torsight.synthetic.filming.picture import MARGIN_PX, Canvas, Stick, draw_bar, draw_stick, expose, row_spans
-from torsight.synthetic.scene import Scene
+from torsight.synthetic.scene import LightSettings, Scene
 
 _NOISE_POOL: Final = 1 << 22
 """Numbers that a frame's noise is a stretch of: fourteen frames of VGA, in 16 MB."""
-_BLUR_STEP_PX: Final = 0.35
+_BLUR_STEP_PX: Final = 0.5 * LightSettings().blur_px
 _MOST_POSES: Final = 24
 """Step between the poses of which a smeared stick is the mean, half of the usual lens' blur, and how many at most:
 enough for a smear of 8 px."""

@@ -22,7 +22,7 @@ from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.fitting import AtPoint, Fit
 from torsight.discovery.inference.measure import Measured, measure_law
 from torsight.discovery.interface import Candidate
-from torsight.discovery.linear_problem import law_over
+from torsight.discovery.linear_problem import LAW_SHARE, law_over
 from torsight.discovery.own.model.declare import MOST_NODES, LawPort
 from torsight.discovery.own.model.layout import Layout
 from torsight.discovery.own.model.values import Curve
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.model.problem import ModelProblem
 
 
-_SCALE: Final = 0.03
-"""Size of a law that matters: what changes the outputs by so much of their spread (as for laws that are added to an
-output, :mod:`torsight.discovery.linear_problem`)."""
 _LENGTHS: Final = (0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
 """Lengths of its smooth functions, as shares of its range, down to where two nodes are one apart: each is half the
 one before, so that a law with more nodes may bend within shorter ones."""
@@ -251,7 +248,7 @@ def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> flo
     first = response(1e-6)
     if first <= 0.0:
         raise InputError(f"the law '{name}' changes nothing", where="predict", do="add what it returns to the model")
-    return _SCALE * spread / (response(_STEP * spread / first) or first)
+    return LAW_SHARE * spread / (response(_STEP * spread / first) or first)
 
 
 def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

@@ -12,13 +12,15 @@ from torsight.core.units import Floats
 from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
 from torsight.discovery.own.model.evaluate import place_of
+from torsight.discovery.own.model.ode import RTOL
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import laws_called_with
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
 _NEEDED, _OPTIONAL = (tuple(name for name in vars(one) if name[0] != "_") for one in (NeededMembers, OptionalMembers))
-_NULL_SHARE: Final = 1e-6
-"""Share of the measurement's spread by which a prediction may differ that should be the same: a solver's tolerance."""
+_NULL_SHARE: Final = 10.0 * RTOL
+"""Share of the measurement's spread by which a prediction may differ that should be the same: two integrations of one
+tolerance differ by ten times it."""
 _ELSEWHERE: Final = 0.3
 """Share of its range by which a parameter is moved to see whether it counts."""
 

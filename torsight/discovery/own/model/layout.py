@@ -28,8 +28,8 @@ BLOCKS: Final = 6
 more, blocks are shorter than what a model remembers."""
 _OF_NOISE: Final = 0.1
 """Default resolution as a share of the noise: with as many samples as are usual an effect of this size just shows."""
-_STILL_ROWS: Final = 16
-"""Rows over which a reading must stand still to count as at rest: the fewest from which its noise can be measured."""
+_STILL_ROWS: Final = 2 * LEAST_ROWS
+"""Rows over which a reading must stand still to count as at rest: each half the fewest that tell its noise."""
 _STILL_SIGMAS: Final = 4.0
 """Range of their means, in standard deviations of the noise, up to which that is so."""
 
