@@ -76,12 +76,7 @@ class DiskPose(AxisPose):
 
 
 def pose_on_disk(
-    views: Sequence[View],
-    intrinsics: Intrinsics,
-    board: Board,
-    *,
-    base_z_mm: float = 0.0,
-    moving_z_mm: float = 0.0,
+    views: Sequence[View], intrinsics: Intrinsics, board: Board, *, base_z_mm: float = 0.0, moving_z_mm: float = 0.0
 ) -> DiskPose:
     """Find the rotation axis from the board on the disk, in one or several positions of the disk.
 

@@ -137,10 +137,7 @@ def _frames(path: Path, step: int) -> Iterator[Picture]:
             for index, frame in enumerate(_decoded(container, stream)):
                 if index % step == 0:
                     yield Picture(
-                        name=f"{path.name} frame {index}",
-                        grey=_as_displayed(frame),
-                        sha256=digest,
-                        group=path.name,
+                        name=f"{path.name} frame {index}", grey=_as_displayed(frame), sha256=digest, group=path.name
                     )
     except (av.error.FFmpegError, IndexError, OSError) as error:
         raise _no_film(path, error) from error

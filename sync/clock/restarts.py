@@ -105,9 +105,7 @@ def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) 
     changed = replace(restart, shift_s=restart.shift_s + longer_s, gap_s=restart.gap_s + longer_s, gap_sigma_s=sigma_s)
     later = [replace(item, shift_s=item.shift_s + longer_s) for item in reading.restarts[number + 1 :]]
     return replace(
-        reading,
-        log=replace(reading.log, time_s=time_s),
-        restarts=(*reading.restarts[:number], changed, *later),
+        reading, log=replace(reading.log, time_s=time_s), restarts=(*reading.restarts[:number], changed, *later)
     )
 
 

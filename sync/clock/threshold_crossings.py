@@ -78,13 +78,7 @@ def collect_crossings(
             at_s, sigma_s = stroke.crossing_s(level_rad)
             share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _SHARES[-2]
             usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
-            same = {
-                "spring_b": spring == "b",
-                "heating": heating,
-                "stroke": index,
-                "kind": number,
-                "far_deg": far_deg,
-            }
+            same = {"spring_b": spring == "b", "heating": heating, "stroke": index, "kind": number, "far_deg": far_deg}
             rows.append(
                 {"time_s": at_s[usable], "time_sigma_s": sigma_s[usable], "level": usable}
                 | {name: np.full(len(usable), value) for name, value in same.items()}

@@ -275,10 +275,7 @@ def _films(table: Mapping[str, Any], files: _Files, *, where: str) -> tuple[str,
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or len(names) not in (1, 2) or not all(isinstance(name, str) for name in names):
         raise ConfigError(
-            "'path' names no film",
-            where=where,
-            value=repr(value),
-            limit="a text, or a list of two for left and right",
+            "'path' names no film", where=where, value=repr(value), limit="a text, or a list of two for left and right"
         )
     found: list[str] = []
     for name in names:

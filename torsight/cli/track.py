@@ -139,12 +139,7 @@ def track_to_folder(
 
 
 def _tracked(
-    source: FilmSource | PictureSource,
-    hints: MarkerHints | None,
-    *,
-    out: Path,
-    resume: bool,
-    progress: Progress,
+    source: FilmSource | PictureSource, hints: MarkerHints | None, *, out: Path, resume: bool, progress: Progress
 ) -> TrackResult:
     """Follow the markers; where that fails, leave a picture of what was considered and why it was refused."""
     from tracker.track import track_film

@@ -109,12 +109,7 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
 
 
 def decided(
-    problem: Problem,
-    findings: Findings,
-    *,
-    record: ActuatorProblem,
-    seed: int,
-    effect_of: Callable[[str], str] = str,
+    problem: Problem, findings: Findings, *, record: ActuatorProblem, seed: int, effect_of: Callable[[str], str] = str
 ) -> dict[str, Any]:
     """Return the members of a report that follow from the decision, be it on one record or on several.
 

@@ -133,11 +133,7 @@ def linear_problem(
         return Parameter(name, scale if null is not None else 0.0, "", null=null)
 
     effects = tuple(
-        Candidate(
-            name,
-            "",
-            tuple(parameter(key, column, null=0.0) for key, column in own.items()),
-        )
+        Candidate(name, "", tuple(parameter(key, column, null=0.0) for key, column in own.items()))
         for name, own in candidates.items()
     )
     return LinearProblem(

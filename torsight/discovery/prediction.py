@@ -61,12 +61,7 @@ def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: f
 
 
 def predict_with_sigma(
-    model: FittedModel,
-    log: TemperatureLog,
-    *,
-    start_angle_rad: float,
-    where: str = "log",
-    progress: Progress = silent,
+    model: FittedModel, log: TemperatureLog, *, start_angle_rad: float, where: str = "log", progress: Progress = silent
 ) -> PredictedAngle:
     """Predict a later temperature log and say, for every instant, how far to trust the prediction.
 

@@ -167,10 +167,7 @@ def read_tests(path: AnyPath) -> SpringTests:
         lever_m=get_number(spring, "lever_mm", where=f"{where}, [spring]", lower=0.1, upper=1e4, hint="give it in mm")
         * MM,
         recoveries=tuple(_recovery(item, folder, where=spot) for item, spot in logs["free_recovery"]),
-        forces=_both_ranges(
-            tuple(_force(item, folder, where=spot) for item, spot in logs["force_angle"]),
-            where=where,
-        ),
+        forces=_both_ranges(tuple(_force(item, folder, where=spot) for item, spot in logs["force_angle"]), where=where),
         block=_block(block, folder, where=f"{where}, [block]"),
         assembly=others["assembly"],
         friction=others["friction"],

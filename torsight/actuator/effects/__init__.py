@@ -53,13 +53,7 @@ class Derived:
 
 
 def amplitude_and_phase(
-    sine: str,
-    cosine: str,
-    *,
-    unit: str,
-    names: tuple[str, str],
-    symbols: tuple[str, str],
-    titles: tuple[str, str],
+    sine: str, cosine: str, *, unit: str, names: tuple[str, str], symbols: tuple[str, str], titles: tuple[str, str]
 ) -> tuple[Derived, Derived]:
     """Return amplitude and phase of a wave from its sine and its cosine part, each with name, symbol and title."""
     (amplitude, phase), (size, angle), (of_size, of_angle) = names, symbols, titles

@@ -267,10 +267,7 @@ def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, F
     turn = angle[:, None] + np.array([0.0, values[_BETWEEN]])
     cos, sin = (values[_RADII] * part for part in (np.cos(turn), np.sin(turn)))
     middle = values[_POINT] + np.outer([0.0, values[_RISE]], direction)
-    return (
-        middle + cos[..., None] * u + sin[..., None] * v,
-        cos[..., None] * v - sin[..., None] * u,
-    )
+    return (middle + cos[..., None] * u + sin[..., None] * v, cos[..., None] * v - sin[..., None] * u)
 
 
 def _without_direction(error: Floats, direction: Floats) -> Floats:

@@ -63,10 +63,7 @@ def distort(ray: Floats, distortion: Floats) -> tuple[Floats, Floats]:
     gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
     bent = np.stack(
-        (
-            x * gain + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * gain + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ),
+        (x * gain + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * gain + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y),
         axis=-1,
     )
     mixed = 2.0 * (x * y * slope + p1 * x + p2 * y)

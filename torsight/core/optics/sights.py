@@ -60,10 +60,7 @@ class Sight:
             both = slope.reshape(-1, 4, 2)
             covariance += shared_px2[:, None, None] * (both @ np.swapaxes(both, -1, -2))
         return cls(
-            ray,
-            covariance,
-            np.eye(3) if rotation is None else rotation,
-            np.zeros(3) if shift is None else shift,
+            ray, covariance, np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
         )
 
     @property

@@ -183,10 +183,7 @@ def _draw_mark(axes: Axes, panel: Panel, mark: Mark) -> None:
 
 def _draw_points(axes: Axes, panel: Panel, mark: Points) -> None:
     style = style_of(mark.kind)
-    spot = (
-        (panel.x.high - panel.x.low) / panel.width * 2.0,
-        abs(panel.y.high - panel.y.low) / panel.height * 2.0,
-    )
+    spot = ((panel.x.high - panel.x.low) / panel.width * 2.0, abs(panel.y.high - panel.y.low) / panel.height * 2.0)
     x, y = thin_points(mark.x, mark.y, spot=spot, most=_MOST_POINTS)
     axes.plot(
         x,

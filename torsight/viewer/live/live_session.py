@@ -332,11 +332,7 @@ class Session:
         if orientation is not None:
             outcome.settle(orientation.angles)
         write_track_account(
-            self._folder,
-            source=pictures.describe(),
-            outcome=outcome,
-            orientation=orientation,
-            events=self._events,
+            self._folder, source=pictures.describe(), outcome=outcome, orientation=orientation, events=self._events
         )
         write_json(
             self._folder / "live.json",

@@ -28,12 +28,7 @@ class LiveAngle:
     def __init__(self, camera: Camera | None, *, pixel_aspect: float = 1.0) -> None:
         self._maps = _maps(camera, pixel_aspect)
         self._heights = (
-            None
-            if camera is None or camera.pose is None
-            else (
-                camera.pose.base_z_mm,
-                camera.pose.moving_z_mm,
-            )
+            None if camera is None or camera.pose is None else (camera.pose.base_z_mm, camera.pose.moving_z_mm)
         )
         self._base_rad: float | None = None
         self._last: tuple[float, float] | None = None
