@@ -143,7 +143,7 @@ class FitResult(Frozen, Shown):
 
 def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
     """Refuse a record in which the actuator does not move, or as no actuator of this kind can."""
-    angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
+    angle = drive.angle_rad[drive.measured]
     # A row whose whole turn is not certain says so by its sigma: that is no noise of its reading.
     certain = drive.angle_sigma_rad < np.pi
     read = drive.angle_sigma_rad[certain]

@@ -18,7 +18,7 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
-from torsight.core.series import share_explained
+from torsight.core.series import rms, share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import unexplained
@@ -204,7 +204,7 @@ def _of_time_deg(problem: ActuatorProblem, chosen: Explanation) -> float:
     own, effects, values = _problem(chosen), chosen.fit.effects, chosen.fit.values
     without = {name: 0.0 if name in names else value for name, value in values.items()}
     change = own.simulate(values, effects).angle_rad - own.simulate(without, effects).angle_rad
-    return float(np.sqrt(np.mean(change[problem.drive.known] ** 2))) / DEG
+    return rms(change[problem.drive.known]) / DEG
 
 
 def fixed_values(problem: ActuatorProblem) -> dict[str, Estimate]:
@@ -224,13 +224,13 @@ def noise_floor(problem: ActuatorProblem, chosen: Explanation, stretches: Stretc
     drive, fit = problem.drive, chosen.fit
     measured = np.isfinite(drive.angle_rad)
     given = drive.angle_sigma_rad[measured] / DEG
-    reading = float(np.sqrt(np.mean(given[np.isfinite(given)] ** 2))) if np.isfinite(given).any() else 0.0
+    reading = rms(given[np.isfinite(given)]) if np.isfinite(given).any() else 0.0
     if reading == 0.0:
         residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
         reading = reading_noise(problem, stretches, residual)
     noise = _problem(chosen).input_noise(fit.values, fit.effects)
     over_time = np.interp(drive.time_s, problem.time_s, noise)
-    return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
+    return float(np.hypot(reading, rms(over_time)))
 
 
 def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: HeldOut | None) -> Errors:
@@ -238,9 +238,9 @@ def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: Held
     drive, effects = problem.drive, explanation.fit.effects
     own = _problem(explanation)
     observed = drive.angle_rad / DEG
-    good = np.isfinite(observed) & drive.known
+    good = drive.measured
     fitted = own.simulate(explanation.fit.values, effects).angle_rad / DEG
-    train = float(np.sqrt(np.mean((observed - fitted)[good] ** 2)))
+    train = rms((observed - fitted)[good])
     if held_out is None:
         return Errors(train, float("nan"), float("nan"))
     predicted = np.empty(len(drive))
@@ -249,13 +249,13 @@ def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: Held
         predicted[rows] = own.simulate(values, effects).angle_rad[rows] / DEG
     error = (observed - predicted)[good]
     each = _by_half_cycle(error, drive.cycles.half[good], [label for label, _ in held_out.folds])
-    return Errors(train, float(np.sqrt(np.mean(error**2))), share_explained(observed[good], predicted[good]), each)
+    return Errors(train, rms(error), share_explained(observed[good], predicted[good]), each)
 
 
 def _by_half_cycle(error: Floats, half: Ints, labels: Sequence[int]) -> tuple[float, ...]:
     """Return the root mean square of the errors in each half-cycle."""
     found = [error[half == label] for label in labels]
-    return tuple(float(np.sqrt(np.mean(each**2))) if len(each) else float("nan") for each in found)
+    return tuple(rms(each) if len(each) else float("nan") for each in found)
 
 
 def pulls_of(problem: Problem, explanation: Explanation) -> tuple[Pull, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, LawForm, slope, smooth_kernels
 from torsight.core.parameter import Parameter
+from torsight.core.series import rms
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.interface import Candidate, OptionalMembers
 
@@ -128,7 +129,7 @@ def linear_problem(
     size = float(np.std(measured)) if len(measured) else 1.0
 
     def parameter(name: str, column: Floats, *, null: float | None) -> Parameter:
-        typical = float(np.sqrt(np.mean(column**2)))
+        typical = rms(column)
         scale = 0.1 * size / typical if typical > 0.0 else 1.0
         return Parameter(name, scale if null is not None else 0.0, "", null=null)
 

@@ -14,7 +14,7 @@ from torsight.actuator.quantities import effect_values
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate
 from torsight.core.units import Floats
-from torsight.core.words.shown import Shown, draw_series
+from torsight.core.words.shown import Shown, draw_models
 from torsight.core.words.wording import effect_name, number, verdict_sentence
 from torsight.discovery.design.next_experiment import NextExperiment
 from torsight.discovery.measured_law import MeasuredLaw
@@ -156,9 +156,7 @@ class DiscoveryReport(Frozen, Shown):
         return dict(self.curves)
 
     def _draw(self, axes: Any) -> None:
-        names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
-        lines = {words: self.curves[name] for name, words in names.items() if name in self.curves}
-        draw_series(axes, self.curves["time_s"], lines, label="angle, °")
+        draw_models(axes, self.curves)
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``discovery.json``."""

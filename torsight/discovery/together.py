@@ -17,6 +17,7 @@ from torsight.core.errors import ConfigError
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
+from torsight.core.series import rms
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG, Floats
 from torsight.discovery.actuator.curves import curve_columns
@@ -268,13 +269,12 @@ def _unseen(problem: SeveralRecords, view: Explanation, record: int, folds: Mapp
     """Return the error on a record, over all of its rows, with values that were fitted without it."""
     part = cast("ActuatorProblem", view.fitter.problem)
     predicted = part.simulate(problem.values_of(record, folds[record]), view.fit.effects).angle_rad
-    good = np.isfinite(part.drive.angle_rad) & part.drive.known
-    return float(np.sqrt(np.mean(((part.drive.angle_rad - predicted)[good] / DEG) ** 2)))
+    return rms((part.drive.angle_rad - predicted)[part.drive.measured] / DEG)
 
 
 def _rows(problem: SeveralRecords) -> Floats:
     """Return how many measured rows each record has."""
-    return np.array([float(np.sum(np.isfinite(p.drive.angle_rad) & p.drive.known)) for p in problem.parts])
+    return np.array([float(np.sum(p.drive.measured)) for p in problem.parts])
 
 
 def _mean_square(problem: SeveralRecords, each: Sequence[float]) -> float:

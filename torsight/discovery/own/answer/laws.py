@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, slope, smooth_kernels
+from torsight.core.series import rms
 from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
@@ -243,7 +244,7 @@ def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> flo
         shapes = (np.ones(len(form.nodes)), np.linspace(-1.0, 1.0, len(form.nodes)))
         points = [{**values, **dict(zip(form.names, (step * shape).tolist(), strict=True))} for shape in shapes]
         moved = with_law.predict_many(points, (name,))
-        return max(float(np.sqrt(np.mean((one - plain)[valid] ** 2))) for one in moved) / step
+        return max(rms((one - plain)[valid]) for one in moved) / step
 
     first = response(1e-6)
     if first <= 0.0:
