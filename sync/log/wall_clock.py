@@ -29,18 +29,10 @@ _DAY_S: Final = timedelta(days=1).total_seconds()
 
 @dataclass(frozen=True, slots=True)
 class Stamps:
-    """Stamps in seconds.
+    """Stamps in seconds (n,), NaN where a field is no stamp; since the first one where they are dates.
 
-    Attributes
-    ----------
-    time_s : (n,) float64
-        NaN where a field is no stamp; since the first one where they are dates.
-    zero : str or None
-        Instant (ISO 8601) of second 0 where they are dates.
-    numeric : bool
-        Whether the fields are numbers, in whatever unit the column has.
-    note : str or None
-        How dates were read that can be read in two ways.
+    ``zero`` is the instant (ISO 8601) of second 0 then, and ``note`` says how dates were read that can be read in two
+    ways. ``numeric``: the fields are numbers, in whatever unit the column has.
     """
 
     time_s: Floats

@@ -30,16 +30,8 @@ if TYPE_CHECKING:
 class Settings:
     """Table ``[sync]``, checked; None where it says nothing.
 
-    Attributes
-    ----------
-    offset_s, drift_ppm : float or None
-        Known offset and drift of the log's clock.
-    max_gap_s : float or None
-        Longest gap in the log that is bridged.
-    events : LightEvents or None
-        Film times of a light.
-    led : (float, float) or None
-        Where in the picture a light is looked for, px.
+    Known offset and drift of the log's clock, the longest gap in the log that is bridged, the film times of a light,
+    and where in the picture one is looked for, px.
     """
 
     offset_s: float | None

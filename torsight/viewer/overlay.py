@@ -21,20 +21,9 @@ ARC_STEP_RAD: Final = np.deg2rad(6.0)
 class Overlay:
     """What is drawn on one frame, in pixels of the picture.
 
-    Attributes
-    ----------
-    points_px : (k, 2) float64
-        The markers that were found.
-    names : tuple of str
-        Their names.
-    sticks_px : tuple of (2, 2) float64
-        Lines through the markers of a stick, where both were found: base first.
-    sticks : tuple of str
-        ``base``, ``moving``: which sticks these are.
-    arc_px : (m, 2) float64
-        The arc from the base stick to the moving stick; empty where the angle is not known.
-    label : str
-        The angle as it is written beside the arc.
+    The markers (k, 2) that were found, by their names; lines (2, 2) through both markers of a stick, base first, and
+    which sticks these are; the arc (m, 2) from the base stick to the moving one, empty where the angle is not known,
+    with the angle as it is written beside it.
     """
 
     points_px: Floats

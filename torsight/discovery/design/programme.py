@@ -131,20 +131,10 @@ class Programme:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """A programme sample by sample.
+    """A programme sample by sample: readings of both sensors (n,).
 
-    Attributes
-    ----------
-    time_s, temp_a_c, temp_b_c : (n,) float64
-        Readings of both sensors, and their times.
-    driven : (n,) int8
-        Spring that is switched on (0 A, 1 B), −1 where none is.
-    half : (n,) int64
-        Number of the half-cycle.
-    segments : tuple of mapping
-        As in ``discovery.json``.
-    room_c : float
-        Temperature of the room.
+    ``driven`` is the spring that is switched on (0 A, 1 B, −1 none), ``half`` the number of the half-cycle,
+    ``segments`` are as in ``discovery.json``.
     """
 
     time_s: Floats

@@ -86,20 +86,11 @@ class HalfCycleBegin(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelNews:
-    """What the model says of the record so far.
+    """What the model says of the record so far, or why it says nothing (``trouble``).
 
-    Attributes
-    ----------
-    time_s, angle_rad, residual_rad : (n,) float64
-        Model's angle, and measured less modelled (NaN where not measured).
-    half_cycles : tuple of HalfCycleBegin
-        Every half-cycle that has begun.
-    friction : dict or None
-        ``tau_c_mnm`` in the form of the JSON outputs, where it was fitted.
-    values : mapping or None
-        All parameters of that fit; they are used from then on.
-    trouble : str
-        Why there is nothing, else empty.
+    Its angle, and measured less modelled (n,; NaN where not measured); every half-cycle that has begun; where it was
+    fitted, the friction torque in the form of the JSON outputs, and all values of that fit, which are used from then
+    on.
     """
 
     time_s: Floats

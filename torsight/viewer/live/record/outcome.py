@@ -14,28 +14,11 @@ from torsight.core.units import DEG
 class Outcome:
     """How a live record went.
 
-    Attributes
-    ----------
-    frames, measured : int
-        Frames so far, and those with an angle.
-    dropped : int
-        Frames whose pictures were given up because too many waited.
-    missed : int
-        Pictures that the source itself lost; they have no frames.
-    left_out : int
-        Entries that the viewer did not take in time.
-    log_rows : int
-        Rows of the temperature log.
-    low_deg, high_deg : float
-        Range of the angle.
-    friction : dict or None
-        Last estimate of ``tau_c_mnm``, in the form of the JSON outputs.
-    half_cycles : int
-        How many half-cycles have begun, as far as the model has looked.
-    latency, latency_logged : dict
-        From a frame to its angle recorded, and to its angle logged for the viewers, ms.
-    served_first : bool
-        Whether the system let the measuring threads run before others.
+    Of its frames some are ``measured``, some ``dropped`` because too many waited; pictures that the source itself
+    ``missed`` have no frames, and entries that the viewer did not take in time are ``left_out``. Of the angle there is
+    the range, of the model the last estimate of ``tau_c_mnm`` and how many half-cycles have begun as far as it has
+    looked. Latencies, ms, are those from a frame to its angle recorded, and to its angle logged for the viewers;
+    ``served_first`` is whether the system let the measuring threads run before others.
     """
 
     frames: int = 0
