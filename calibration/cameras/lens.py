@@ -58,18 +58,9 @@ class SetAside:
 class Fit:
     """One fit of a lens to views.
 
-    Attributes
-    ----------
-    intrinsics : Intrinsics
-        The lens.
-    sigma : (9,) float64
-        Standard deviations in the order of :data:`PARAMETERS`, from the fit (independent errors of all corners).
-    error_px : (n,) float64
-        Root mean square distance between measured and computed corners, per view.
-    rvec, tvec_mm : (n, 3) float64
-        Camera from board, per view.
-    residual_px : tuple of (m, 2) float64
-        Measured less computed, per view.
+    ``sigma`` (9,) are standard deviations in the order of :data:`PARAMETERS`, from the fit (independent errors of all
+    corners); ``error_px`` (n,) is the root mean square distance between measured and computed corners, per view,
+    ``residual_px`` measured less computed. ``rvec`` and ``tvec_mm`` (n, 3) are camera from board.
     """
 
     intrinsics: Intrinsics

@@ -26,21 +26,10 @@ Spring = Literal["a", "b"]
 
 @dataclass(frozen=True, slots=True)
 class HeatingSegment:
-    """One heating or cooling of one spring.
+    """One heating or cooling of one spring: times of the log, and temperatures at its cold and its hot end.
 
-    Attributes
-    ----------
-    spring : {"a", "b"}
-        Which one.
-    heating : bool
-        False for a cooling.
-    begin_s, end_s : float
-        Times of the log.
-    low_c, high_c : float
-        Temperatures at its cold and its hot end.
-    until_s : float
-        How long it may drive a motion: a cooling does until the temperature turns, beyond the end of its steep part,
-        but not into the next heating of either spring.
+    ``until_s`` is how long it may drive a motion: a cooling does until the temperature turns, beyond the end of its
+    steep part, but not into the next heating of either spring.
     """
 
     spring: Spring

@@ -28,20 +28,7 @@ NAMING_S: Final = 10.0
 
 
 class Session:
-    """One film, one marker file to write.
-
-    Parameters
-    ----------
-    source : FilmSource or PictureSource
-        The film.
-    out : Path
-        The marker file.
-
-    Attributes
-    ----------
-    saved : dict or None
-        The content of the file, once it is written.
-    """
+    """One film, one marker file to write; ``saved`` is the content of the file, once it is written."""
 
     def __init__(self, source: FilmSource | PictureSource, *, out: Path) -> None:
         self.source = source

@@ -31,22 +31,10 @@ _STEP: Final = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveFit(Frozen):
-    """A fitted curve.
+    """A fitted curve: best values, the same with sigmas and 95 % intervals, and their covariance (p, p) by ``names``.
 
-    Attributes
-    ----------
-    values : mapping of str to float
-        Best values.
-    estimates : mapping of str to Estimate
-        With sigmas and 95 % intervals.
-    names : tuple of str
-        Order of ``covariance``.
-    covariance : (p, p) float64
-        Of the values.
-    fitted, residual : (n,) float64
-        Curve, and measured less curve.
-    rmse, r2 : float
-        In the unit of the measured values, and the share of their variance that is explained.
+    ``fitted`` and ``residual`` (n,) are the curve, and measured less curve; ``rmse`` is in the unit of the measured
+    values, ``r2`` the share of their variance that is explained.
     """
 
     values: Mapping[str, float]

@@ -51,16 +51,10 @@ def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turns:
-    """The stick in every frame.
+    """The stick in every frame (n,): θ of the first marker about the axis, from u to v, within a turn.
 
-    Attributes
-    ----------
-    angle_rad : (n,) float64
-        θ of the first marker about the axis, from u to v, within a turn; NaN where no marker is seen.
-    variance_rad2 : (n,) float64
-        By the pictures' errors alone.
-    chi_squared, freedom : (n,) float64
-        Misfit, and how many coordinates are left to misfit.
+    It is NaN where no marker is seen; its variance is that by the pictures' errors alone. With the misfit (χ²) comes
+    how many coordinates are left to misfit.
     """
 
     angle_rad: Floats

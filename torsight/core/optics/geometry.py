@@ -148,16 +148,10 @@ def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpacePoints:
-    """Points in space, from both pictures of a stereo pair.
+    """Points in space (..., 3), from both pictures of a stereo pair, with their covariances (..., 3, 3).
 
-    Attributes
-    ----------
-    position_mm : (..., 3) float64
-        In the left camera's coordinates; NaN where one picture has no position.
-    covariance_mm2 : (..., 3, 3) float64
-        Covariance of each position.
-    chi_squared : (...) float64
-        Misfit of the four picture coordinates over their sigmas; one degree of freedom, so about 1 where all is well.
+    They are in the left camera's coordinates, NaN where one picture has no position. ``chi_squared`` is the misfit of
+    the four picture coordinates over their sigmas; one degree of freedom, so about 1 where all is well.
     """
 
     position_mm: Floats

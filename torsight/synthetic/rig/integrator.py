@@ -56,18 +56,10 @@ about it."""
 
 
 class Course(NamedTuple):
-    """What is done at every sample.
+    """What is done at every sample (n,): commands, references, what laws leave of the recoverable angle, and noise.
 
-    Attributes
-    ----------
-    command : (n,) int64
-        0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it.
-    reference_c, cycle : (n,) float64
-        Temperature reference; number of the spring's earlier cycles, for fatigue.
-    share : (n,) float64
-        What laws leave of the recoverable angle.
-    noise_c : (n, 2) float64
-        Noise of the two readings.
+    Commands: 0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it. ``cycle`` is the number of the
+    spring's earlier cycles, for fatigue; ``noise_c`` (n, 2) is that of the two readings.
     """
 
     command: Ints
