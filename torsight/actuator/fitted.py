@@ -38,6 +38,7 @@ _MOST_COUNTED: Final = 1_000_000
 _NONE_BEFORE: Final = ("zero_deg", "static_swing")
 """Values that models of earlier files had not: they stand at zero, where they change nothing."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
+"""Angles that are no further apart are one home: a choice, which the documentation tells."""
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
 """Martensite fraction from which a spring counts as cold. The law itself ends at 1: by its cosine the temperature is

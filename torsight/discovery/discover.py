@@ -42,6 +42,7 @@ CONTRADICTED_SIGMAS: Final = 4.0
 _DRAWS: Final = 2000
 """Draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
 _SETS_TOLD: Final = 12
+"""Sets of effects whose probabilities stand in ``discovery.json``, the likeliest first: a choice."""
 
 
 @one_thread()

@@ -284,8 +284,8 @@ class Session:
             self.outcome.half_cycles += 1
             words = f"number {self.outcome.half_cycles}, spring {begin.spring} is driven"
             self._tell(begin.time_s, self._frame, "half-cycle", words)
-            if math.isfinite(begin.angle_rad):
-                at = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
+            if math.isfinite(begin.angle_deg):
+                at = np.array([begin.time_s]), np.array([begin.angle_deg])
                 self._put("series", view_layout.HALF_CYCLE, *at)
 
     def _words(self) -> str:

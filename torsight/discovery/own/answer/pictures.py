@@ -24,6 +24,7 @@ COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2"
 """Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
 _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
+"""Curves that a picture shows, the first ones, and points of each: several for a pixel of its width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from torsight.actuator.drive import ROW_RATE_HZ
 from torsight.core.errors import TorsightError
 from torsight.core.progress import ATTENTION_S
 from torsight.core.records import SyncedTable
-from torsight.core.units import Floats
+from torsight.core.units import DEG, Floats
 from torsight.viewer.program import step_back
+from torsight.viewer.run_words import HalfCycleBegin
 
 if TYPE_CHECKING:
     from torsight.actuator.drive import Drive
@@ -74,14 +75,6 @@ class Thinned:
     def columns(self) -> tuple[Floats, ...]:
         """Return time and values of every closed step."""
         return tuple(np.array(one, dtype=np.float64) for one in (self._time_s, *self._values))
-
-
-class HalfCycleBegin(NamedTuple):
-    """Where a half-cycle begins: time, measured angle (NaN where not known), spring that is heated (A or B)."""
-
-    time_s: float
-    angle_rad: float
-    spring: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +140,7 @@ def model_of(
 def _begins(drive: Drive) -> tuple[HalfCycleBegin, ...]:
     rows = np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))
     return tuple(
-        HalfCycleBegin(float(drive.time_s[row]), float(drive.angle_rad[row]), "AB"[spring])
+        HalfCycleBegin(float(drive.time_s[row]), float(drive.angle_rad[row] / DEG), "AB"[spring])
         for row, spring in zip(rows.tolist(), drive.cycles.springs, strict=True)
     )
 
