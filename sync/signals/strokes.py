@@ -15,6 +15,7 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
+"""A shorter motion is no stroke. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
 _PAUSE_SHARE: Final = 0.15
 """A pause that is shorter than this share of the longer motion beside it does not end a stroke: stick-slip."""
 _LONGEST_PAUSE_S: Final = 5.0
