@@ -36,24 +36,12 @@ _LARGEST_ERROR_PX: Final = 15.0 * CORNER_SIGMA_PX
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DiskPose(AxisPose):
-    """The rotation axis as a board on the disk shows it.
+    """The rotation axis as a board on the disk shows it: camera from world, the origin on the board's face.
 
-    Attributes
-    ----------
-    pose : Pose
-        Camera from world; the origin is where the axis meets the board's face.
-    tilt_deg : float
-        Angle between the axis and the line of sight to the origin.
-    direction_sigma_deg : float
-        Standard deviation of the axis' direction, from the scatter of the corners.
-    place_sigma_mm : float
-        Standard deviation of the axis' place across its direction; 0 where ``axis_mm`` gives the place.
-    error_px : float
-        Root mean square distance between measured and computed corners.
-    turned_deg : tuple of float
-        By how much the disk was turned in each picture, against the first.
-    wobble_deg : float
-        Angle between the board's face and the plane across the axis.
+    Its tilt is that against the line of sight to the origin. The standard deviations are those of its direction, from
+    the scatter of the corners, and of its place across it: 0 where ``axis_mm`` gives the place. ``error_px`` is the
+    root mean square distance between measured and computed corners, ``turned_deg`` by how much the disk was turned in
+    each picture, against the first, ``wobble_deg`` the angle between the board's face and the plane across the axis.
     """
 
     pose: Pose

@@ -88,23 +88,11 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensCalibration:
-    """A camera with what it rests on.
+    """A camera with what it rests on: the fit over the views that were ``kept`` (n,) of all, the others set aside.
 
-    Attributes
-    ----------
-    fit : Fit
-        The result, over the views in ``kept``.
-    views : tuple of View
-        Every view of the board.
-    kept : (n,) int64
-        Indices of the views that the fit uses.
-    aside : tuple of SetAside
-        The others.
-    first : Fit
-        All views, corners in the wide window: how the calibration would have come out without any care.
-    between_views : (9,) float64
-        Standard deviations from leaving out views (jackknife): larger than ``fit.sigma`` where errors are correlated
-        within a view, as on a board that is not flat.
+    ``first`` is the fit over all views, corners in the wide window: how the calibration would have come out without any
+    care. ``between_views`` (9,) are standard deviations from leaving out views (jackknife): larger than ``fit.sigma``
+    where errors are correlated within a view, as on a board that is not flat.
     """
 
     fit: Fit

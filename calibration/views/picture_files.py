@@ -26,20 +26,10 @@ _FILM_CANDIDATES: Final = 5 * MOST_FILM_VIEWS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """One grey picture as displayed.
+    """One grey picture (h, w) as displayed, by its file's name, or a frame of a film with its number.
 
-    Attributes
-    ----------
-    name : str
-        File name, for a frame of a film with its number.
-    grey : (h, w) uint8
-        Brightness.
-    sha256 : str
-        Hash of the file's bytes.
-    device : str
-        Camera and focal length as the file tells; empty where it does not.
-    group : str
-        The film that the picture is from; empty for a picture file.
+    With the hash of the file's bytes, camera and focal length as the file tells (empty where it does not), and the film
+    that it is from (empty for a picture file).
     """
 
     name: str

@@ -26,20 +26,10 @@ its standard deviations at most (benchmarks/sync/constants.py)."""
 class ThresholdCrossings:
     """Crossings of levels, one row each, and what is known of their temperatures before the clock is.
 
-    Attributes
-    ----------
-    time_s, time_sigma_s : (n,) float64
-        Film time of each crossing.
-    spring_b, heating : (n,) bool
-        Which spring drives, and whether it is heated.
-    stroke, kind, cell : (n,) int64
-        Number of the stroke; of its kind (spring, heating or cooling); of the level of its kind.
-    common_c2 : (n, n) float64
-        Covariance, °C², of what is not known about a kind of stroke: its curve, its dependence on where it began.
-    scatter : (n, n) float64
-        Covariance of the scatter between strokes, for a scatter of 1 °C.
-    middle_s : float
-        Film time at which the offset is pinned.
+    When each was on the film, with a sigma; which spring drives, and whether it is heated; the numbers of the stroke,
+    of its kind (spring, heating or cooling), and of the level of its kind. ``common_c2`` (n, n) is the covariance of
+    what is not known about a kind of stroke: its curve, its dependence on where it began; ``scatter`` that of the
+    scatter between strokes, for one of 1 °C. The offset is pinned at the film time ``middle_s``.
     """
 
     time_s: Floats

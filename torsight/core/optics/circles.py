@@ -65,24 +65,12 @@ class Turns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Circles:
-    """A fit of both markers' circles to what cameras see of them.
+    """A fit of both markers' circles to what cameras see of them: one sight of each, with the same frames.
 
-    Attributes
-    ----------
-    sights : sequence of Sight
-        One of each camera, with the same frames.
-    frame : (3, 3) float64
-        u, v and direction from which the tilt counts.
-    values : (9,) float64
-        Tilt (2), point on the axis in the first marker's plane (3), radii (2), angle and height of the second marker
-        over the first.
-    free : (9,) bool
-        Which of them are fitted: one camera sees no scale, and takes both markers to be in one plane across the axis.
-    whiten : (n, n) float64 or None
-        Takes the rows of residuals to independent ones.
-    covariance : (9, 9) float64
-        Of the values.
-    chi_squared : float
+    ``frame`` (3, 3) is u, v and the direction from which the tilt counts. The values are the tilt (2), the point on the
+    axis in the first marker's plane (3), the radii (2), angle and height of the second marker over the first; ``free``
+    says which of them are fitted: one camera sees no scale, and takes both markers to be in one plane across the axis.
+    ``whiten`` (n, n) takes the rows of residuals to independent ones.
     """
 
     sights: Sequence[Sight]

@@ -80,28 +80,11 @@ class Setup:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigRecord:
-    """What a rig did, sample by sample on its own clock; 0 is the first sample.
+    """What a rig did, sample by sample (n,) on its own clock; 0 is the first sample.
 
-    Attributes
-    ----------
-    time_s : (n,) float64
-        Sampling instants.
-    angle_rad, rate_rad_s : (n,) float64
-        Actuator angle φ and its speed.
-    wire_a_c, wire_b_c, body_c : (n,) float64
-        True temperatures.
-    temp_a_c, temp_b_c : (n,) float64
-        Temperatures as the sensors read them.
-    heat_a, heat_b : (n,) bool
-        Heating switches.
-    current_a_a, current_b_a : (n,) float64
-        Currents.
-    xi_a, xi_b : (n,) float64
-        Martensite fractions.
-    friction_nm : (n,) float64
-        Friction torque, positive against positive motion.
-    half_cycle : (n,) int64
-        Number of the half-cycle; −1 before the first.
+    The actuator angle φ and its speed; true temperatures of wires and body, and those that the sensors read; heating
+    switches and currents; martensite fractions; the friction torque, positive against positive motion; and the number
+    of the half-cycle, −1 before the first.
     """
 
     time_s: Floats
