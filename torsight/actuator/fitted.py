@@ -16,9 +16,8 @@ from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw
 from torsight.actuator.ports import History
-from torsight.actuator.predicted import Prediction
 from torsight.actuator.record.full_cycle import full_cycle
-from torsight.actuator.simulation import Simulation
+from torsight.actuator.simulation import Prediction, Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
 from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind

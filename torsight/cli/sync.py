@@ -122,9 +122,8 @@ def sync_to_folder(
     """
     from sync import find_clock, merge, read_temperature_log
     from sync.log.timestamps import longest_gap_s
-    from sync.merge.merged_table import require_overlap
+    from sync.merge.merged_table import require_overlap, sync_content
     from sync.merge.slow_motion import slow_motion_text
-    from sync.merge.sync_report import sync_content
     from tracker.frames.timing import timing
 
     steps = 4.0

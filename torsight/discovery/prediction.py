@@ -10,7 +10,7 @@ import numpy as np
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
-from torsight.actuator.predicted import Prediction
+from torsight.actuator.simulation import Prediction
 from torsight.core.errors import require_kind
 from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
@@ -31,7 +31,7 @@ class PredictedAngle(Prediction):
     Attributes
     ----------
     angle_rad, drive, simulation, rows
-        See :class:`torsight.actuator.predicted.Prediction`.
+        See :class:`torsight.actuator.simulation.Prediction`.
     sigma_rad : (n,) float64
         Standard deviation of the angle; NaN where the model does not say how far it may be wrong.
     """
