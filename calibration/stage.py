@@ -231,7 +231,5 @@ def _require_pairing(left: Sequence[Path], right: Sequence[Path]) -> None:
     twins = [one for one, other in zip(left, right, strict=True) if one.resolve() == other.resolve()]
     if twins:
         raise InputError(
-            "is given as left and as right",
-            where=str(twins[0]),
-            do="give the second camera's pictures with --right",
+            "is given as left and as right", where=str(twins[0]), do="give the second camera's pictures with --right"
         )

@@ -13,11 +13,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import typer
 from docutils.utils.math import MathError, latex2mathml
 
 from torsight import __version__
 from torsight.actuator.effects import Effect, load_effects
-from torsight.cli.reference import command_reference
+from torsight.cli.main import app as command_line
 
 HERE = Path(__file__).parent
 
@@ -91,6 +92,53 @@ def _effect(name: str, effect: Effect) -> str:
         bounds = f"{one.lower:g} to {one.upper:g}"
         lines.append(f"| `{one.name}` | {one.unit or '–'} | {one.value:g} | {bounds} | {null} | {sigma} |")
     return "\n".join([*lines, ""])
+
+
+_HEAD = """# Commands
+
+Written from the commands themselves by `make docs`; `torsight COMMAND --help` says the same. Everything for people
+goes to standard error; with `--json` standard output holds one object, see [](scripts.md). Exit codes: 0 done, 2 wrong
+usage or configuration, 3 an input that cannot be used, 4 no result could be had; 130 after Ctrl-C.
+`--debug`, before or after the command, shows the traceback of an error.
+"""
+
+
+def command_reference() -> str:
+    """Return the reference of all commands as Markdown, in the order of the help."""
+    group: Any = typer.main.get_command(command_line)
+    return "\n".join([_HEAD, *(_section(name, command) for name, command in group.commands.items())])
+
+
+def _section(name: str, command: Any) -> str:
+    text, _, example = (command.help or "").partition("Example: ")
+    arguments = [item for item in command.params if item.param_type_name == "argument"]
+    options = [item for item in command.params if item.param_type_name == "option"]
+    lines = [f"## torsight {name}", "", text.strip(), "", "```console", f"$ {example.strip()}", "```", ""]
+    rows = [(_argument(item), item.help or "") for item in arguments]
+    rows += [(_option(item), _option_help(item)) for item in options if item.name != "help"]
+    lines += ["| | |", "| --- | --- |"]
+    lines += [f"| `{left}` | {' '.join(right.split())} |" for left, right in rows]
+    return "\n".join([*lines, ""])
+
+
+def _argument(item: Any) -> str:
+    name = (item.metavar or str(item.name).upper()).strip("[]{}").replace("|", "\\|")
+    return name if item.required else f"[{name}]"
+
+
+def _option(item: Any) -> str:
+    flags = " / ".join(flag for flag in [*item.opts, *item.secondary_opts] if flag.startswith("--"))
+    if item.is_flag:
+        return flags
+    return f"{flags} {item.metavar or str(item.name).upper()}"
+
+
+def _option_help(item: Any) -> str:
+    words = item.help or ""
+    if item.required:
+        return f"{words} Required."
+    plain = isinstance(item.default, (int, float, str)) and not isinstance(item.default, bool)
+    return f"{words} Default {item.default}." if plain else words
 
 
 _PLAIN = str.maketrans(

@@ -53,7 +53,7 @@ CLOCK = {
     "signals.crossing_times": ("_NOISE_PER_STEP", "_STAMP_SHARE"),
     "signals.even_signal": ("WINDOW_S",),
     "signals.heating_segments": ("_MIN_SHARE", "_HEATING_SHARE"),
-    "signals.strokes": ("_PAUSE_SHARE", "_LONGEST_PAUSE_S"),
+    "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S"),
 }
 LOG = {
     "log.outliers": ("_SPIKE_FLOOR_C", "_STUCK_ROWS", "_ALIKE_SHARE", "_FROZEN_SHARE", "_TO_AND_FRO"),

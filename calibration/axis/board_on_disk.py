@@ -36,24 +36,12 @@ _LARGEST_ERROR_PX: Final = 15.0 * CORNER_SIGMA_PX
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DiskPose(AxisPose):
-    """The rotation axis as a board on the disk shows it.
+    """The rotation axis as a board on the disk shows it: camera from world, the origin on the board's face.
 
-    Attributes
-    ----------
-    pose : Pose
-        Camera from world; the origin is where the axis meets the board's face.
-    tilt_deg : float
-        Angle between the axis and the line of sight to the origin.
-    direction_sigma_deg : float
-        Standard deviation of the axis' direction, from the scatter of the corners.
-    place_sigma_mm : float
-        Standard deviation of the axis' place across its direction; 0 where ``axis_mm`` gives the place.
-    error_px : float
-        Root mean square distance between measured and computed corners.
-    turned_deg : tuple of float
-        By how much the disk was turned in each picture, against the first.
-    wobble_deg : float
-        Angle between the board's face and the plane across the axis.
+    Its tilt is that against the line of sight to the origin. The standard deviations are those of its direction, from
+    the scatter of the corners, and of its place across it: 0 where ``axis_mm`` gives the place. ``error_px`` is the
+    root mean square distance between measured and computed corners, ``turned_deg`` by how much the disk was turned in
+    each picture, against the first, ``wobble_deg`` the angle between the board's face and the plane across the axis.
     """
 
     pose: Pose
@@ -76,25 +64,12 @@ class DiskPose(AxisPose):
 
 
 def pose_on_disk(
-    views: Sequence[View],
-    intrinsics: Intrinsics,
-    board: Board,
-    *,
-    base_z_mm: float = 0.0,
-    moving_z_mm: float = 0.0,
+    views: Sequence[View], intrinsics: Intrinsics, board: Board, *, base_z_mm: float = 0.0, moving_z_mm: float = 0.0
 ) -> DiskPose:
-    """Find the rotation axis.
+    """Find the rotation axis from the board on the disk, in one or several positions of the disk.
 
-    Parameters
-    ----------
-    views : sequence of View
-        The board on the disk, in one or several positions of the disk; the camera stands still.
-    intrinsics : Intrinsics
-        The camera.
-    board : Board
-        The board.
-    base_z_mm, moving_z_mm : float
-        Heights of the two sticks' markers above the board's face, towards the camera.
+    The camera stands still. The heights are those of the two sticks' markers above the board's face, towards the
+    camera.
 
     Raises
     ------

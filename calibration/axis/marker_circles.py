@@ -31,16 +31,9 @@ should."""
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CirclesPose(AxisPose):
-    """The rotation axis as the moving stick's markers show it.
+    """The rotation axis as the moving stick's markers show it, with what a person should know of it.
 
-    Attributes
-    ----------
-    pose : Pose
-        Camera from world; the origin is where the axis meets the moving markers' plane.
-    axis : Axis
-        The fit, in units of the markers' distance.
-    notes : tuple of str
-        What a person should know.
+    The pose's origin is where the axis meets the moving markers' plane; the fit is in units of the markers' distance.
     """
 
     pose: Pose

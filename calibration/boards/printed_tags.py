@@ -15,17 +15,7 @@ _STICKS: Final = ("base", "moving")
 
 @dataclass(frozen=True, slots=True)
 class TagPair:
-    """Two tags of one family.
-
-    Attributes
-    ----------
-    family : str
-        OpenCV's dictionary without ``DICT_``.
-    ids : (int, int)
-        Numbers of the base's and the moving stick's tag.
-    side_mm : float
-        Side of the black square.
-    """
+    """The sticks' tags: OpenCV's family without ``DICT_``, numbers of base and moving, side of the black square."""
 
     family: str
     ids: tuple[int, int]
@@ -45,13 +35,7 @@ class TagPair:
 
 
 def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> TagPair:
-    """Return a pair of tags after a look at whether there is such a one.
-
-    Raises
-    ------
-    ConfigError
-        For a family or a number that there is not, or one number for both.
-    """
+    """Return a pair of tags after a look at whether there is such a one."""
     name = f"DICT_{family.removeprefix('DICT_')}"
     if not isinstance(getattr(cv2.aruco, name, None), int):
         usual = "4X4_50, 5X5_50, 6X6_50, APRILTAG_16h5, APRILTAG_25h9, APRILTAG_36h11"
@@ -71,13 +55,7 @@ def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> Ta
 
 
 def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
-    """Return both tags beside each other on a page, with ticks to cut along and a bar to check the scale.
-
-    Raises
-    ------
-    ConfigError
-        When they are larger than the page.
-    """
+    """Return both tags beside each other on a page, with ticks to cut along and a bar to check the scale."""
     width_mm, height_mm = PAGES_MM[page]
     border_mm = LAYOUT.tag_border * pair.side_mm / _modules(pair)
     whole_mm = pair.side_mm + 2.0 * border_mm

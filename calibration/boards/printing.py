@@ -44,22 +44,9 @@ _POINTS_PER_MM: Final = 72.0 / _MM_PER_INCH
 class Layout:
     """Sizes of what stands on a page around the pattern, mm.
 
-    Attributes
-    ----------
-    margin_mm : float
-        Rim that no printer reaches: larger than the 6.4 mm of ordinary ones.
-    foot_mm : float
-        Room for the words and the bar below a pattern.
-    bar_mm : float
-        Bar to check the scale: 0.5 mm on a ruler are half a percent.
-    text_mm : float
-        Size of the letters, 9 points.
-    line_mm : float
-        From one line of text to the next.
-    tick_mm, tick_width_mm : float
-        Length and width of the ticks along which tags are cut.
-    tag_border : float
-        White border of a tag in its modules, up to where it is cut: the detector and the fit need one.
+    The margin is larger than the 6.4 mm that ordinary printers do not reach, the foot holds the words and the bar to
+    check the scale, of which 0.5 mm on a ruler are half a percent. Letters are of 9 points. Tags are cut along ticks
+    around their white border, here in modules: the detector and the fit need one.
     """
 
     margin_mm: float = 8.0

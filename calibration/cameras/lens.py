@@ -58,18 +58,9 @@ class SetAside:
 class Fit:
     """One fit of a lens to views.
 
-    Attributes
-    ----------
-    intrinsics : Intrinsics
-        The lens.
-    sigma : (9,) float64
-        Standard deviations in the order of :data:`PARAMETERS`, from the fit (independent errors of all corners).
-    error_px : (n,) float64
-        Root mean square distance between measured and computed corners, per view.
-    rvec, tvec_mm : (n, 3) float64
-        Camera from board, per view.
-    residual_px : tuple of (m, 2) float64
-        Measured less computed, per view.
+    ``sigma`` (9,) are standard deviations in the order of :data:`PARAMETERS`, from the fit (independent errors of all
+    corners); ``error_px`` (n,) is the root mean square distance between measured and computed corners, per view,
+    ``residual_px`` measured less computed. ``rvec`` and ``tvec_mm`` (n, 3) are camera from board.
     """
 
     intrinsics: Intrinsics
@@ -97,23 +88,11 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensCalibration:
-    """A camera with what it rests on.
+    """A camera with what it rests on: the fit over the views that were ``kept`` (n,) of all, the others set aside.
 
-    Attributes
-    ----------
-    fit : Fit
-        The result, over the views in ``kept``.
-    views : tuple of View
-        Every view of the board.
-    kept : (n,) int64
-        Indices of the views that the fit uses.
-    aside : tuple of SetAside
-        The others.
-    first : Fit
-        All views, corners in the wide window: how the calibration would have come out without any care.
-    between_views : (9,) float64
-        Standard deviations from leaving out views (jackknife): larger than ``fit.sigma`` where errors are correlated
-        within a view, as on a board that is not flat.
+    ``first`` is the fit over all views, corners in the wide window: how the calibration would have come out without any
+    care. ``between_views`` (9,) are standard deviations from leaving out views (jackknife): larger than ``fit.sigma``
+    where errors are correlated within a view, as on a board that is not flat.
     """
 
     fit: Fit

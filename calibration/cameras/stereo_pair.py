@@ -34,24 +34,12 @@ class _Common:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairCalibration:
-    """Two cameras against each other.
+    """Two cameras against each other: the second one with its place, and the distance of both.
 
-    Attributes
-    ----------
-    right : RightCamera
-        The second camera, with its place against the first.
-    sigma : (6,) float64
-        Standard deviations of rvec (rad) and tvec_mm, from leaving out pairs (jackknife), lenses included.
-    baseline_mm, baseline_sigma_mm : float
-        Distance of the cameras.
-    rms_px : float
-        Root mean square error of the corners in both pictures with one pose of the board per pair.
-    epipolar_px : (n,) float64
-        Mean distance of the corners from their epipolar lines, per pair.
-    index : (n,) int64
-        Places of the pairs in the row of pictures.
-    aside : tuple of SetAside
-        Pairs that were left out (by place in the row of pictures), and why.
+    ``sigma`` (6,) are standard deviations of rvec (rad) and tvec_mm, from leaving out pairs (jackknife), lenses
+    included. ``rms_px`` is the root mean square error of the corners in both pictures with one pose of the board per
+    pair, ``epipolar_px`` (n,) the mean distance of the corners from their epipolar lines, ``index`` (n,) the pairs'
+    places in the row of pictures; by these, too, ``aside`` says which were left out, and why.
     """
 
     right: RightCamera

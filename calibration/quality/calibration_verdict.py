@@ -134,8 +134,7 @@ def worst_of(verdicts: Sequence[tuple[str, Verdict]]) -> Verdict:
     """Return one verdict for several parts, each reason with the part's name before it."""
     word = _ORDER[max(_ORDER.index(verdict.word) for _, verdict in verdicts)]
     return Verdict(
-        word,
-        tuple(f"{name}: {reason}" if name else reason for name, verdict in verdicts for reason in verdict.reasons),
+        word, tuple(f"{name}: {reason}" if name else reason for name, verdict in verdicts for reason in verdict.reasons)
     )
 
 

@@ -56,20 +56,10 @@ class Source:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Seen(Shown):
-    """All views of a board that one camera's pictures show.
+    """All views of a board that one camera's pictures show, in the order of the pictures.
 
-    Attributes
-    ----------
-    views : tuple of View
-        In the order of the pictures.
-    sources : tuple of Source
-        Every picture that was looked at; of a film only the frames that were chosen.
-    size_px : (int, int)
-        Width and height of the pictures.
-    device : str
-        Camera and focal length, where the files tell.
-    step : int
-        Every how many-th frame of a film was looked at.
+    ``sources`` is every picture that was looked at, of a film only the frames that were chosen: every ``step``-th was
+    looked at. With the pictures' size, and camera and focal length, where the files tell.
     """
 
     views: tuple[View, ...]
@@ -113,18 +103,8 @@ def find_views(
 ) -> Seen:
     """Look for the board in pictures, films, folders or globs.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        What to look through.
-    board : Board
-        The board.
-    step : int, optional
-        Look at every ``step``-th frame of films; chosen by their length otherwise.
-    only : frozenset of int, optional
-        Places in the row of pictures that matter (for the second camera of a pair).
-    progress : Progress
-        Called after every picture.
+    Of films every ``step``-th frame is looked at, chosen by their length where that is not given; ``only`` some places
+    in the row of pictures matter for the second camera of a pair.
 
     Raises
     ------

@@ -50,24 +50,11 @@ _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """The board as one picture shows it.
+    """The board as one picture shows it, by the picture's name and its place in the row of pictures, from 0.
 
-    Attributes
-    ----------
-    name : str
-        Name of the picture.
-    index : int
-        Its place in the row of pictures, from 0.
-    corner : (n,) int64
-        Which inner corners of the board were found.
-    points_mm : (n, 3) float64
-        Where these corners lie on the board.
-    corners_px : (n, 2) float64
-        Where the picture shows them, measured in the narrow window; pixel centres at whole numbers.
-    wide_px : (n, 2) float64
-        The same in the wide window.
-    edge_px : float
-        Width of the edges at the corners: contrast over steepest slope; grows with blur.
+    Which inner corners of the board were found (n,), where they lie on the board (n, 3), and where the picture shows
+    them (n, 2), measured in the narrow and in the wide window; pixel centres are at whole numbers. ``edge_px`` is the
+    width of the edges at the corners: contrast over steepest slope; it grows with blur.
     """
 
     name: str

@@ -26,20 +26,10 @@ _FILM_CANDIDATES: Final = 5 * MOST_FILM_VIEWS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """One grey picture as displayed.
+    """One grey picture (h, w) as displayed, by its file's name, or a frame of a film with its number.
 
-    Attributes
-    ----------
-    name : str
-        File name, for a frame of a film with its number.
-    grey : (h, w) uint8
-        Brightness.
-    sha256 : str
-        Hash of the file's bytes.
-    device : str
-        Camera and focal length as the file tells; empty where it does not.
-    group : str
-        The film that the picture is from; empty for a picture file.
+    With the hash of the file's bytes, camera and focal length as the file tells (empty where it does not), and the film
+    that it is from (empty for a picture file).
     """
 
     name: str
@@ -55,13 +45,7 @@ class Picture:
 
 
 def expand(sources: Sequence[AnyPath]) -> list[Path]:
-    """Return the files behind pictures, films, folders and globs, each folder and glob in the order of names.
-
-    Raises
-    ------
-    InputError
-        When one is missing, or a folder or a glob holds no picture.
-    """
+    """Return the files behind pictures, films, folders and globs, each folder and glob in the order of names."""
     files: list[Path] = []
     for source in map(Path, sources):
         if source.is_dir():
@@ -143,10 +127,7 @@ def _frames(path: Path, step: int) -> Iterator[Picture]:
             for index, frame in enumerate(_decoded(container, stream)):
                 if index % step == 0:
                     yield Picture(
-                        name=f"{path.name} frame {index}",
-                        grey=_as_displayed(frame),
-                        sha256=digest,
-                        group=path.name,
+                        name=f"{path.name} frame {index}", grey=_as_displayed(frame), sha256=digest, group=path.name
                     )
     except (av.error.FFmpegError, IndexError, OSError) as error:
         raise _no_film(path, error) from error

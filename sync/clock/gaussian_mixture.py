@@ -25,16 +25,10 @@ NEGLIGIBLE_LOG: Final = 20.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaussian:
-    """One Gaussian of a mixture.
+    """One Gaussian of a mixture, with the logarithm of its weight, up to a constant that all share.
 
-    Attributes
-    ----------
-    mean : (2 + k,) float64
-        Offset in s at some film time, drift as a plain ratio, and the missing time of each of k gaps of the log, s.
-    covariance : (2 + k, 2 + k) float64
-        Their covariance.
-    log_weight : float
-        Logarithm of its weight, up to a constant that all share.
+    The mean (2 + k,) is the offset in s at some film time, the drift as a plain ratio, and the missing time of each of
+    k gaps of the log, s.
     """
 
     mean: Floats
@@ -67,14 +61,9 @@ class Gaussian:
 
 @dataclass(frozen=True, slots=True)
 class UnknownGap:
-    """A joint of the log: rows behind it may belong later than they were put, by an unknown time.
+    """A joint of the log: rows behind it may belong later than they were put, by an unknown time with one sigma.
 
-    Attributes
-    ----------
-    after_s, begin_s : float
-        Stamps of the last row before and of the first behind, as they were joined.
-    sigma_s : float
-        One standard deviation of the time that is missing between them.
+    ``after_s`` and ``begin_s`` are the stamps of the last row before and of the first behind, as they were joined.
     """
 
     after_s: float

@@ -27,18 +27,9 @@ SHORT_LAG_S: Final = 0.1 * WINDOW_S
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LagMixture:
-    """What the log says about the sensor's lag.
+    """What the log says about the sensor's lag: the roundness of its changepoints, None where none could be measured.
 
-    Attributes
-    ----------
-    value_s, sigma_s : float or None
-        Roundness of the changepoints; None where none could be measured.
-    grid_s : (n,) float64
-        Lags.
-    log_weight : (n,) float64
-        Logarithm of their weights.
-    split : float
-        Share of the lag that falls to a second stage.
+    Lags (n,) with the logarithms of their weights, and the share of the lag that falls to a second stage.
     """
 
     value_s: float | None

@@ -31,21 +31,11 @@ _LARGEST_DRIFT: Final = 3.0 * PRIORS.drift_sigma_ppm * PPM
 
 @dataclass(frozen=True, slots=True)
 class LedMatch:
-    """What the light says about the clock.
+    """What the light says about the clock: drift, and the offset at the film time ``middle_s``.
 
-    Attributes
-    ----------
-    gaussian : Gaussian
-        Offset at ``middle_s`` and drift.
-    middle_s : float
-        Film time at which the offset holds.
-    matched, events, switchings : int
-        Pairs found; events on the film; changes of the switch in the log.
-    rivals : int
-        Other shifts that pair as many events.
-    second_shift_s : float or None
-        By how much later another shift pairs the events that are left at one end of the film: the log's clock may have
-        jumped in between. The Gaussian then holds both.
+    How many pairs were found, how many events the film has and how many changes of the switch the log, and how many
+    other shifts pair as many events. ``second_shift_s`` is by how much later another shift pairs the events that are
+    left at one end of the film: the log's clock may have jumped in between. The Gaussian then holds both.
     """
 
     gaussian: Gaussian
@@ -83,25 +73,8 @@ def match_led(
 ) -> LedMatch:
     """Pair the light's changes with the switch's and estimate the clock.
 
-    Parameters
-    ----------
-    events : LightEvents
-        From the film.
-    frame_s : (n,) float64
-        Times of all frames.
-    log : TemperatureLog
-        With at least one heating switch.
-    near : (float, float), optional
-        Range of offsets to choose from where several shifts pair as many events.
-    gaps : sequence of UnknownGap
-        Joints of the log whose gap is not sure: further unknowns of the Gaussian.
-
-    Raises
-    ------
-    InputError
-        When the log has no heating switch.
-    NoResultError
-        When no shift pairs at least half of the events.
+    ``frame_s`` are the times of all frames; where several shifts pair as many events, those with an offset ``near`` are
+    chosen from. The ``gaps`` at joints of the log that are not sure are further unknowns of the Gaussian.
     """
     if log.heat_a is None and log.heat_b is None:
         raise InputError(

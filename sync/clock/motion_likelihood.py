@@ -30,22 +30,11 @@ them give the same clock (benchmarks/sync/constants.py)."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLikelihood:
-    """What motion and temperature say about the clock.
+    """What motion and temperature say about the clock: a mixture, and the film time at which its offsets hold.
 
-    Attributes
-    ----------
-    mixture : tuple of Gaussian
-        A mixture.
-    middle_s : float
-        Film time at which its offsets hold.
-    lag : LagMixture
-        What is known about the sensor's lag.
-    strokes, matched, stops : int
-        How many strokes the film has, how many have a segment, how many abrupt stops were paired with a changepoint.
-    ranges : tuple of OffsetRange
-        Ranges of offset that the search left.
-    swapped : bool
-        Whether the motion fits better with the springs the other way round.
+    Beside it: what is known about the sensor's lag; how many strokes the film has, how many of them have a segment, how
+    many abrupt stops were paired with a changepoint; the ranges of offset that the search left; and whether the motion
+    fits better with the springs the other way round.
     """
 
     mixture: tuple[Gaussian, ...]

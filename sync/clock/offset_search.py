@@ -33,12 +33,7 @@ what idle heatings take off. Half and twice of it give the same clock (benchmark
 class OffsetRange:
     """A range of offsets at which the strokes fall into segments that explain them.
 
-    Attributes
-    ----------
-    low_s, high_s : float
-        The range.
-    score : float
-        Best share of explained motion in it, 1 where everything fits.
+    ``score`` is the best share of explained motion in it, 1 where everything fits.
     """
 
     low_s: float

@@ -44,12 +44,7 @@ _CLOCK_ONLY: Final = 1.0 - sum(share for _, _, share in _AWAY_CELLS_S)
 class WeighedRestarts:
     """The likelihood of the motion, and the log with its restarts moved to where the motion puts them.
 
-    Attributes
-    ----------
-    likelihood : MotionLikelihood or None
-        None where nothing moves or nothing fits.
-    reading : LogReading
-        The log, its restarts moved.
+    No likelihood where nothing moves or nothing fits.
     """
 
     likelihood: MotionLikelihood | None
@@ -110,9 +105,7 @@ def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) 
     changed = replace(restart, shift_s=restart.shift_s + longer_s, gap_s=restart.gap_s + longer_s, gap_sigma_s=sigma_s)
     later = [replace(item, shift_s=item.shift_s + longer_s) for item in reading.restarts[number + 1 :]]
     return replace(
-        reading,
-        log=replace(reading.log, time_s=time_s),
-        restarts=(*reading.restarts[:number], changed, *later),
+        reading, log=replace(reading.log, time_s=time_s), restarts=(*reading.restarts[:number], changed, *later)
     )
 
 

@@ -26,20 +26,10 @@ its standard deviations at most (benchmarks/sync/constants.py)."""
 class ThresholdCrossings:
     """Crossings of levels, one row each, and what is known of their temperatures before the clock is.
 
-    Attributes
-    ----------
-    time_s, time_sigma_s : (n,) float64
-        Film time of each crossing.
-    spring_b, heating : (n,) bool
-        Which spring drives, and whether it is heated.
-    stroke, kind, cell : (n,) int64
-        Number of the stroke; of its kind (spring, heating or cooling); of the level of its kind.
-    common_c2 : (n, n) float64
-        Covariance, °C², of what is not known about a kind of stroke: its curve, its dependence on where it began.
-    scatter : (n, n) float64
-        Covariance of the scatter between strokes, for a scatter of 1 °C.
-    middle_s : float
-        Film time at which the offset is pinned.
+    When each was on the film, with a sigma; which spring drives, and whether it is heated; the numbers of the stroke,
+    of its kind (spring, heating or cooling), and of the level of its kind. ``common_c2`` (n, n) is the covariance of
+    what is not known about a kind of stroke: its curve, its dependence on where it began; ``scatter`` that of the
+    scatter between strokes, for one of 1 °C. The offset is pinned at the film time ``middle_s``.
     """
 
     time_s: Floats
@@ -78,13 +68,7 @@ def collect_crossings(
             at_s, sigma_s = stroke.crossing_s(level_rad)
             share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _SHARES[-2]
             usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
-            same = {
-                "spring_b": spring == "b",
-                "heating": heating,
-                "stroke": index,
-                "kind": number,
-                "far_deg": far_deg,
-            }
+            same = {"spring_b": spring == "b", "heating": heating, "stroke": index, "kind": number, "far_deg": far_deg}
             rows.append(
                 {"time_s": at_s[usable], "time_sigma_s": sigma_s[usable], "level": usable}
                 | {name: np.full(len(usable), value) for name, value in same.items()}

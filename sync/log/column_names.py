@@ -61,18 +61,10 @@ _ENTRY: Final = re.compile(r",(?=\s*[A-Za-z_]+\s*=)")
 
 @dataclass(frozen=True, slots=True)
 class LogColumn:
-    """A column of a log that is used.
+    """A column of a log that is used: its name as the header spells it, and its place, from 0.
 
-    Attributes
-    ----------
-    name : str
-        As the header spells it.
-    index : int
-        Its place, from 0.
-    unit : Unit or None
-        As the header, a row below it or the user says; None where nothing says it: that of the contract.
-    guessed : bool
-        Whether nothing but the name says what it holds.
+    Its unit is what the header, a row below it or the user says, None where nothing says it: that of the contract.
+    ``guessed``: nothing but the name says what it holds.
     """
 
     name: str
@@ -104,14 +96,7 @@ NOTHING_CHOSEN: Final = ChosenColumns({}, {})
 def chosen_columns(
     columns: Mapping[str, Any] | None, units: Mapping[str, Any] | None = None, *, where: str = "columns"
 ) -> ChosenColumns:
-    """Return what is said of a log's columns, checked.
-
-    Raises
-    ------
-    ConfigError
-        For a key that is not one of :data:`ROLES`, a name that is no text or given twice, or a unit that is not known
-        or of another kind.
-    """
+    """Return what is said of a log's columns, checked."""
     names, spelled = dict(columns or {}), dict(units or {})
     check_keys(names, ROLES, where=f"{where}, columns")
     check_keys(spelled, ROLES, where=f"{where}, units")
@@ -146,13 +131,7 @@ def chosen_columns(
 
 
 def parse_entries(text: str | None, *, option: str) -> dict[str, str]:
-    """Return ``{"time": "Time", "a": "Temp A (°C)"}`` for ``time=Time,a=Temp A (°C)``; empty for None.
-
-    Raises
-    ------
-    ConfigError
-        When an entry has no ``=``, or a key stands twice.
-    """
+    """Return ``{"time": "Time", "a": "Temp A (°C)"}`` for ``time=Time,a=Temp A (°C)``; empty for None."""
     entries: dict[str, str] = {}
     for entry in _ENTRY.split(text) if text is not None else ():
         key, sign, value = (part.strip() for part in entry.partition("="))

@@ -216,13 +216,7 @@ def _fault(line: str, columns: int, delimiter: str) -> str:
 
 
 def _decimal(
-    body: Sequence[str],
-    delimiter: str,
-    columns: Sequence[int],
-    *,
-    path: Path,
-    first_line: int,
-    repairs: list[Repair],
+    body: Sequence[str], delimiter: str, columns: Sequence[int], *, path: Path, first_line: int, repairs: list[Repair]
 ) -> str:
     """Return the decimal sign of some columns, refusing what can be read in two ways."""
     numbers = _with_comma(body, delimiter, columns)

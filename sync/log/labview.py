@@ -26,14 +26,7 @@ _FIRST_LINE: Final = "LabVIEW Measurement"
 class LabviewHeader:
     """What the lines before the names say; everything is empty for a file of another kind.
 
-    Attributes
-    ----------
-    decimal : str
-        Decimal sign; empty where it is not said.
-    units : tuple of str
-        Units by column; the column of times has none.
-    begin_s, step_s : float, float or None
-        Time of the first row and from row to row; None where they are not said.
+    The decimal sign, units by column (that of times has none), time of the first row and from row to row.
     """
 
     decimal: str = ""

@@ -37,17 +37,12 @@ _ASIDE: Final = " (not used)"
 
 @dataclass(frozen=True, slots=True)
 class LogTable(TextTable):
-    """The rows of a log as they stand in its file.
+    """The rows of a log as they stand in its file, under the contract's names.
 
-    Attributes
-    ----------
-    frame : DataFrame
-        Columns under the contract's names, ``time_s`` in seconds and temperatures in °C; fields that are no numbers are
-        left as they are, except in ``time_s`` (NaN). Further columns keep their names.
-    zero : str or None
-        Instant (ISO 8601) of time 0 where the stamps are dates.
-    notes : tuple of str
-        What a person should know: columns that were guessed or converted, dates that can be read in two ways.
+    ``time_s`` is in seconds (NaN where a field is no number), temperatures are in °C; other fields that are no numbers
+    are left as they are, and further columns keep their names. ``zero`` is the instant (ISO 8601) of time 0 where the
+    stamps are dates; ``notes`` are what a person should know: columns that were guessed or converted, dates that can be
+    read in two ways.
     """
 
     zero: str | None

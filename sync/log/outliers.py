@@ -16,8 +16,9 @@ from sync.log.repairs import Repair
 from sync.log.timestamps import BRIDGED_S
 from torsight.core.series import APART, constant_runs, robust_sigma, scatter, usual_step
 from torsight.core.units import Flags, Floats
+from torsight.core.words.plausible import SPRING_C
 
-RANGE_C: Final = (-80.0, 250.0)
+RANGE_C: Final = (-80.0, SPRING_C[1])
 """Readings outside are the instrument's, not the spring's."""
 _SPIKE_FLOOR_C: Final = 1.0
 """A smaller spike stays, whatever the noise. With half of it a merged table's temperatures err as much, with twice of
@@ -37,24 +38,7 @@ _TO_AND_FRO: Final = 0.25
 
 
 def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats, list[Repair]]:
-    """Set spikes and stuck readings to NaN.
-
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Strictly increasing.
-    temp_c : (n,) float64
-        Readings; NaN where there is none.
-    name : str
-        The column, for the list of repairs.
-
-    Returns
-    -------
-    temp_c : (n,) float64
-        The same, doubtful readings as NaN.
-    repairs : list of Repair
-        What was found.
-    """
+    """Set spikes and stuck readings (n,) of a column to NaN; return it with the list of what was found."""
     repairs: list[Repair] = []
     clean = temp_c.copy()
     missing = int(np.count_nonzero(~np.isfinite(clean)))

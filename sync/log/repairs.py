@@ -57,12 +57,7 @@ class Restart:
 
     def to_json(self) -> dict[str, object]:
         """Return the form that stands in ``sync.json``."""
-        return {
-            "row": self.index,
-            "shift_s": self.shift_s,
-            "gap_s": self.gap_s,
-            "gap_sigma_s": self.gap_sigma_s,
-        }
+        return {"row": self.index, "shift_s": self.shift_s, "gap_s": self.gap_s, "gap_sigma_s": self.gap_sigma_s}
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -32,18 +32,10 @@ change no reading of damaged logs (benchmarks/sync/constants.py)."""
 
 @dataclass(frozen=True, slots=True)
 class OrderedStamps:
-    """Rows in the order of time.
+    """Rows of the file that are kept, in the order of time, and what was done (``repairs``).
 
-    Attributes
-    ----------
-    row : (m,) int64
-        Rows of the file that are kept, in order.
-    time_s : (m,) float64
-        Their stamps, not decreasing within a block (repeated stamps are still there).
-    block : (m,) int64
-        0 before the first restart of the clock, 1 behind it, ...
-    repairs : tuple of Repair
-        What was done.
+    Stamps (m,) do not decrease within a block; repeated ones are still there. ``block`` is 0 before the first restart
+    of the clock, 1 behind it, ...
     """
 
     row: Ints

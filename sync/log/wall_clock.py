@@ -29,18 +29,10 @@ _DAY_S: Final = timedelta(days=1).total_seconds()
 
 @dataclass(frozen=True, slots=True)
 class Stamps:
-    """Stamps in seconds.
+    """Stamps in seconds (n,), NaN where a field is no stamp; since the first one where they are dates.
 
-    Attributes
-    ----------
-    time_s : (n,) float64
-        NaN where a field is no stamp; since the first one where they are dates.
-    zero : str or None
-        Instant (ISO 8601) of second 0 where they are dates.
-    numeric : bool
-        Whether the fields are numbers, in whatever unit the column has.
-    note : str or None
-        How dates were read that can be read in two ways.
+    ``zero`` is the instant (ISO 8601) of second 0 then, and ``note`` says how dates were read that can be read in two
+    ways. ``numeric``: the fields are numbers, in whatever unit the column has.
     """
 
     time_s: Floats
@@ -89,22 +81,7 @@ class RunningStamps:
 
 
 def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamps:
-    """Read a column of stamps.
-
-    Parameters
-    ----------
-    column : Series
-        Numbers, dates or text.
-    where : str
-        File, for messages.
-    first_line : int
-        Line of the file on which row 0 stands.
-
-    Raises
-    ------
-    InputError
-        When most fields are neither numbers nor dates nor times of day; it names the first such line.
-    """
+    """Read a column of stamps, numbers, dates or text, whose row 0 stands on ``first_line`` of the file."""
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column):

@@ -1,4 +1,4 @@
-"""Angle and temperatures on one clock.
+"""Angle and temperatures on one clock, and what ``sync.json`` says of them.
 
 Temperatures are interpolated linearly between the two stamps around a frame's instant. Nothing is averaged: a mean over
 neighbouring rows rounds the corners of the temperature, where an incomplete transformation ends, and noise is better
@@ -9,9 +9,12 @@ the logger did. Where the readings around are further apart than the longest gap
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
 from torsight.core.errors import InputError
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
@@ -59,13 +62,7 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
 def require_overlap(
     table: SyncedTable, angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, where: str
 ) -> None:
-    """Refuse a table without any row that has both temperatures.
-
-    Raises
-    ------
-    InputError
-        When film and log do not overlap, or the log has nothing but gaps there.
-    """
+    """Refuse a table without any row that has both temperatures."""
     if np.any(np.isfinite(table.temp_a_c) & np.isfinite(table.temp_b_c)):
         return
     begin, end = clock.to_temperature_time(angles.time_s[[0, -1]])
@@ -97,3 +94,25 @@ def _held(values: NDArray[np.generic], row: Ints, covered: Flags) -> NDArray[np.
         return taken
     blank: NDArray[np.object_] = np.full(len(taken), None, dtype=object)
     return np.where(covered, taken.astype(object), blank)
+
+
+def sync_content(clock: ClockMap, reading: LogReading, table: SyncedTable, *, max_gap_s: float) -> dict[str, Any]:
+    """Return the content of ``sync.json``."""
+    known = np.isfinite(table.temp_a_c) & np.isfinite(table.temp_b_c)
+    return {
+        "offset_s": {"value": clock.offset_s, "ci95": list(clock.offset_ci95_s)},
+        "drift_ppm": {"value": clock.drift_ppm, "ci95": list(clock.drift_ci95_ppm)},
+        "method": clock.method,
+        "notes": [*reading.notes, *clock.notes],
+        "interpolation": "linear between the log's stamps; switches and further columns hold the last row",
+        "max_gap_s": max_gap_s,
+        "rows": len(table),
+        "rows_without_temperature": int(np.count_nonzero(~known)),
+        "log": {
+            "rows": len(reading.log),
+            "zero": reading.zero,
+            "columns": {role: column.to_json() for role, column in reading.columns.items()},
+            "repairs": [repair.to_json() for repair in reading.repairs],
+            "restarts": [restart.to_json() for restart in reading.restarts],
+        },
+    }

@@ -37,16 +37,9 @@ Half and twice of them move a clock by 0.07 of its standard deviations at most (
 class Changepoint:
     """An instant at which the rate of a temperature jumps.
 
-    Attributes
-    ----------
-    time_s, time_sigma_s : float
-        When, on the log's clock.
-    lag_s, lag_sigma_s : float
-        First-order lag that rounds it like this.
-    lags_s, lag_log_likelihood : (n,) float64
-        The likelihood of the lag around its best value.
-    log_fit : float
-        Logarithm of how well the changepoint is described at all, up to a constant of its readings.
+    When, on the log's clock, and the first-order lag that rounds it like this, each with its sigma; the likelihood of
+    the lag (n,) around its best value. ``log_fit`` is the logarithm of how well the changepoint is described at all, up
+    to a constant of its readings.
     """
 
     time_s: float
@@ -62,16 +55,8 @@ class Changepoint:
 class Shape:
     """What a temperature does around a changepoint.
 
-    Attributes
-    ----------
-    powers_before : int
-        Degree of the polynomial that holds before it.
-    decay_s : float or None
-        Time constant of a decay that begins there beside a straight line; None: a straight line alone.
-    lag_s : float or None
-        Lag of the sensor, where it is known.
-    split : float
-        Share of the lag's second stage.
+    Before it a polynomial holds (``powers_before``: its degree); there a decay of time constant ``decay_s`` may begin
+    beside a straight line. ``lag_s`` is the sensor's where it is known, ``split`` the share of its second stage.
     """
 
     powers_before: int

@@ -32,18 +32,8 @@ def crossing_time(
 ) -> tuple[float, float]:
     """Return the instant near ``near_s`` at which the way passes a level, and one sigma, s.
 
-    NaN where the frames around do not show it: they end, or the way does not grow there.
-
-    Parameters
-    ----------
-    time_s, travel_rad : (n,) float64
-        Frames of the stroke and the way at each.
-    level_rad : float
-        The level.
-    near_s : float
-        About when.
-    noise_rad : float
-        Standard deviation of the way in one frame.
+    NaN where the frames around do not show it: they end, or the way does not grow there. ``travel_rad`` (n,) is the way
+    at each frame of the stroke, ``noise_rad`` its standard deviation.
     """
     count = _FEWEST
     while True:

@@ -22,20 +22,10 @@ _MAX_POINTS: Final = 400_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EvenSignal:
-    """A signal on an even grid.
+    """A signal on an even grid, smoothed (n,), with its rate per second, and one standard deviation of each.
 
-    Attributes
-    ----------
-    start_s, step_s : float
-        Time of the first point and distance of the points.
-    value, slope : (n,) float64
-        Smoothed value and its rate per second.
-    value_sigma, slope_sigma : float
-        One standard deviation of each, from the signal's own noise.
-    known : (n,) bool
-        False inside gaps that are too long to bridge.
-    noise, point_sigma : float
-        Noise of one raw sample, and of one point of the grid before smoothing.
+    ``known`` is false inside gaps that are too long to bridge. ``noise`` is that of one raw sample, ``point_sigma``
+    that of one point of the grid before smoothing.
     """
 
     start_s: float

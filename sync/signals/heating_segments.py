@@ -26,21 +26,10 @@ Spring = Literal["a", "b"]
 
 @dataclass(frozen=True, slots=True)
 class HeatingSegment:
-    """One heating or cooling of one spring.
+    """One heating or cooling of one spring: times of the log, and temperatures at its cold and its hot end.
 
-    Attributes
-    ----------
-    spring : {"a", "b"}
-        Which one.
-    heating : bool
-        False for a cooling.
-    begin_s, end_s : float
-        Times of the log.
-    low_c, high_c : float
-        Temperatures at its cold and its hot end.
-    until_s : float
-        How long it may drive a motion: a cooling does until the temperature turns, beyond the end of its steep part,
-        but not into the next heating of either spring.
+    ``until_s`` is how long it may drive a motion: a cooling does until the temperature turns, beyond the end of its
+    steep part, but not into the next heating of either spring.
     """
 
     spring: Spring
@@ -59,17 +48,10 @@ class HeatingSegment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogSignals:
-    """The log as even signals, with its segments in the order of time.
+    """The log as even signals of each spring's temperature, with its segments in the order of time.
 
-    Attributes
-    ----------
-    springs : mapping
-        Each spring's temperature.
-    heated : mapping
-        The same, smoothed over a time that is short against a heating: noise of a reading is an error of the clock
-        that differs from one offset to the next, and favours one of them by chance.
-    segments : tuple of HeatingSegment
-        In order.
+    ``heated`` are the same signals smoothed over a time that is short against a heating: noise of a reading is an error
+    of the clock that differs from one offset to the next, and favours one of them by chance.
     """
 
     springs: dict[Spring, EvenSignal]

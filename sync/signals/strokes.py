@@ -15,6 +15,7 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
+"""A shorter motion is no stroke. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
 _PAUSE_SHARE: Final = 0.15
 """A pause that is shorter than this share of the longer motion beside it does not end a stroke: stick-slip."""
 _LONGEST_PAUSE_S: Final = 5.0
@@ -24,20 +25,10 @@ Half and twice of both give the same clock (benchmarks/sync/constants.py)."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stroke:
-    """One motion from rest to rest.
+    """One motion from rest to rest: film times of its first and last motion, angles before and after it.
 
-    Attributes
-    ----------
-    begin_s, end_s : float
-        Film times of its first and last motion.
-    start_rad, stop_rad : float
-        Angles before and after it.
-    time_s, travel_rad : (n,) float64
-        The way from start, growing from 0, at film times.
-    frame_s, frame_travel_rad : (m,) float64
-        The same from the frames as they are.
-    travel_sigma_rad : float
-        One standard deviation of the way in one frame.
+    The way from the start (n,), growing from 0, at film times; the same from the frames as they are (m,), and one
+    standard deviation of the way in one frame.
     """
 
     begin_s: float

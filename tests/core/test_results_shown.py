@@ -30,7 +30,7 @@ from tests.core.test_paths import public_functions
 from torsight.actuator import ActuatorModel, FitResult, FittedModel, Simulation, fit_model, fitted_model, reference_spec
 from torsight.actuator.characterising.characterised import Characterisation, Step
 from torsight.actuator.effects import Effect, load_effects
-from torsight.actuator.predicted import Prediction
+from torsight.actuator.simulation import Prediction
 from torsight.core.files.results import RunResults
 from torsight.core.optics.axis import Axis
 from torsight.core.optics.camera import Pose

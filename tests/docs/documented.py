@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -15,6 +16,11 @@ PROGRAMS = ("torsight", "python", "make", ".")
 
 _CONSOLE = re.compile(r"```console\n(?P<lines>.*?)```", flags=re.DOTALL)
 _INLINE = re.compile(rf"(?<!`)`(?P<words>(?:{'|'.join(PROGRAMS[:3])}) [^`]+)`")
+
+
+def command_reference() -> str:
+    """Return the page of all commands."""
+    return str(runpy.run_path(str(DOCS / "conf.py"))["command_reference"]())
 
 
 def commands(text: str) -> list[str]:

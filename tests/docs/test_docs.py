@@ -18,10 +18,9 @@ import typer
 from sphinx.util.inventory import InventoryFile
 
 from tests.core.test_paths import PACKAGES, public_functions
-from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, commands, named
+from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, command_reference, commands, named
 from torsight.actuator.effects import ActsOn, load_effects
 from torsight.cli.main import COMMANDS, app
-from torsight.cli.reference import command_reference
 
 NOTEBOOKS = {
     # The friction torque is 0.855 mN·m there; a fit knows it to 0.02.

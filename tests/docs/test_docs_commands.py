@@ -30,12 +30,11 @@ import pytest
 from tests.browser import ask
 from tests.cli.test_run import FILES
 from tests.docs.docs_world import fill_in, make_world, small_scene
-from tests.docs.documented import PAGES, ROOT, commands
+from tests.docs.documented import PAGES, ROOT, command_reference, commands
 from tests.few_effects import try_few
 from tests.plain_report import draw_no_plots
 from tests.recordings import fingerprint
 from torsight.cli.main import main
-from torsight.cli.reference import command_reference
 from torsight.cli.run import UNFINISHED
 from torsight.cli.view import recording_of
 from torsight.core.errors import OutputError

@@ -11,8 +11,8 @@ from torsight.actuator.fitted import fitted_model as fitted_model
 from torsight.actuator.fitted import read_model as read_model
 from torsight.actuator.fitted import write_model as write_model
 from torsight.actuator.model import ActuatorModel as ActuatorModel
-from torsight.actuator.predicted import Prediction as Prediction
 from torsight.actuator.record.logs import read_log as read_log
+from torsight.actuator.simulation import Prediction as Prediction
 from torsight.actuator.simulation import Simulation as Simulation
 from torsight.actuator.spec import ActuatorSpec as ActuatorSpec
 from torsight.actuator.spec import read_actuator as read_actuator

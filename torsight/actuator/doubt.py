@@ -23,18 +23,9 @@ prediction moves by 1/30,000 of a standard deviation along it."""
 
 @dataclass(frozen=True, slots=True)
 class Alternative(Frozen):
-    """Another explanation of the same record.
+    """Another explanation of the same record: its effects, all its values in public units, and its laws.
 
-    Attributes
-    ----------
-    effects : tuple of str
-        Its effects.
-    values : mapping of str to float
-        All its values, public units.
-    laws : tuple of LawForm
-        Its laws.
-    share : float
-        Which part of the probability it holds, beside the model's own and the other ones.
+    ``share`` is which part of the probability it holds, beside the model's own and the other ones.
     """
 
     effects: tuple[str, ...]

@@ -157,6 +157,11 @@ class Drive:
         )
 
     @property
+    def measured(self) -> Flags:
+        """Where (n,) the angle was read and the temperatures are known."""
+        return np.isfinite(self.angle_rad) & self.known
+
+    @property
     def whole(self) -> tuple[Drive, Floats]:
         """Return the whole drive, in which the log is read at other times too, and which of its rows (n,) these are."""
         return self.part_of or (self, np.arange(float(len(self))))

@@ -142,17 +142,8 @@ class FitResult(Frozen, Shown):
 
 
 def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
-    """Refuse a record in which the actuator does not move, or as no actuator of this kind can.
-
-    Raises
-    ------
-    NoResultError
-        Where it does not move: saying how far it moved, and how warm the springs became.
-    InputError
-        Where it is folded into one turn, turns against the springs that are heated, or as far in degrees as it should
-        in radians.
-    """
-    angle = drive.angle_rad[np.isfinite(drive.angle_rad) & drive.known]
+    """Refuse a record in which the actuator does not move, or as no actuator of this kind can."""
+    angle = drive.angle_rad[drive.measured]
     # A row whose whole turn is not certain says so by its sigma: that is no noise of its reading.
     certain = drive.angle_sigma_rad < np.pi
     read = drive.angle_sigma_rad[certain]

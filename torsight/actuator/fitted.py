@@ -16,9 +16,8 @@ from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw
 from torsight.actuator.ports import History
-from torsight.actuator.predicted import Prediction
 from torsight.actuator.record.full_cycle import full_cycle
-from torsight.actuator.simulation import Simulation
+from torsight.actuator.simulation import Prediction, Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
 from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind
@@ -38,6 +37,7 @@ _MOST_COUNTED: Final = 1_000_000
 _NONE_BEFORE: Final = ("zero_deg", "static_swing")
 """Values that models of earlier files had not: they stand at zero, where they change nothing."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
+"""Angles that are no further apart are one home: a choice, which the documentation tells."""
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
 """Martensite fraction from which a spring counts as cold. The law itself ends at 1: by its cosine the temperature is
@@ -46,15 +46,7 @@ then within arccos(2 · 0.999 − 1) / π = 2 % of the window above M_f, 0.3 °C
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How a record left the springs, both cold.
-
-    Attributes
-    ----------
-    angle_rad : float
-        The actuator's own angle, as read.
-    unwound_rad : (float, float)
-        By how much A and B had been wound further than they stand.
-    """
+    """How a record left the springs, both cold: its last angle as read, and by how much A and B were unwound."""
 
     angle_rad: float
     unwound_rad: tuple[float, float]

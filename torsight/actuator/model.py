@@ -213,11 +213,7 @@ class ActuatorModel:
         return tuple(part for _, part in sorted(staged, key=lambda item: STAGES.index(item[0])))
 
     def simulate(
-        self,
-        drive: Drive,
-        values: Mapping[str, float] | None = None,
-        *,
-        history: History | None = None,
+        self, drive: Drive, values: Mapping[str, float] | None = None, *, history: History | None = None
     ) -> Simulation:
         """Step through a drive.
 

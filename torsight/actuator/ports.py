@@ -38,16 +38,11 @@ DWELL_DECADES: Final = np.linspace(0.0, 6.0, _GRID_POINTS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """What a record leaves behind for a later one.
+    """What a record leaves behind for a later one: how often A and B had been heated before it.
 
-    Attributes
-    ----------
-    cycles : (int, int)
-        How often A and B had been heated before this record.
-    after_record : bool
-        True where the simulated log comes after the record that the model was fitted to.
-    unwound_rad : (float, float) or None
-        By how much A and B had been wound further than they stand when the log begins; None: by the rule for homes.
+    ``after_record`` is true where the simulated log comes after the record that the model was fitted to;
+    ``unwound_rad`` is by how much A and B had been wound further than they stand when the log begins; None: by the rule
+    for homes.
     """
 
     cycles: tuple[int, int] = (0, 0)
@@ -202,13 +197,7 @@ class Ports:
     reading: tuple[Reading, ...] = ()
 
     def changed(self, **values: Any) -> Ports:
-        """Return ports with other values of some attributes, as :func:`dataclasses.replace` does, in less time.
-
-        Raises
-        ------
-        TypeError
-            For a name that is no attribute.
-        """
+        """Return ports with other values of some attributes, as :func:`dataclasses.replace` does, in less time."""
         if not values.keys() <= self.__dict__.keys():
             msg = f"ports have no {', '.join(sorted(values.keys() - self.__dict__.keys()))}"
             raise TypeError(msg)

@@ -28,6 +28,10 @@ class _Key:
     upper: float
     hint: str
 
+    def number(self, table: Mapping[str, Any], name: str, *, where: str) -> float:
+        """Return the value that a table gives under a name, within the range of the key."""
+        return get_number(table, name, where=where, lower=self.lower, upper=self.upper, hint=self.hint)
+
 
 _GPA: Final = "give it in GPa, not Pa or MPa"
 _CELSIUS: Final = "give it in °C, not kelvin"
@@ -106,9 +110,7 @@ class ActuatorSpec(Frozen):
         check_keys(self.uncertainty, tuple(self.values), where=f"{self.source}, uncertainty")
         for name, key in ALL_KEYS.items():
             if name in self.values or (name in KEYS and key.table in _REQUIRED[1:]):
-                get_number(
-                    self.values, name, where=f"{self.source}, values", lower=key.lower, upper=key.upper, hint=key.hint
-                )
+                key.number(self.values, name, where=f"{self.source}, values")
         for name in self.uncertainty:
             get_number(self.uncertainty, name, where=f"{self.source}, uncertainty", lower=0.0)
         check_order(self.values, where=self.source)
@@ -209,11 +211,7 @@ def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
 
 
 def _numbers(table: Mapping[str, Any], names: Iterable[str], *, where: str) -> dict[str, float]:
-    keys = {name: KEYS[name] for name in names}
-    return {
-        name: get_number(table, name, where=where, lower=key.lower, upper=key.upper, hint=key.hint)
-        for name, key in keys.items()
-    }
+    return {name: KEYS[name].number(table, name, where=where) for name in names}
 
 
 def _spring_b(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, float], dict[str, float]]:
@@ -265,13 +263,7 @@ def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, whe
 
 
 def check_order(values: Mapping[str, float], *, where: str) -> None:
-    """Refuse values out of physical order.
-
-    Raises
-    ------
-    ConfigError
-        Naming both keys, both values and why.
-    """
+    """Refuse values out of physical order."""
     for low, high, why in _ORDERS:
         if not values[low] < values[high]:
             raise ConfigError(

@@ -26,16 +26,9 @@ _WRITTEN: Final = ("out", "export_effect", "preview", "pictures")
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a command has to say to a script.
+    """What a command has to say to a script: what was found (the JSON file, where it writes one), and what was written.
 
-    Attributes
-    ----------
-    result : mapping
-        What was found; for a command that writes a JSON file, its content.
-    files : sequence of Path
-        What was written.
-    exit_code : int
-        0, or one of the contract's where the command has an answer all the same.
+    ``exit_code`` is 0, or one of the contract's where the command has an answer all the same.
     """
 
     result: Mapping[str, Any]

@@ -32,13 +32,7 @@ class Bars:
     """One bar for each step that has been reported; ``now`` gives the time, s."""
 
     def __init__(self, *, now: Callable[[], float] = time.monotonic) -> None:
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            ElapsedColumn(),
-            LeftColumn(),
-        )
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), ElapsedColumn(), LeftColumn())
         self.shown = Progress(*columns, console=Console(stderr=True), transient=True, get_time=now)
         self._tasks: dict[str, TaskID] = {}
 

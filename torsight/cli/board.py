@@ -25,8 +25,7 @@ def board(
     ] = None,
     *,
     out: Annotated[
-        Path,
-        typer.Option(metavar="FILE.svg", help="File to write: .svg or .pdf at true scale (a .png comes with it)."),
+        Path, typer.Option(metavar="FILE.svg", help="File to write: .svg or .pdf at true scale (a .png comes with it).")
     ],
     page: Annotated[str, typer.Option(help="Page: a5, a4, a3, a2, letter or tabloid.")] = "a4",
     kind: Annotated[str, typer.Option(help="Without BOARD.toml: charuco or chessboard.")] = "charuco",

@@ -203,13 +203,7 @@ def run_campaign(
 
 
 def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:
-    """Write the table of results as CSV and Parquet.
-
-    Raises
-    ------
-    NoResultError
-        When every experiment failed; the table is written all the same.
-    """
+    """Write the table of results as CSV and Parquet."""
     text = ("name", "status", "message", "verdict", "effects", "folder")
     columns = {name: [row.get(name, "" if name in text else np.nan) for row in rows] for name in RESULT_COLUMNS}
     numbers = {

@@ -41,8 +41,7 @@ def discover(
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     seed: Seed = 0,
     export_effect: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect."),
+        Path | None, typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect.")
     ] = None,
 ) -> Answer:
     """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.

@@ -31,36 +31,14 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
 class Experiment(Frozen):
     """One experiment with every path resolved.
 
-    Attributes
-    ----------
-    video : str or None
-        Film, folder or glob of pictures; the left one of a stereo pair. None where the angles are there already and
-        no film of them.
-    video_right : str or None
-        The right film of a stereo pair.
-    timestamps : Path or None
-        Table of frame times.
-    fps : float or None
-        Frames a second of a folder of pictures, or at which a slow-motion film was captured.
-    camera, markers_file : Path or None
-        ``CAMERA.toml``; ``MARKERS.toml``.
-    markers : mapping
-        Marker positions given in the experiment itself; empty where there are none.
-    temperature, actuator : Path
-        Temperature log and characterised values.
-    sync : mapping
-        Settings of the clock.
-    output : Path
-        Folder for the results.
-    seed : int
-        Seed of every random choice.
-    together : bool or tuple of Path
-        Merged tables of earlier records of this rig that are explained together with this one; True: with the others of
-        a campaign that say so.
-    angle : Path or None
-        Angles that are there already, as those of a live record; nothing is tracked then, and the film is only shown.
-    columns, units : mapping of str to str
-        Names and units of the temperature log's columns, by ``time, a, b, …``; empty where its header says them.
+    A film, folder or glob of pictures is the left one of a stereo pair where there is a right one. Where ``angle``
+    names angles that are there already, as those of a live record, nothing is tracked, and the film, if any, is only
+    shown. ``fps`` is the rate of a folder of pictures, or that at which a slow-motion film was captured; ``markers``
+    are positions given in the experiment itself, ``columns`` and ``units`` what the temperature log's header does not
+    say.
+
+    ``together`` are merged tables of earlier records of this rig that are explained together with this one; True: with
+    the others of a campaign that say so.
     """
 
     video: str | None
@@ -275,10 +253,7 @@ def _films(table: Mapping[str, Any], files: _Files, *, where: str) -> tuple[str,
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or len(names) not in (1, 2) or not all(isinstance(name, str) for name in names):
         raise ConfigError(
-            "'path' names no film",
-            where=where,
-            value=repr(value),
-            limit="a text, or a list of two for left and right",
+            "'path' names no film", where=where, value=repr(value), limit="a text, or a list of two for left and right"
         )
     found: list[str] = []
     for name in names:

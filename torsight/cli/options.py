@@ -45,9 +45,6 @@ def said(columns: str | None, units: str | None) -> Said:
     """Return what the options say."""
     from sync.log.column_names import chosen_columns, parse_entries
 
-    found = Said(
-        columns=parse_entries(columns, option="--columns"),
-        units=parse_entries(units, option="--units"),
-    )
+    found = Said(columns=parse_entries(columns, option="--columns"), units=parse_entries(units, option="--units"))
     chosen_columns(**found, where="command line")
     return found

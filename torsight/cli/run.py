@@ -78,13 +78,7 @@ def answer_of(folder: Path) -> Answer:
 
 
 def again(path: Path) -> Experiment:
-    """Return the experiment of a ``provenance.json``, refusing inputs that have changed since.
-
-    Raises
-    ------
-    InputError
-        When the file is no provenance, or an input is missing or has other bytes.
-    """
+    """Return the experiment of a ``provenance.json``, refusing inputs that have changed since."""
     content = read_json(path)
     recorded, configuration = content.get("inputs"), content.get("configuration")
     if not isinstance(recorded, dict) or not isinstance(configuration, dict):
@@ -93,10 +87,7 @@ def again(path: Path) -> Experiment:
         found = file_hash(Path(name))
         if found != expected:
             raise InputError(
-                "has changed since the run",
-                where=name,
-                value=found[:12],
-                limit=f"{str(expected)[:12]} (SHA-256)",
+                "has changed since the run", where=name, value=found[:12], limit=f"{str(expected)[:12]} (SHA-256)"
             )
     return experiment_from(configuration, where=f"{path}, configuration", folder=Path())
 
@@ -127,11 +118,7 @@ def run_experiment(
     made = [*(TRACKED if experiment.angle is None else ()), *_MADE]
     require_apart([folder / name for name in made], experiment.inputs())
     _check(experiment)
-    origin = provenance(
-        inputs=experiment.inputs(),
-        configuration=experiment.to_configuration(),
-        seed=experiment.seed,
-    )
+    origin = provenance(inputs=experiment.inputs(), configuration=experiment.to_configuration(), seed=experiment.seed)
     with only_writer(folder):
         state = _State(folder, origin=origin, resume=resume)
         for name, work in _stages(experiment, folder, resume=resume and state.same, progress=progress):

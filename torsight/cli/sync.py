@@ -30,16 +30,8 @@ if TYPE_CHECKING:
 class Settings:
     """Table ``[sync]``, checked; None where it says nothing.
 
-    Attributes
-    ----------
-    offset_s, drift_ppm : float or None
-        Known offset and drift of the log's clock.
-    max_gap_s : float or None
-        Longest gap in the log that is bridged.
-    events : LightEvents or None
-        Film times of a light.
-    led : (float, float) or None
-        Where in the picture a light is looked for, px.
+    Known offset and drift of the log's clock, the longest gap in the log that is bridged, the film times of a light,
+    and where in the picture one is looked for, px.
     """
 
     offset_s: float | None
@@ -116,22 +108,8 @@ def sync_to_folder(
 ) -> SyncedTable:
     """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for a lamp ``led_events.csv``).
 
-    Parameters
-    ----------
-    angle, temperature : Path
-        ``ANGLE.csv`` and ``TEMPS.csv`` (or Parquet).
-    settings : mapping
-        Table ``[sync]`` of the experiment; see :class:`Settings`.
-    out : Path
-        Folder for the results.
-    film, timestamps, fps
-        The film that the angles come from, as it was tracked; needed for ``led`` alone.
-    table : Path, optional
-        Another place for the merged table, CSV or Parquet by its suffix.
-    columns, units : mapping of str to str, optional
-        Names and units of the log's columns, as ``[temperature]`` of the experiment gives them.
-    progress : Progress
-        Told about every step.
+    ``settings`` is the table ``[sync]`` of the experiment; ``film``, ``timestamps`` and ``fps`` are those of the film
+    that the angles come from, needed for ``led`` alone. ``table`` is another place for the merged table.
 
     Raises
     ------
@@ -144,9 +122,8 @@ def sync_to_folder(
     """
     from sync import find_clock, merge, read_temperature_log
     from sync.log.timestamps import longest_gap_s
-    from sync.merge.merged_table import require_overlap
+    from sync.merge.merged_table import require_overlap, sync_content
     from sync.merge.slow_motion import slow_motion_text
-    from sync.merge.sync_report import sync_content
     from tracker.frames.timing import timing
 
     steps = 4.0

@@ -86,29 +86,8 @@ def track_to_folder(
 ) -> StickAngles:
     """Track a film (or a stereo pair) and write ``angle.csv``, ``markers.csv``, ``track.json`` and ``track.png``.
 
-    Parameters
-    ----------
-    video, right : str or Path
-        Film, folder or glob; the right one of a stereo pair.
-    camera : Path, optional
-        ``CAMERA.toml``.
-    markers : Path or mapping, optional
-        ``MARKERS.toml`` or its content.
-    timestamps : Path, optional
-        Table of frame times.
-    fps : float, optional
-        Frames a second of pictures, or at which a slow-motion film was captured.
-    out : Path
-        Folder for the results.
-    resume : bool
-        Go on from the last checkpoint of an interrupted track of the same inputs.
-    progress : Progress
-        Where to report.
-
-    Returns
-    -------
-    StickAngles
-        What stands in ``angle.csv``.
+    The options are those of :func:`track`; ``markers`` may be the content of ``MARKERS.toml``, too. Returns the angles
+    as they stand in ``angle.csv``.
     """
     from torsight.core.files.lock import only_writer
     from torsight.markers.track_picture import NAME as TRACK_PICTURE
@@ -160,12 +139,7 @@ def track_to_folder(
 
 
 def _tracked(
-    source: FilmSource | PictureSource,
-    hints: MarkerHints | None,
-    *,
-    out: Path,
-    resume: bool,
-    progress: Progress,
+    source: FilmSource | PictureSource, hints: MarkerHints | None, *, out: Path, resume: bool, progress: Progress
 ) -> TrackResult:
     """Follow the markers; where that fails, leave a picture of what was considered and why it was refused."""
     from tracker.track import track_film

@@ -34,16 +34,10 @@ _FINER = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kernel:
-    """One member of a law's prior.
+    """One member of a law's prior, named in a few plain words (``"slope"``, ``"smooth, 120 °"``).
 
-    Attributes
-    ----------
-    name : str
-        A few plain words (``"slope"``, ``"smooth, 120 °"``).
-    matrix : (k, k) float64
-        Covariance of the law's values on its nodes at size one; need not have full rank.
-    smooth : bool
-        True for a free function of some length, False for a usual form.
+    ``matrix`` (k, k) is the covariance of the law's values on its nodes at size one; it need not have full rank.
+    ``smooth`` is true for a free function of some length, false for a usual form.
     """
 
     name: str

@@ -18,21 +18,9 @@ def least_squares(
 ) -> tuple[Floats, Floats, float]:
     """Minimise a sum of squares (Levenberg-Marquardt, derivatives by differences).
 
-    Parameters
-    ----------
-    residuals : callable
-        From values (p,) to residuals (m,).
-    start : (p,) float64
-        Where to begin.
-    enough : float
-        Gain of a step below which there is nothing more to gain; in units of χ² it may be far from zero.
-
-    Returns
-    -------
-    values : (p,) float64
-    covariance : (p, p) float64
-        Inverse of JᵀJ: right when the residuals are in units of their sigmas.
-    chi_squared : float
+    ``start`` (p,) is where to begin, ``enough`` the gain of a step below which there is nothing more to gain: in units
+    of χ² it may be far from zero. Returns the values (p,), their covariance (p, p), the inverse of JᵀJ, which is right
+    where the residuals are in units of their sigmas, and χ².
     """
     values, error = start.copy(), residuals(start)
     damping = 1e-3

@@ -18,7 +18,7 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
-from torsight.core.series import share_explained
+from torsight.core.series import rms, share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import unexplained
@@ -42,6 +42,7 @@ CONTRADICTED_SIGMAS: Final = 4.0
 _DRAWS: Final = 2000
 """Draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
 _SETS_TOLD: Final = 12
+"""Sets of effects whose probabilities stand in ``discovery.json``, the likeliest first: a choice."""
 
 
 @one_thread()
@@ -109,27 +110,12 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
 
 
 def decided(
-    problem: Problem,
-    findings: Findings,
-    *,
-    record: ActuatorProblem,
-    seed: int,
-    effect_of: Callable[[str], str] = str,
+    problem: Problem, findings: Findings, *, record: ActuatorProblem, seed: int, effect_of: Callable[[str], str] = str
 ) -> dict[str, Any]:
     """Return the members of a report that follow from the decision, be it on one record or on several.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of one record, or of all.
-    findings : Findings
-        Of the engine.
-    record : ActuatorProblem
-        One of the records: the rig's exact values, and the range in which laws are shown.
-    seed : int
-        Of the draws for values that follow from fitted ones.
-    effect_of : callable
-        From a candidate's id to its effect's, where it has another.
+    The ``record``, or one of them, tells the rig's exact values and the range in which laws are shown; ``effect_of``
+    gives a candidate's effect where that has another id.
     """
     field, decision = findings.field, findings.decision
     base, chosen = field.plain, decision.chosen
@@ -180,16 +166,8 @@ def doubt_of(
 ) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
 
-    Parameters
-    ----------
-    parameters : sequence of Parameter
-        The free parameters.
-    spread : (m, m) float64
-        Their covariance.
-    left_deg : (float, float)
-        What the model leaves in motion and at rest, root mean square.
-    others : sequence of (FittedModel, float)
-        The other explanations, and which part of the probability each holds.
+    ``spread`` (m, m) is the free parameters' covariance, ``left_deg`` what is left in motion and at rest, root mean
+    square; the others are further explanations, each with its part of the probability.
     """
     return Doubt(
         names=tuple(p.name for p in parameters),
@@ -227,7 +205,7 @@ def _of_time_deg(problem: ActuatorProblem, chosen: Explanation) -> float:
     own, effects, values = _problem(chosen), chosen.fit.effects, chosen.fit.values
     without = {name: 0.0 if name in names else value for name, value in values.items()}
     change = own.simulate(values, effects).angle_rad - own.simulate(without, effects).angle_rad
-    return float(np.sqrt(np.mean(change[problem.drive.known] ** 2))) / DEG
+    return rms(change[problem.drive.known]) / DEG
 
 
 def fixed_values(problem: ActuatorProblem) -> dict[str, Estimate]:
@@ -247,13 +225,13 @@ def noise_floor(problem: ActuatorProblem, chosen: Explanation, stretches: Stretc
     drive, fit = problem.drive, chosen.fit
     measured = np.isfinite(drive.angle_rad)
     given = drive.angle_sigma_rad[measured] / DEG
-    reading = float(np.sqrt(np.mean(given[np.isfinite(given)] ** 2))) if np.isfinite(given).any() else 0.0
+    reading = rms(given[np.isfinite(given)]) if np.isfinite(given).any() else 0.0
     if reading == 0.0:
         residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
         reading = reading_noise(problem, stretches, residual)
     noise = _problem(chosen).input_noise(fit.values, fit.effects)
     over_time = np.interp(drive.time_s, problem.time_s, noise)
-    return float(np.hypot(reading, np.sqrt(np.mean(over_time**2))))
+    return float(np.hypot(reading, rms(over_time)))
 
 
 def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: HeldOut | None) -> Errors:
@@ -261,9 +239,9 @@ def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: Held
     drive, effects = problem.drive, explanation.fit.effects
     own = _problem(explanation)
     observed = drive.angle_rad / DEG
-    good = np.isfinite(observed) & drive.known
+    good = drive.measured
     fitted = own.simulate(explanation.fit.values, effects).angle_rad / DEG
-    train = float(np.sqrt(np.mean((observed - fitted)[good] ** 2)))
+    train = rms((observed - fitted)[good])
     if held_out is None:
         return Errors(train, float("nan"), float("nan"))
     predicted = np.empty(len(drive))
@@ -272,13 +250,13 @@ def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: Held
         predicted[rows] = own.simulate(values, effects).angle_rad[rows] / DEG
     error = (observed - predicted)[good]
     each = _by_half_cycle(error, drive.cycles.half[good], [label for label, _ in held_out.folds])
-    return Errors(train, float(np.sqrt(np.mean(error**2))), share_explained(observed[good], predicted[good]), each)
+    return Errors(train, rms(error), share_explained(observed[good], predicted[good]), each)
 
 
 def _by_half_cycle(error: Floats, half: Ints, labels: Sequence[int]) -> tuple[float, ...]:
     """Return the root mean square of the errors in each half-cycle."""
     found = [error[half == label] for label in labels]
-    return tuple(float(np.sqrt(np.mean(each**2))) if len(each) else float("nan") for each in found)
+    return tuple(rms(each) if len(each) else float("nan") for each in found)
 
 
 def pulls_of(problem: Problem, explanation: Explanation) -> tuple[Pull, ...]:

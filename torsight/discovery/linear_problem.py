@@ -12,6 +12,7 @@ import numpy as np
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, LawForm, slope, smooth_kernels
 from torsight.core.parameter import Parameter
+from torsight.core.series import rms
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.interface import Candidate, OptionalMembers
 
@@ -71,7 +72,7 @@ class LinearProblem(OptionalMembers):
 
 _NODES: Final = 25
 """A wave needs five nodes a period: five of them fit into a driver's range."""
-_SCALE: Final = 0.03
+LAW_SHARE: Final = 0.03
 """Size of a law that matters, as a share of the output's."""
 _TIME_LIKE: Final = ("time_s", "cycle")
 
@@ -84,7 +85,7 @@ def law_over(name: str, driver: Floats, size: float) -> Law | None:
     nodes = places if len(places) < _NODES else np.linspace(float(places[0]), float(places[-1]), _NODES)
     smooth = smooth_kernels(nodes, line=True) if len(nodes) > 2 else ()
     kernels = (Kernel("slope", slope(nodes), smooth=False), *smooth)
-    scale = _SCALE * size
+    scale = LAW_SHARE * size
     return Law(name, "output", name, "", f"the output over {name}", nodes, scale, kernels, time_like=name in _TIME_LIKE)
 
 
@@ -128,16 +129,12 @@ def linear_problem(
     size = float(np.std(measured)) if len(measured) else 1.0
 
     def parameter(name: str, column: Floats, *, null: float | None) -> Parameter:
-        typical = float(np.sqrt(np.mean(column**2)))
+        typical = rms(column)
         scale = 0.1 * size / typical if typical > 0.0 else 1.0
         return Parameter(name, scale if null is not None else 0.0, "", null=null)
 
     effects = tuple(
-        Candidate(
-            name,
-            "",
-            tuple(parameter(key, column, null=0.0) for key, column in own.items()),
-        )
+        Candidate(name, "", tuple(parameter(key, column, null=0.0) for key, column in own.items()))
         for name, own in candidates.items()
     )
     return LinearProblem(

@@ -15,6 +15,7 @@ from torsight.core.files.storage import read_table
 from torsight.core.units import Flags, Floats
 
 _KEYS: Final = ("effect", "port", "driver", "spring", "unit", "share", "file")
+"""What an entry of ``laws`` must have."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,16 +70,8 @@ class MeasuredLaw:
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""
-        return {
-            "effect": self.effect,
-            "port": self.port,
-            "driver": self.driver,
-            "spring": self.spring,
-            "unit": self.unit,
-            "share": self.share,
-            "file": self.csv_name,
-            "sentence": self.sentence,
-        }
+        own = {name: getattr(self, name) for name in _KEYS if name != "file"}
+        return {**own, "file": self.csv_name, "sentence": self.sentence}
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Return the columns of its file."""
@@ -92,13 +85,6 @@ class MeasuredLaw:
 
 def read_laws(folder: Path, discovery: Mapping[str, Any]) -> tuple[MeasuredLaw, ...]:
     """Return the laws that a ``discovery.json`` names, with the numbers of the files beside it.
-
-    Parameters
-    ----------
-    folder : Path
-        Holds the files.
-    discovery : mapping
-        Content of ``discovery.json``.
 
     Raises
     ------

@@ -80,7 +80,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     sigma = np.sqrt(np.diag(spread))
     values = {**model.nominal(), **fit.values}
     simulation = problem.simulate(fit.values, fit.effects)
-    counted = np.isfinite(drive.angle_rad) & drive.known
+    counted = drive.measured
     residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
     variance = found.likelihood.variance(found.residual)
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG

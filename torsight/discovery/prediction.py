@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.fitted import FittedModel
-from torsight.actuator.predicted import Prediction
+from torsight.actuator.simulation import Prediction
 from torsight.core.errors import require_kind
 from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
@@ -34,7 +34,7 @@ class PredictedAngle(Prediction):
     Attributes
     ----------
     angle_rad, drive, simulation, rows
-        See :class:`torsight.actuator.predicted.Prediction`.
+        See :class:`torsight.actuator.simulation.Prediction`.
     sigma_rad : (n,) float64
         Standard deviation of the angle; NaN where the model does not say how far it may be wrong.
     """
@@ -64,12 +64,7 @@ def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: f
 
 
 def predict_with_sigma(
-    model: FittedModel,
-    log: TemperatureLog,
-    *,
-    start_angle_rad: float,
-    where: str = "log",
-    progress: Progress = silent,
+    model: FittedModel, log: TemperatureLog, *, start_angle_rad: float, where: str = "log", progress: Progress = silent
 ) -> PredictedAngle:
     """Predict a later temperature log and say, for every instant, how far to trust the prediction.
 

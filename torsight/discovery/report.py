@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from torsight.actuator.quantities import effect_values
 from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate
 from torsight.core.units import Floats
-from torsight.core.words.shown import Shown, draw_series
+from torsight.core.words.shown import Shown, draw_models
 from torsight.core.words.wording import effect_name, number, verdict_sentence
 from torsight.discovery.design.next_experiment import NextExperiment
 from torsight.discovery.measured_law import MeasuredLaw
@@ -34,28 +34,15 @@ class Errors:
 
     def to_json(self) -> dict[str, Any]:
         """Return the keys of the contract."""
-        return {
-            "rmse_train_deg": self.rmse_train_deg,
-            "rmse_held_out_deg": self.rmse_held_out_deg,
-            "r2_held_out": self.r2_held_out,
-            "by_half_cycle_deg": list(self.by_half_cycle_deg),
-        }
+        return {**asdict(self), "by_half_cycle_deg": list(self.by_half_cycle_deg)}
 
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect(Frozen):
-    """An accepted effect.
+    """An accepted effect as declared, with its fitted values and values for people that follow from them.
 
-    Attributes
-    ----------
-    id, family, title : str
-        As declared.
-    parameters : mapping of str to Estimate
-        Fitted values, and values for people that follow from them.
-    probability : float
-        Posterior weight of the sets that hold it, among the named set and its rivals.
-    gain : float
-        Information that is lost without it.
+    ``probability`` is the posterior weight of the sets that hold it, among the named set and its rivals; ``gain`` is
+    the information that is lost without it.
     """
 
     id: str
@@ -68,12 +55,8 @@ class FoundEffect(Frozen):
     def to_json(self) -> dict[str, Any]:
         """Return the keys of the contract."""
         return {
-            "id": self.id,
-            "family": self.family,
-            "title": self.title,
-            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
-            "probability": self.probability,
-            "gain": self.gain,
+            **{one.name: getattr(self, one.name) for one in fields(self)},
+            "parameters": _estimates(self.parameters),
         }
 
 
@@ -173,9 +156,7 @@ class DiscoveryReport(Frozen, Shown):
         return dict(self.curves)
 
     def _draw(self, axes: Any) -> None:
-        names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
-        lines = {words: self.curves[name] for name, words in names.items() if name in self.curves}
-        draw_series(axes, self.curves["time_s"], lines, label="angle, °")
+        draw_models(axes, self.curves)
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``discovery.json``."""

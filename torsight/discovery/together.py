@@ -17,20 +17,14 @@ from torsight.core.errors import ConfigError
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
+from torsight.core.series import rms
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG, Floats
 from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
-from torsight.discovery.discover import (
-    decided,
-    doubt_of,
-    errors_of,
-    held_out_error_deg,
-    model_of,
-    noise_floor,
-)
+from torsight.discovery.discover import decided, doubt_of, errors_of, held_out_error_deg, model_of, noise_floor
 from torsight.discovery.inference.engine import Findings
 from torsight.discovery.inference.explanation import Explanation, Field, predictive_covariance
 from torsight.discovery.inference.fitting import Fit, Fitter
@@ -218,10 +212,7 @@ def _report(
     others = [(model_of(problem.parts[last], single(problem, one, last)), part) for one, part in decision.shared]
     places = _places(problem, chosen.fit, last, [p.name for p in view.fit.parameters])
     doubt = doubt_of(
-        view.fit.parameters,
-        predictive_covariance(chosen)[np.ix_(places, places)],
-        held_out_error_deg(findings),
-        others,
+        view.fit.parameters, predictive_covariance(chosen)[np.ix_(places, places)], held_out_error_deg(findings), others
     )
     return JointReport(
         **shared,
@@ -278,13 +269,12 @@ def _unseen(problem: SeveralRecords, view: Explanation, record: int, folds: Mapp
     """Return the error on a record, over all of its rows, with values that were fitted without it."""
     part = cast("ActuatorProblem", view.fitter.problem)
     predicted = part.simulate(problem.values_of(record, folds[record]), view.fit.effects).angle_rad
-    good = np.isfinite(part.drive.angle_rad) & part.drive.known
-    return float(np.sqrt(np.mean(((part.drive.angle_rad - predicted)[good] / DEG) ** 2)))
+    return rms((part.drive.angle_rad - predicted)[part.drive.measured] / DEG)
 
 
 def _rows(problem: SeveralRecords) -> Floats:
     """Return how many measured rows each record has."""
-    return np.array([float(np.sum(np.isfinite(p.drive.angle_rad) & p.drive.known)) for p in problem.parts])
+    return np.array([float(np.sum(p.drive.measured)) for p in problem.parts])
 
 
 def _mean_square(problem: SeveralRecords, each: Sequence[float]) -> float:

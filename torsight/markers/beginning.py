@@ -51,26 +51,9 @@ class Beginning:
 class Followed:
     """What became of picked points in the first seconds.
 
-    Attributes
-    ----------
-    frame : (k,) int64
-        The frames that are shown, from all that were followed.
-    time_s : (k,) float64
-        Their times.
-    pictures : tuple of bytes
-        The same frames as JPEG.
-    position_px : (k, 4, 2) float64
-        The points in them; NaN where not seen.
-    angle_deg : (k,) float64
-        The angle; NaN where it is not known.
-    count : int
-        Frames that were followed.
-    seen : (4,) int64
-        In how many of them each point was seen.
-    verdict : str
-        One sentence.
-    warnings : tuple of str
-        What does not look right.
+    The frames (k,) that are shown, from all that were followed, with their times, and as JPEG; the points in them (k,
+    4, 2) and the angle (k,), NaN where not seen or not known. How many frames were followed, and in how many of them
+    each point (4,) was seen. One sentence, and what does not look right.
     """
 
     frame: Ints

@@ -53,12 +53,9 @@ _DOT_PX: Final = 2
 
 
 class Canvas:
-    """A picture that is drawn on: places as x and y in pixels from its upper left pixel, colours as red, green, blue.
+    """A picture (h, w, 3) that is drawn on in place, OpenCV's way: blue, green, red.
 
-    Parameters
-    ----------
-    pixels : (h, w, 3) uint8
-        Blue, green, red; drawn on in place.
+    Places are x and y in pixels from its upper left pixel, colours are given as red, green, blue.
     """
 
     def __init__(self, pixels: NDArray[np.uint8]) -> None:
@@ -169,17 +166,7 @@ class Canvas:
 
 @dataclass(frozen=True, slots=True)
 class FrameView:
-    """A part of a frame, drawn on a canvas.
-
-    Attributes
-    ----------
-    canvas : Canvas
-        Where it is drawn; the part fills it.
-    left_px, top_px : int
-        First column and row of the frame that are shown.
-    scale_x, scale_y : float
-        Pixels of the canvas for one of the frame.
-    """
+    """A part of a frame that fills a canvas: its first column and row, and the canvas' pixels for one of the frame."""
 
     canvas: Canvas
     left_px: int

@@ -29,15 +29,7 @@ SNAPS: Final = "dot"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a pick came to lie.
-
-    Attributes
-    ----------
-    x_px, y_px : float
-        Position in the first frame, y down.
-    radius_px : float or None
-        Radius of the dot there; None for a point without one.
-    """
+    """Where a pick came to lie in the first frame, y down, with the dot's radius; None for a point without one."""
 
     x_px: float
     y_px: float
@@ -47,25 +39,9 @@ class Place:
 def place(
     luma: NDArray[np.uint8], x_px: float, y_px: float, *, kind: str, others: Mapping[str, tuple[float, float]]
 ) -> Place:
-    """Return where a pick comes to lie: on the centre of the dot next to it, or just there for other kinds.
+    """Return where a pick in the first frame (h, w) comes to lie: on the centre of the dot next to it, or just there.
 
-    Parameters
-    ----------
-    luma : (h, w) uint8
-        The first frame.
-    x_px, y_px : float
-        The pick.
-    kind : str
-        Kind of marker.
-    others : mapping
-        The picks before it, by the markers' names.
-
-    Raises
-    ------
-    ConfigError
-        When the pick lies outside the picture, or where another one is.
-    NoResultError
-        When there is no dot next to it.
+    Only markers of the ``kind`` dot have centres; ``others`` are the picks before it, by the markers' names.
     """
     from tracker.detect.dots import dot_near
     from tracker.detect.given_positions import SNAP_PX
@@ -105,17 +81,8 @@ def place(
 def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:
     """Return the content of ``markers.toml`` from what a page sends.
 
-    Parameters
-    ----------
-    picks : mapping
-        ``points``: a pair of numbers by the name of each marker; ``kind``: by the name of each stick.
-    kept : mapping
-        Content of the file that is replaced: its measured lengths stay.
-
-    Raises
-    ------
-    ConfigError
-        When a marker has no position, or the tracker would not accept the file.
+    That is ``points``, a pair of numbers by the name of each marker, and ``kind`` by the name of each stick; of
+    ``kept``, the content of the file that is replaced, the measured lengths stay.
     """
     points, kind = picks.get("points"), picks.get("kind")
     points = points if isinstance(points, Mapping) else {}

@@ -57,24 +57,11 @@ def write_preview(
     given_px: Floats | None = None,
     named_px: Floats | None = None,
 ) -> None:
-    """Draw one frame with a grid in pixels, the candidates with their numbers, and the markers that were found.
+    """Draw one frame (h, w) with a grid in pixels, the candidates with their numbers, and the markers that were found.
 
-    Parameters
-    ----------
-    path : Path
-        The PNG file.
-    luma : (h, w) uint8
-        The frame.
-    seen : Sighting
-        What automatic detection made of it.
-    title : str
-        First line.
-    message : str
-        Why nothing came of it, where it failed; what the detection itself says otherwise.
-    given_px : (4, 2) float64, optional
-        Positions that a person gave, order of :data:`torsight.core.tracks.MARKERS`.
-    named_px : (4, 2) float64, optional
-        The markers that were found, in the same order, where it is known which stick moves.
+    ``message`` says why nothing came of it, where it failed. Positions (4, 2) are in the order of
+    :data:`torsight.core.tracks.MARKERS`: those that a person gave, and those that were found where it is known which
+    stick moves.
     """
     height, width = luma.shape
     scale = SHOWN_PX / max(width, height)

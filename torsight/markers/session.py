@@ -16,16 +16,7 @@ from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
 from torsight.markers.beginning import Beginning, Followed, follow_beginning, name_sticks, seconds_of
-from torsight.markers.picks import (
-    PICKED,
-    SNAPS,
-    STICKS,
-    content_of,
-    hints_of,
-    place,
-    read_earlier,
-    write_markers,
-)
+from torsight.markers.picks import PICKED, SNAPS, STICKS, content_of, hints_of, place, read_earlier, write_markers
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Sighting
@@ -37,20 +28,7 @@ NAMING_S: Final = 10.0
 
 
 class Session:
-    """One film, one marker file to write.
-
-    Parameters
-    ----------
-    source : FilmSource or PictureSource
-        The film.
-    out : Path
-        The marker file.
-
-    Attributes
-    ----------
-    saved : dict or None
-        The content of the file, once it is written.
-    """
+    """One film, one marker file to write; ``saved`` is the content of the file, once it is written."""
 
     def __init__(self, source: FilmSource | PictureSource, *, out: Path) -> None:
         self.source = source

@@ -150,12 +150,7 @@ def _view(result: TrackResult) -> tuple[int, int, int, int]:
 
 
 def _draw_frame(
-    canvas: Canvas,
-    luma: NDArray[np.uint8] | None,
-    one: Shown,
-    *,
-    result: TrackResult,
-    view: tuple[int, int, int, int],
+    canvas: Canvas, luma: NDArray[np.uint8] | None, one: Shown, *, result: TrackResult, view: tuple[int, int, int, int]
 ) -> None:
     if luma is None:
         width, height = canvas.size_px

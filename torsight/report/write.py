@@ -71,11 +71,7 @@ def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
 
 
 def write_page(
-    folder: Path,
-    shown: Mapping[str, Any],
-    *,
-    template: str = "report.html",
-    ours: Callable[[str], bool] | None = None,
+    folder: Path, shown: Mapping[str, Any], *, template: str = "report.html", ours: Callable[[str], bool] | None = None
 ) -> Path:
     """Write ``report.html`` that shows some contents, and its figures beside it; on ``ours`` see ``write_figures``."""
     figures = [figure for some in shown["figures"].values() for figure in some]

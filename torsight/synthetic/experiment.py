@@ -23,18 +23,9 @@ from torsight.synthetic.scene import Scene, scene_from
 class Played:
     """A scene's signals on the film's clock.
 
-    Attributes
-    ----------
-    scene : Scene
-        What was played.
-    rig : RigRecord or None
-        The rig's signals; None where the motion is given by hand.
-    before_s : float
-        How long the rig's record runs before the film.
-    duration_s : float
-        Length of the film.
-    read_rad : (n,) float64 or None
-        The rig's angle as a camera reads it, sample by sample, but for a slipped marker.
+    The rig's record, None where the motion is given by hand, begins ``before_s`` before the film, which lasts
+    ``duration_s``; ``read_rad`` (n,) is the rig's angle as a camera reads it, sample by sample, but for a slipped
+    marker.
     """
 
     scene: Scene

@@ -1,7 +1,7 @@
 """Sections of a scene file as frozen dataclasses: every key carries its default, its bounds and one line of help.
 
 A section is a dataclass whose fields are made by :func:`key`. :func:`read_section` fills it from a TOML table and
-refuses what the section does not know; :func:`describe` lists the keys for the documentation.
+refuses what the section does not know.
 """
 
 from __future__ import annotations
@@ -20,18 +20,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class KeyRule:
-    """What a key may hold.
+    """What a key may hold: a number (each, in a list) within its bounds, one of the choices where there are any.
 
-    Attributes
-    ----------
-    help : str
-        One line; the unit is in the key's name.
-    lower, upper : float
-        Bounds of a number (of each, in a list).
-    choices : tuple of str
-        Allowed texts; empty where any is.
-    constant : str
-        The integrator's constant that a key sets; empty where it sets none by itself.
+    ``help`` is one line, the unit is in the key's name; ``constant`` is the integrator's that the key sets by itself,
+    if any.
     """
 
     help: str
@@ -105,13 +97,3 @@ def _value(item: Field[Any], table: Mapping[str, Any], *, where: str) -> Any:
         return get_numbers(table, name, len(default), where=where, lower=rule.lower, upper=rule.upper)
     get = get_whole if isinstance(default, int) else get_number
     return get(table, name, where=where, lower=rule.lower, upper=rule.upper)
-
-
-def describe(kind: type[Any]) -> list[tuple[str, str, str]]:
-    """Return (key, default, help) for each key of a section, for the documentation."""
-    rows = []
-    for item in fields(kind):
-        rule = rule_of(item)
-        choices = f" ({', '.join(rule.choices)})" if rule.choices else ""
-        rows.append((item.name, str(item.default), rule.help + choices))
-    return rows

@@ -72,17 +72,8 @@ def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> 
 def record_scene(scene: Scene, *, out: Path) -> Path:
     """Write what a scene's rig does without filming it: as a perfect camera and one clock would have it.
 
-    Parameters
-    ----------
-    scene : Scene
-        What happens; film, camera, light and the log's clock do not matter, but for the frame rate.
-    out : Path
-        Folder; gets ``merged.csv``, ``actuator.toml`` and ``truth.toml``.
-
-    Returns
-    -------
-    Path
-        ``merged.csv``.
+    The folder gets ``merged.csv``, whose path is returned, ``actuator.toml`` and ``truth.toml``. Film, camera, light
+    and the log's clock do not matter, but for the frame rate.
 
     Raises
     ------

@@ -41,19 +41,7 @@ _VIDEO_LEVELS: Final = np.round(16.0 + np.arange(256) * (219.0 / 255.0)).astype(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Preview:
-    """A preview on disk.
-
-    Attributes
-    ----------
-    path : Path
-        The mp4.
-    frame : (k,) int64
-        Which frames of the film it holds, in order.
-    scale : float
-        Pixels of the preview per pixel of the film.
-    size_px : (int, int)
-        Width and height of the preview.
-    """
+    """A preview on disk: the mp4 and its size, which frames (k,) it holds, and its pixels per pixel of the film."""
 
     path: Path
     frame: Ints

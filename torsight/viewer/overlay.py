@@ -21,20 +21,9 @@ ARC_STEP_RAD: Final = np.deg2rad(6.0)
 class Overlay:
     """What is drawn on one frame, in pixels of the picture.
 
-    Attributes
-    ----------
-    points_px : (k, 2) float64
-        The markers that were found.
-    names : tuple of str
-        Their names.
-    sticks_px : tuple of (2, 2) float64
-        Lines through the markers of a stick, where both were found: base first.
-    sticks : tuple of str
-        ``base``, ``moving``: which sticks these are.
-    arc_px : (m, 2) float64
-        The arc from the base stick to the moving stick; empty where the angle is not known.
-    label : str
-        The angle as it is written beside the arc.
+    The markers (k, 2) that were found, by their names; lines (2, 2) through both markers of a stick, base first, and
+    which sticks these are; the arc (m, 2) from the base stick to the moving one, empty where the angle is not known,
+    with the angle as it is written beside it.
     """
 
     points_px: Floats
@@ -64,14 +53,8 @@ def colour_of(name: str) -> Colour:
 def overlay(position_px: Floats, angle_rad: float, *, scale: float) -> Overlay:
     """Return what is drawn on one frame.
 
-    Parameters
-    ----------
-    position_px : (4, 2) float64
-        Markers in the film's pixels, in the order of ``torsight.core.tracks.MARKERS``; NaN where not found.
-    angle_rad : float
-        Angle, positive counter-clockwise as displayed; NaN where not known.
-    scale : float
-        Pixels of the picture that is shown per pixel of the film.
+    Markers (4, 2) are in the film's pixels and the order of ``torsight.core.tracks.MARKERS``, the angle is positive
+    counter-clockwise as displayed; NaN where not known. ``scale`` is pixels of what is shown per pixel of the film.
     """
     shown = position_px * scale
     found = np.asarray(np.isfinite(shown).all(axis=1))

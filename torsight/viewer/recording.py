@@ -225,9 +225,7 @@ def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview 
         stream.log("film/picture", video, static=True)
         stamps = np.asarray(video.read_frame_timestamps_nanos())[: len(chosen)]
         stream.send_columns(
-            "film/picture",
-            indexes=times(chosen, time_s),
-            columns=rr.VideoFrameReference.columns_nanos(stamps),
+            "film/picture", indexes=times(chosen, time_s), columns=rr.VideoFrameReference.columns_nanos(stamps)
         )
     else:
         chosen = np.arange(0, len(table), max(1, -(-len(table) // MOST_FRAMES)))
@@ -266,11 +264,7 @@ def log_overlays(stream: rr.RecordingStream, drawn: Sequence[Overlay], indexes: 
         return
     counts = [len(one.points_px) for one in drawn]
     names = [name for one in drawn for name in one.names]
-    columns = rr.Points2D.columns(
-        positions=points,
-        colors=[colour_of(name) for name in names],
-        labels=names,
-    )
+    columns = rr.Points2D.columns(positions=points, colors=[colour_of(name) for name in names], labels=names)
     stream.send_columns("film/markers", indexes=indexes, columns=columns.partition(counts))
     strips, colours, labels, lengths = [], [], [], []
     for one in drawn:

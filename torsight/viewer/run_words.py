@@ -54,15 +54,15 @@ def run_events(results: RunResults) -> list[Event]:
     return sorted(found, key=lambda event: event.time_s)
 
 
-class HalfCycle(NamedTuple):
-    """Where a half-cycle begins, and which spring is driven in it."""
+class HalfCycleBegin(NamedTuple):
+    """Where a half-cycle begins: time, measured angle (NaN where not known), and the spring that is driven (A or B)."""
 
     time_s: float
     angle_deg: float
     spring: str
 
 
-def half_cycle_begins(results: RunResults) -> list[HalfCycle]:
+def half_cycle_begins(results: RunResults) -> list[HalfCycleBegin]:
     """Return the half-cycles of a run whose model has been fitted; none where it has not."""
     table = results.curves
     if table is None or not {"half_cycle", "active"} <= set(table.columns):
@@ -70,7 +70,7 @@ def half_cycle_begins(results: RunResults) -> list[HalfCycle]:
     half = column(table, "half_cycle")
     rows = np.flatnonzero(np.diff(half, prepend=-np.inf) > 0.0)
     return [
-        HalfCycle(float(row["time_s"]), float(row["angle_deg"]), str(row["active"]).upper())
+        HalfCycleBegin(float(row["time_s"]), float(row["angle_deg"]), str(row["active"]).upper())
         for row in table.iloc[rows].to_dict("records")
     ]
 

@@ -67,15 +67,10 @@ six tenths of the window, 0.3 / 1.3 or 177 px. The longest name has 21 letters o
 
 
 def blueprint(span_s: tuple[float, float] | None = None, *, laws: Sequence[str] = ()) -> rrb.Blueprint:
-    """Return the arrangement of the panes.
+    """Return the arrangement of the panes, with one for each law by its name below the curves.
 
-    Parameters
-    ----------
-    span_s : (float, float), optional
-        First and last time of a record that is finished; without it the curves follow the cursor. Both leave room on
-        the right, where the legends stand.
-    laws : sequence of str
-        Names of the measured laws; one pane for each, below the curves.
+    ``span_s`` is first and last time of a record that is finished; without it the curves follow the cursor. Both leave
+    room on the right, where the legends stand.
     """
     import rerun.blueprint as rrb
 

@@ -15,8 +15,7 @@ from sync import read_temperature_log
 from sync.log.column_names import chosen_columns
 from tests.sync import instrument_logs as logs
 from torsight.core.errors import InputError
-from torsight.viewer.live.measure.growing_log import LogFollower
-from torsight.viewer.live.measure.log_clock import LogClock
+from torsight.viewer.live.measure.growing_log import LogClock, LogFollower
 
 LOG = "time_s,temp_a_c,temp_b_c,heat_a,heat_b\n0.00,25.0,24.5,0,0\n0.25,25.5,24.5,1,0\n0.50,,24.6,1,0\n"
 ROWS = [(0.0, 25.0, 24.5, 0.0, 0.0), (0.25, 25.5, 24.5, 1.0, 0.0), (0.5, np.nan, 24.6, 1.0, 0.0)]

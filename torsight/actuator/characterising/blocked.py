@@ -23,21 +23,13 @@ def _law_less(xi: float, above_c: float, width_c: float, e_a: float, e_m: float,
 
 @compiled
 def blocked_modulus(temp_c: Floats, low_c: float, width_c: float, e_a: float, e_m: float, shift: float) -> Floats:
-    """Return E(ξ) (1 − ξ) in GPa at the ξ whose stress it makes itself.
+    """Return E(ξ) (1 − ξ) in GPa at the ξ whose stress it makes itself, at temperatures (n,).
 
     From full martensite (13) and from full austenite (14) are one cosine over their windows. More martensite means less
     force, less stress, and so (by the law) less martensite: one root in [0, 1], bracketed (Anderson–Björck).
 
-    Parameters
-    ----------
-    temp_c : (n,) float64
-        Temperatures.
-    low_c, width_c : float
-        The window without stress: A_s and A_f − A_s while heating, M_f and M_s − M_f while cooling.
-    e_a, e_m : float
-        Moduli, GPa.
-    shift : float
-        By how much the window moves, °C per GPa of E(ξ) (1 − ξ).
+    The window without stress begins at ``low_c``: A_s while heating, M_f while cooling; moduli are in GPa, and
+    ``shift`` is by how much the window moves, °C per GPa of E(ξ) (1 − ξ).
     """
     out = np.empty_like(temp_c)
     for k in range(temp_c.size):

@@ -31,22 +31,10 @@ _STEP: Final = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveFit(Frozen):
-    """A fitted curve.
+    """A fitted curve: best values, the same with sigmas and 95 % intervals, and their covariance (p, p) by ``names``.
 
-    Attributes
-    ----------
-    values : mapping of str to float
-        Best values.
-    estimates : mapping of str to Estimate
-        With sigmas and 95 % intervals.
-    names : tuple of str
-        Order of ``covariance``.
-    covariance : (p, p) float64
-        Of the values.
-    fitted, residual : (n,) float64
-        Curve, and measured less curve.
-    rmse, r2 : float
-        In the unit of the measured values, and the share of their variance that is explained.
+    ``fitted`` and ``residual`` (n,) are the curve, and measured less curve; ``rmse`` is in the unit of the measured
+    values, ``r2`` the share of their variance that is explained.
     """
 
     values: Mapping[str, float]
@@ -68,28 +56,11 @@ def fit_curve(
     profiled: Sequence[str] = (),
     what: str = "curve",
 ) -> CurveFit:
-    """Fit parameters to a measured curve; a parameter's ``sigma`` makes its value a prior.
+    """Fit parameters to a measured curve (n,); a parameter's ``sigma`` makes its value a prior.
 
-    Parameters
-    ----------
-    model : callable
-        From values by name to the curve (n,).
-    parameters : sequence of Parameter
-        Start values, bounds and priors.
-    measured : (n,) float64
-        What was measured.
-    parts : sequence of slice
-        Stretches that were recorded in one go, each with a scatter and a correlation of its own; the whole by default.
-    profiled : sequence of str
-        Parameters whose interval is taken where the best of all others costs 95 %'s worth more, not from the curvature:
-        for those in which the curve is far from linear.
-    what : str
-        Name of the curve in messages.
-
-    Raises
-    ------
-    NoResultError
-        When the fit does not come to an end.
+    Each of the ``parts`` was recorded in one go, with a scatter and a correlation of its own. Of ``profiled``
+    parameters, in which the curve is far from linear, the interval ends where the best of all others costs 95 %'s worth
+    more; of the others it follows from the curvature. ``what`` is the curve's name in messages.
     """
     from scipy.optimize import least_squares
 

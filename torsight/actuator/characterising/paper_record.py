@@ -53,9 +53,7 @@ def paper_log() -> TemperatureLog:
     rise = np.clip(time_s / _AT_ITS_GOAL_S, 0.0, 1.0)
     on, off = time_s < _OFF_S, np.zeros(len(time_s), np.bool_)
     own = np.where(
-        on,
-        _ROOM_C + (_HOT_C - _ROOM_C) * rise,
-        _ROOM_C + (_HOT_C - _ROOM_C) * np.exp(-(time_s - _OFF_S) / 45.0),
+        on, _ROOM_C + (_HOT_C - _ROOM_C) * rise, _ROOM_C + (_HOT_C - _ROOM_C) * np.exp(-(time_s - _OFF_S) / 45.0)
     )
     other = np.empty_like(own)
     other[0] = _ROOM_C

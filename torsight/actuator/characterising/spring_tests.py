@@ -145,7 +145,9 @@ def read_tests(path: AnyPath) -> SpringTests:
     check_keys(content, ("spring", "free_recovery", "force_angle", "block", "assembly", "friction"), where=where)
     spring = get_table(content, "spring", where=where, required=True)
     check_keys(spring, (*_GEOMETRY, "lever_mm"), where=f"{where}, [spring]")
-    geometry = {name: _number(spring, name, where=f"{where}, [spring]") for name in _GEOMETRY if name in spring}
+    geometry = {
+        name: KEYS[name].number(spring, name, where=f"{where}, [spring]") for name in _GEOMETRY if name in spring
+    }
     if "wire_diameter_mm" not in geometry or not (
         {"wire_length_mm"} <= set(geometry) or {"mean_diameter_mm", "active_coils"} <= set(geometry)
     ):
@@ -159,7 +161,7 @@ def read_tests(path: AnyPath) -> SpringTests:
     for name, key in (("assembly", "theta_p_deg"), ("friction", "tau_c_mnm")):
         table = get_table(content, name, where=where, required=True)
         check_keys(table, (key,), where=f"{where}, [{name}]")
-        others[name] = {key: _number(table, key, where=f"{where}, [{name}]")}
+        others[name] = {key: KEYS[key].number(table, key, where=f"{where}, [{name}]")}
     folder = path.parent
     logs = {name: get_tables(content, name, where=where, required=True) for name in ("free_recovery", "force_angle")}
     return SpringTests(
@@ -167,19 +169,11 @@ def read_tests(path: AnyPath) -> SpringTests:
         lever_m=get_number(spring, "lever_mm", where=f"{where}, [spring]", lower=0.1, upper=1e4, hint="give it in mm")
         * MM,
         recoveries=tuple(_recovery(item, folder, where=spot) for item, spot in logs["free_recovery"]),
-        forces=_both_ranges(
-            tuple(_force(item, folder, where=spot) for item, spot in logs["force_angle"]),
-            where=where,
-        ),
+        forces=_both_ranges(tuple(_force(item, folder, where=spot) for item, spot in logs["force_angle"]), where=where),
         block=_block(block, folder, where=f"{where}, [block]"),
         assembly=others["assembly"],
         friction=others["friction"],
     )
-
-
-def _number(table: Mapping[str, Any], name: str, *, where: str) -> float:
-    key = KEYS[name]
-    return get_number(table, name, where=where, lower=key.lower, upper=key.upper, hint=key.hint)
 
 
 def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, where: str) -> tuple[Floats, Floats, str]:

@@ -1,7 +1,8 @@
 """Effects that the quasi-static model lacks: one file each, found by folder.
 
 A module ``effects/<id>.py`` declares ``EFFECT``, an :class:`Effect`. Adding one touches nothing else: models, fits, the
-discovery, the model file and the common test find it here.
+discovery, the model file and the common test find it here. A parameter's row begins with its name, start, unit and both
+bounds.
 """
 
 from __future__ import annotations
@@ -52,13 +53,7 @@ class Derived:
 
 
 def amplitude_and_phase(
-    sine: str,
-    cosine: str,
-    *,
-    unit: str,
-    names: tuple[str, str],
-    symbols: tuple[str, str],
-    titles: tuple[str, str],
+    sine: str, cosine: str, *, unit: str, names: tuple[str, str], symbols: tuple[str, str], titles: tuple[str, str]
 ) -> tuple[Derived, Derived]:
     """Return amplitude and phase of a wave from its sine and its cosine part, each with name, symbol and title."""
     (amplitude, phase), (size, angle), (of_size, of_angle) = names, symbols, titles
@@ -173,13 +168,7 @@ def always_fitted() -> tuple[Effect, ...]:
 
 
 def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Return effects by id.
-
-    Raises
-    ------
-    ConfigError
-        For an id that no file declares.
-    """
+    """Return effects by id."""
     known = load_effects()
     for name in ids:
         if name not in known:

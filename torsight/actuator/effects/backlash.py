@@ -42,9 +42,7 @@ EFFECT: Final = Effect(
     family="mechanics",
     acts_on="reading",
     title="play between disk and stick",
-    parameters=(
-        Parameter(name="play_deg", value=1.0, unit="°", lower=0.0, upper=60.0, null=0.0, symbol="w", title="play"),
-    ),
+    parameters=(Parameter("play_deg", 1.0, "°", 0.0, 60.0, null=0.0, symbol="w", title="play"),),
     apply=apply,
     starts=({"play_deg": 4.0},),
 )

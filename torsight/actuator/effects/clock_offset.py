@@ -36,26 +36,9 @@ EFFECT: Final = Effect(
     acts_on="clock",
     title="the clocks of camera and temperature log differ",
     parameters=(
+        Parameter("clock_offset_s", 1.0, "s", -120.0, 120.0, null=0.0, symbol="δ", title="offset of the clocks"),
         Parameter(
-            name="clock_offset_s",
-            value=1.0,
-            unit="s",
-            lower=-120.0,
-            upper=120.0,
-            null=0.0,
-            symbol="δ",
-            title="offset of the clocks",
-        ),
-        Parameter(
-            name="clock_drift_ppm",
-            value=0.0,
-            unit="ppm",
-            lower=-5e3,
-            upper=5e3,
-            sigma=200.0,
-            null=0.0,
-            symbol="ε",
-            title="drift of the clocks",
+            "clock_drift_ppm", 0.0, "ppm", -5e3, 5e3, sigma=200.0, null=0.0, symbol="ε", title="drift of the clocks"
         ),
     ),
     apply=apply,

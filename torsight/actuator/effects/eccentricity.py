@@ -45,16 +45,7 @@ EFFECT: Final = Effect(
     acts_on="reading",
     title="disk or markers off the axis, or a tilted camera",
     parameters=tuple(
-        Parameter(
-            name=name,
-            value=0.3 if name == _NAMES[0] else 0.0,
-            unit="°",
-            lower=-30.0,
-            upper=30.0,
-            null=0.0,
-            symbol=symbol,
-            title=title,
-        )
+        Parameter(name, 0.3 if name == _NAMES[0] else 0.0, "°", -30.0, 30.0, null=0.0, symbol=symbol, title=title)
         for name, (symbol, title) in zip(_NAMES, _SYMBOLS, strict=True)
     ),
     apply=apply,

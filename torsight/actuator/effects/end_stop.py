@@ -58,9 +58,7 @@ EFFECT: Final = Effect(
     title="a stop at one end",
     parameters=(
         stiffness("stop_mnm_per_rad", "stiffness of the stop"),
-        Parameter(
-            name="stop_deg", value=160.0, unit="°", lower=-400.0, upper=400.0, symbol="φ_s", title="place of the stop"
-        ),
+        Parameter("stop_deg", 160.0, "°", -400.0, 400.0, symbol="φ_s", title="place of the stop"),
     ),
     apply=apply,
     starts_from=starts_from,

@@ -43,25 +43,10 @@ EFFECT: Final = Effect(
     title="the other spring gets warm enough to transform",
     parameters=(
         Parameter(
-            name="passive_share",
-            value=0.8,
-            unit="",
-            lower=0.0,
-            upper=1.5,
-            null=0.0,
-            symbol="w",
-            title="share of the other spring that transforms",
+            "passive_share", 0.8, "", 0.0, 1.5, null=0.0, symbol="w", title="share of the other spring that transforms"
         ),
         Parameter(
-            name="heat_leak",
-            value=0.05,
-            unit="",
-            lower=-0.1,
-            upper=0.6,
-            sigma=0.15,
-            null=0.0,
-            symbol="c",
-            title="share of the heat that crosses",
+            "heat_leak", 0.05, "", -0.1, 0.6, sigma=0.15, null=0.0, symbol="c", title="share of the heat that crosses"
         ),
     ),
     apply=apply,

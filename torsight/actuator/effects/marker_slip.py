@@ -124,19 +124,8 @@ EFFECT: Final = Effect(
     acts_on="reading",
     title="a marker slipped, or the camera was bumped",
     parameters=(
-        Parameter(
-            name="slip_deg",
-            value=1.0,
-            unit="°",
-            lower=-180.0,
-            upper=180.0,
-            null=0.0,
-            symbol="s",
-            title="step of the reading",
-        ),
-        Parameter(
-            name="slip_time_s", value=0.0, unit="s", lower=-1e7, upper=1e7, symbol="t_s", title="time of the step"
-        ),
+        Parameter("slip_deg", 1.0, "°", -180.0, 180.0, null=0.0, symbol="s", title="step of the reading"),
+        Parameter("slip_time_s", 0.0, "s", -1e7, 1e7, symbol="t_s", title="time of the step"),
     ),
     apply=apply,
     propose=propose,

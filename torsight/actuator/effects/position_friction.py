@@ -47,34 +47,13 @@ EFFECT: Final = Effect(
     title="friction changes once per turn",
     parameters=(
         Parameter(
-            name="friction_sine",
-            value=0.2,
-            unit="",
-            lower=-1.5,
-            upper=1.5,
-            null=0.0,
-            symbol="a_s",
-            title="sine part of the friction's wave",
+            "friction_sine", 0.2, "", -1.5, 1.5, null=0.0, symbol="a_s", title="sine part of the friction's wave"
         ),
         Parameter(
-            name="friction_cosine",
-            value=0.0,
-            unit="",
-            lower=-1.5,
-            upper=1.5,
-            null=0.0,
-            symbol="a_c",
-            title="cosine part of the friction's wave",
+            "friction_cosine", 0.0, "", -1.5, 1.5, null=0.0, symbol="a_c", title="cosine part of the friction's wave"
         ),
         Parameter(
-            name="friction_third_harmonic",
-            value=0.0,
-            unit="",
-            lower=-0.4,
-            upper=0.4,
-            sigma=0.1,
-            symbol="h",
-            title="third harmonic of the wave",
+            "friction_third_harmonic", 0.0, "", -0.4, 0.4, sigma=0.1, symbol="h", title="third harmonic of the wave"
         ),
     ),
     apply=apply,

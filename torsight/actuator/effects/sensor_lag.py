@@ -37,18 +37,9 @@ EFFECT: Final = Effect(
     acts_on="temperature",
     title="the sensor follows the wire late",
     parameters=(
+        Parameter("lag_s", 3.0, "s", 0.0, 60.0, null=0.0, symbol="τ_T", title="lag of the sensor"),
         Parameter(
-            name="lag_s", value=3.0, unit="s", lower=0.0, upper=60.0, null=0.0, symbol="τ_T", title="lag of the sensor"
-        ),
-        Parameter(
-            name="lag_delay_share",
-            value=0.0,
-            unit="",
-            lower=0.0,
-            upper=0.6,
-            sigma=0.15,
-            symbol="q_T",
-            title="share of the lag that is pure delay",
+            "lag_delay_share", 0.0, "", 0.0, 0.6, sigma=0.15, symbol="q_T", title="share of the lag that is pure delay"
         ),
     ),
     apply=apply,

@@ -30,14 +30,7 @@ EFFECT: Final = Effect(
     title="both thermometers read too high or too low",
     parameters=(
         Parameter(
-            name="thermometer_offset_c",
-            value=1.5,
-            unit="°C",
-            lower=-10.0,
-            upper=10.0,
-            null=0.0,
-            symbol="o",
-            title="offset of both thermometers",
+            "thermometer_offset_c", 1.5, "°C", -10.0, 10.0, null=0.0, symbol="o", title="offset of both thermometers"
         ),
     ),
     apply=apply,

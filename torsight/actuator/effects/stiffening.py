@@ -49,16 +49,7 @@ EFFECT: Final = Effect(
     acts_on="torque",
     title="a spring that is wound far stiffens",
     parameters=(
-        Parameter(
-            name="stiffening_mnm_per_rad3",
-            value=0.03,
-            unit="mN·m/rad³",
-            lower=0.0,
-            upper=50.0,
-            null=0.0,
-            symbol="k_3",
-            title="stiffening",
-        ),
+        Parameter("stiffening_mnm_per_rad3", 0.03, "mN·m/rad³", 0.0, 50.0, null=0.0, symbol="k_3", title="stiffening"),
         Parameter(
             name="stiffening_onset_deg",
             value=600.0,
@@ -69,16 +60,7 @@ EFFECT: Final = Effect(
             symbol="θ_on",
             title="winding at which it begins",
         ),
-        Parameter(
-            name="stiffening_exponent",
-            value=3.0,
-            unit="",
-            lower=0.8,
-            upper=6.0,
-            sigma=1.0,
-            symbol="p",
-            title="power of the stiffening",
-        ),
+        Parameter("stiffening_exponent", 3.0, "", 0.8, 6.0, sigma=1.0, symbol="p", title="power of the stiffening"),
         Parameter(
             name="stiffening_loading_share",
             value=0.0,

@@ -31,25 +31,9 @@ EFFECT: Final = Effect(
     title="friction grows with speed",
     parameters=(
         Parameter(
-            name="viscous_mnm_s_per_rad",
-            value=3.0,
-            unit="mN·m·s/rad",
-            lower=0.0,
-            upper=2000.0,
-            null=0.0,
-            symbol="b",
-            title="viscous coefficient",
+            "viscous_mnm_s_per_rad", 3.0, "mN·m·s/rad", 0.0, 2000.0, null=0.0, symbol="b", title="viscous coefficient"
         ),
-        Parameter(
-            name="viscous_power",
-            value=1.0,
-            unit="",
-            lower=0.3,
-            upper=1.5,
-            sigma=0.2,
-            symbol="m",
-            title="power of the speed",
-        ),
+        Parameter("viscous_power", 1.0, "", 0.3, 1.5, sigma=0.2, symbol="m", title="power of the speed"),
     ),
     apply=apply,
     starts=({"viscous_mnm_s_per_rad": 20.0},),

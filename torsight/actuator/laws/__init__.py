@@ -39,13 +39,7 @@ def between_nodes(law: str, nodes: Floats, values: Floats) -> tuple[Floats, Floa
 
 
 def laws_from(entries: object, *, where: str) -> tuple[LawForm, ...]:
-    """Read the laws of a ``model.json``.
-
-    Raises
-    ------
-    ConfigError
-        When the list is damaged: an unknown law, nodes that do not rise, a basis that does not fit them.
-    """
+    """Read the laws of a ``model.json``."""
     if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
         raise ConfigError("is no list of laws", where=where, value=repr(entries)[:80])
     return tuple(_law_from(entry, where=where) for entry in entries)
@@ -69,12 +63,7 @@ def _law_from(entry: Mapping[str, Any], *, where: str) -> LawForm:
 def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
     """Return the laws that a record may show, with their nodes where it covers their drivers.
 
-    Parameters
-    ----------
-    drive : Drive
-        The prepared record.
-    tau_c_mnm : float
-        The friction torque's start value: the measure of all torques.
+    ``tau_c_mnm`` is the friction torque's start value, the measure of all torques.
     """
     found = []
     for family in FAMILIES.values():

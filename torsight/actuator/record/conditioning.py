@@ -34,20 +34,10 @@ _BLOCK_S: Final = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Conditioned:
-    """A temperature that may drive the model.
+    """A temperature that may drive the model (n,): without noise, or the very input where its noise is negligible.
 
-    Attributes
-    ----------
-    temp_c : (n,) float64
-        Temperature without noise; the very input where its noise is negligible.
-    rate_c_s : (n,) float64
-        Its slope, °C/s.
-    sigma_c : (n,) float64
-        One standard deviation of what noise is left.
-    noise_c : float
-        Noise of a reading (standard deviation).
-    reading_s : float
-        Seconds between readings whose noise is independent.
+    With its slope, and one standard deviation of what noise is left; with the noise of a reading, and the seconds
+    between readings whose noise is independent.
     """
 
     temp_c: Floats
@@ -58,13 +48,7 @@ class Conditioned:
 
 
 def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
-    """Remove the noise of a temperature log and keep its corners.
-
-    Parameters
-    ----------
-    time_s, temp_c : (n,) float64
-        Finite; times increasing, not necessarily at one rate.
-    """
+    """Remove the noise of a temperature log (n,) and keep its corners; times increase, not necessarily at one rate."""
     own = own_readings(time_s, temp_c)
     if own is not None:
         return _apart(Readings.of(*own), time_s, temp_c)
@@ -103,18 +87,9 @@ def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned
 class Readings:
     """A log's readings with what is known of their noise, for any time constant of the sensor.
 
-    Attributes
-    ----------
-    time_s, temp_c : (m,) float64
-        Means over short blocks of the log.
-    noise_c : float
-        Noise of one reading of the log.
-    alike : float
-        Over how many rows of the log it is correlated.
-    interval_s : float
-        Seconds between rows whose noise is independent.
-    sigma_c : float
-        What a block's noise counts as, correlation included.
+    Times and temperatures (m,) are means over short blocks of the log, ``sigma_c`` is what the noise of one counts as,
+    correlation included. The noise of one reading is ``noise_c``; it is correlated over so many rows of the log
+    (``alike``), and independent in rows that are ``interval_s`` apart.
     """
 
     time_s: Floats

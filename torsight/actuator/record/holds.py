@@ -34,16 +34,10 @@ _LEVEL: Final = 0.7
 def level_holds(
     time_s: Floats, temp_c: Floats, noise_c: float, *, value: Floats, rate: Floats, left_over: Floats
 ) -> None:
-    """Put the level of every held top in place of what the smoother says, in place.
+    """Put the level of every held top in place of what the smoother says of it.
 
-    Parameters
-    ----------
-    time_s, temp_c : (n,) float64
-        The log.
-    noise_c : float
-        Its noise; rows are taken as independent.
-    value, rate, left_over : (n,) float64
-        Conditioned temperature, slope and sigma.
+    ``value``, ``rate`` and ``left_over``, the smoother's temperature, slope and sigma (n,), are changed in place; the
+    noise of the log's rows is taken as independent.
     """
     sense = turning_points(value, np.zeros(len(value), np.int64), turn_of(noise_c))
     for edge in np.flatnonzero(np.diff(sense) < 0):

@@ -63,18 +63,10 @@ def by_role(active: NDArray[np.int8], of_a: Floats, of_b: Floats) -> tuple[Float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HalfCycles:
-    """The chain of half-cycles of a record.
+    """The chain of half-cycles of a record: which spring is driven in each row (n,; 0 A, 1 B), and in which half-cycle.
 
-    Attributes
-    ----------
-    active : (n,) int8
-        0 while A is driven, 1 while B is.
-    half : (n,) int64
-        Number of the half-cycle, from 0.
-    springs : tuple of int
-        The driven spring of each half-cycle.
-    switched : bool
-        Whether the log's heating switches told the starts.
+    ``springs`` are the driven ones of each half-cycle; ``switched`` says whether the log's heating switches told the
+    starts.
     """
 
     active: NDArray[np.int8]

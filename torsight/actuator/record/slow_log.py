@@ -17,6 +17,8 @@ from torsight.actuator.record.log_noise import SHORTEST
 from torsight.core.series import BY_CHANCE, usual_step
 from torsight.core.units import Flags, Floats
 
+SLOW_S: Final = 1.0
+"""Rows further apart miss the corners of the temperature, where a heating ends (benchmarks/actuator/slow_logs.py)."""
 _ROUNDED_C: Final = 2e-5
 """How far rows of one line may be off it: tables are written with five decimals."""
 _OFF: Final = 0.15

@@ -57,18 +57,8 @@ def predict_clock(
 ) -> tuple[list[Finding], dict[str, Any]]:
     """Return what will be known of the clock, as findings and as figures.
 
-    Parameters
-    ----------
-    reading : LogReading
-        The log.
-    settings : mapping
-        Table ``[sync]`` of the experiment.
-    spec : ActuatorSpec, optional
-        The actuator, for the angles of a film that is not tracked yet.
-    angles : StickAngles, optional
-        Angles that are there already.
-    filming : Filming
-        How the made-up film is filmed.
+    ``settings`` is the table ``[sync]`` of the experiment. Without ``angles`` those of the actuator are filmed, as
+    ``filming`` says.
     """
     offset_s, drift_ppm = settings.get("offset_s"), settings.get("drift_ppm")
     if offset_s is not None:

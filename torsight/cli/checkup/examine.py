@@ -40,24 +40,10 @@ _TOML_KINDS: Final = {
 class Inputs:
     """Files that belong together; None where one is not given.
 
-    Attributes
-    ----------
-    films : list of str
-        None, one, or two of a stereo pair.
-    angle : Path or None
-        Angles that are there already, instead of a film.
-    timestamps, log, actuator, camera : Path or None
-        The files.
-    markers : Path or mapping or None
-        File or table of the markers' positions.
-    fps : float or None
-        Frame rate of pictures.
-    settings : mapping
-        Table ``[sync]`` of the experiment.
-    columns, units : mapping of str to str
-        Names and units of the log's columns.
-    absent : list of InputError
-        Files that the experiment names and that are not there.
+    One film, two of a stereo pair, or none where ``angle`` holds angles that are there already. Markers are a file or
+    the table of their positions; ``fps`` is the rate of pictures, ``settings`` the experiment's table ``[sync]``,
+    ``columns`` and ``units`` are those of the log. ``absent`` are files that the experiment names and that are not
+    there.
     """
 
     films: list[str] = field(default_factory=list)

@@ -22,23 +22,11 @@ _VERDICTS: Final = {"fine": "good", "note": "good", "limits": "usable", "stops":
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was found.
+    """One thing that was found, as a sentence, and what to do about it, if anything.
 
-    Attributes
-    ----------
-    about : str
-        ``film``, ``right film``, ``log``, ``actuator``, ``camera``, ``clock``, ``experiment``, ``record`` or
-        ``installation``.
-    level : str
-        One of :data:`LEVELS`.
-    text : str
-        What was found, as a sentence.
-    do : str
-        What to do about it; empty where there is nothing to do.
-    angle_deg : float or None
-        Error of the angle that it makes, where that is known; the larger ones come first.
-    error : TorsightError or None
-        The refusal that ``torsight run`` would end with.
+    It is about the film, the right film, the log, the actuator, the camera, the clock, the experiment, the record or
+    the installation; its level is one of :data:`LEVELS`. ``angle_deg`` is the error of the angle that it makes, where
+    that is known: the larger ones come first. ``error`` is the refusal that ``torsight run`` would end with.
     """
 
     about: str
@@ -56,17 +44,7 @@ class Finding:
 
 @dataclass(slots=True)
 class Check:
-    """What was found about one film or log.
-
-    Attributes
-    ----------
-    findings : list of Finding
-        In the order in which they were found.
-    content : dict
-        Measured figures, for a script.
-    duration_s : float
-        Length; 0 where it is not known.
-    """
+    """What was found about one film or log: findings, measured figures for a script, and its length (0: not known)."""
 
     findings: list[Finding] = field(default_factory=list)
     content: dict[str, Any] = field(default_factory=dict)

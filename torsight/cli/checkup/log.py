@@ -14,6 +14,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.log_noise import measure_noise, resolution
 from torsight.actuator.record.segments import by_role
+from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import Check, Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
@@ -25,8 +26,6 @@ from torsight.core.series import usual_step
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted, effect_name, listed
 
-_SLOW_S: Final = 1.0
-"""Rows further apart miss the corners of the temperature, where a heating ends (benchmarks/actuator/slow_logs.py)."""
 _NOISY_C: Final = 0.3
 """Noise of a reading from which the sensors should be shielded: more than that for which it is known what the
 preparation of a log leaves of it (0.02 to 0.25 °C, benchmarks/actuator/log_constants.py)."""
@@ -85,7 +84,7 @@ def _look_at_rows(check: LogCheck, usual_s: float) -> None:
     for repair in reading.repairs:
         level = "note" if repair.kind not in ("gap", "stuck", "restart") else "limits"
         check.findings.append(Finding("log", level, repair.text.rstrip(".") + "."))
-    if usual_s > _SLOW_S:
+    if usual_s > SLOW_S:
         text = f"has a row every {usual_s:.2g} s: corners of the temperature, where a heating ends, fall between rows."
         check.findings.append(Finding("log", "limits", text, "log once a second or faster"))
     if not check.content["heating_switches"]:
@@ -134,7 +133,7 @@ def check_programme(
         )
         findings.append(Finding("log", level, text, "" if level == "fine" else "shield the sensors", left_deg))
     told = separable(spec, drive, progress=progress)
-    content["discovery"] = told.to_json()
+    content["discovery"] = asdict(told)
     return [*findings, *_look_at_separable(told, cycles)], content
 
 

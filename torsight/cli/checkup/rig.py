@@ -23,16 +23,9 @@ _RATE_RATIO: Final = 1.3
 class Limits:
     """Temperatures at which a complete, stable cycle of this actuator moves, °C; angles in degrees.
 
-    Attributes
-    ----------
-    onset_c, full_c : float
-        Where motion begins while heating, and where the transformation is complete.
-    cooled_c : float
-        Where the cooled spring is martensite again, so that the next half-cycle starts as the model takes it.
-    range_deg : float
-        Range of motion.
-    start_deg : float
-        Angle before A is heated; before B it is the negative.
+    Where motion begins while heating, where the transformation is complete, and where the cooled spring is martensite
+    again, so that the next half-cycle starts as the model takes it; the range of motion, and the angle before A is
+    heated: before B it is the negative.
     """
 
     onset_c: float
@@ -66,16 +59,9 @@ def limits_of(spec: ActuatorSpec) -> Limits | None:
 
 @dataclass(frozen=True, slots=True)
 class HalfCycle:
-    """One heating and cooling as the log shows it.
+    """One heating and cooling of a spring (``a`` or ``b``) as the log shows it.
 
-    Attributes
-    ----------
-    spring : str
-        ``"a"`` or ``"b"``.
-    peak_c, end_c : float
-        Temperature of the driven spring at the top, and lowest after it.
-    rate_c_s : float
-        Median rate of its heating within the range of motion.
+    Its temperature at the top, and lowest after it, and the median rate of its heating within the range of motion.
     """
 
     spring: str

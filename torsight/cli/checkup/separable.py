@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from statistics import NormalDist
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -36,33 +36,16 @@ _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 
 @dataclass(frozen=True, slots=True)
 class Separable:
-    """What the record will tell.
+    """What the record will tell: effects that the plain model cannot take up are visible, the others are hidden.
 
-    Attributes
-    ----------
-    visible : tuple of str
-        Effects that the plain model cannot take up.
-    hidden : tuple of str
-        Effects that it takes up, or that do nothing here.
-    alike : tuple of (str, str)
-        Pairs of visible effects that take each other up.
-    left_deg : mapping of str to float
-        What the plain model leaves of each effect at its usual size, degrees rms.
+    ``alike`` are pairs of visible effects that take each other up, ``left_deg`` is what the plain model leaves of each
+    effect at its usual size, degrees rms.
     """
 
     visible: tuple[str, ...]
     hidden: tuple[str, ...]
     alike: tuple[tuple[str, str], ...]
     left_deg: dict[str, float]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the answer for a script."""
-        return {
-            "visible": list(self.visible),
-            "hidden": list(self.hidden),
-            "alike": [list(pair) for pair in self.alike],
-            "left_deg": self.left_deg,
-        }
 
 
 def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) -> Separable:

@@ -47,24 +47,10 @@ def track_stretches(
     camera: Camera | None = None,
     progress: Progress = silent,
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Track stretches of a film and return what came out, as findings and as figures.
+    """Track stretches of a film of ``total`` frames and return what came out, as findings about it and as figures.
 
-    Parameters
-    ----------
-    clips : sequence of Clip
-        The first one is where a run begins, the last one where most moves.
-    start : Start
-        The markers as a run finds them.
-    about : str
-        What the findings call the film.
-    total : int
-        Frames of the film.
-    hints : MarkerHints, optional
-        Given positions, of the first frame.
-    camera : Camera, optional
-        Calibrated camera.
-    progress : Progress
-        Where to report.
+    The first clip is where a run begins, with the markers as it finds them; in the last one most moves. ``hints`` hold
+    for the film's first frame.
     """
     tracked: list[tuple[Clip, TrackResult, Orientation]] = []
     errors: list[NoResultError] = []

@@ -43,11 +43,7 @@ def get_number(
         raise ConfigError(f"'{key}' is not a number", where=where, value=repr(value), limit="a finite number", do=hint)
     if not lower <= value <= upper:
         raise ConfigError(
-            f"'{key}' is out of range",
-            where=where,
-            value=f"{value:g}",
-            limit=f"{lower:g} to {upper:g}",
-            do=hint,
+            f"'{key}' is out of range", where=where, value=f"{value:g}", limit=f"{lower:g} to {upper:g}", do=hint
         )
     return float(value)
 
@@ -122,12 +118,7 @@ def get_names(table: Mapping[str, Any], key: str, *, where: str) -> tuple[str, .
 
 
 def get_text(
-    table: Mapping[str, Any],
-    key: str,
-    *,
-    where: str,
-    default: str | None = None,
-    choices: tuple[str, ...] = (),
+    table: Mapping[str, Any], key: str, *, where: str, default: str | None = None, choices: tuple[str, ...] = ()
 ) -> str:
     """Return a string, one of ``choices`` where given."""
     value = table.get(key, default)

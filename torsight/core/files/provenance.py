@@ -53,14 +53,8 @@ def versions() -> dict[str, str]:
 def provenance(*, inputs: Iterable[Path], configuration: Mapping[str, Any], seed: int) -> dict[str, Any]:
     """Return the content of ``provenance.json`` of a run.
 
-    Parameters
-    ----------
-    inputs : iterable of Path
-        Every file that was read; folders are hashed file by file in the order of their names.
-    configuration : mapping
-        The configuration as used, with defaults filled in and paths resolved.
-    seed : int
-        Seed of every random choice.
+    Every input is hashed, folders file by file in the order of their names; the configuration is the one that was used,
+    with defaults filled in and paths resolved.
     """
     return {
         "command": "torsight run",

@@ -14,7 +14,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import read_json, read_table
 from torsight.core.frozen import Frozen
 from torsight.core.units import Flags, Floats
-from torsight.core.words.shown import Shown, draw_series
+from torsight.core.words.shown import Shown, draw_models
 from torsight.core.words.wording import estimate, verdict_sentence
 
 if TYPE_CHECKING:
@@ -101,10 +101,7 @@ class RunResults(Frozen, Shown):
 
     def _draw(self, axes: Any) -> None:
         """Draw the measured angle and, where there is one, what the models say."""
-        columns = self._columns()
-        names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
-        lines = {words: columns[name] for name, words in names.items() if name in columns}
-        draw_series(axes, columns["time_s"], lines, label="angle, °")
+        draw_models(axes, self._columns())
 
 
 def column(table: pd.DataFrame, name: str) -> Floats:

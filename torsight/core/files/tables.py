@@ -44,13 +44,7 @@ def angle_columns(angles: StickAngles) -> dict[str, Any]:
 
 
 def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
-    """Return the column ``frame`` of a table, one row after the other of the film.
-
-    Raises
-    ------
-    InputError
-        For a number that is not whole, does not come after the one before, or is larger than any film's.
-    """
+    """Return the column ``frame`` of a table, one row after the other of the film."""
     frame = table["frame"].to_numpy(np.float64)
     bad = ~((frame >= 0) & (frame <= MOST_FRAMES)) | (frame != np.floor(frame))
     bad[1:] |= ~(frame[1:] > frame[:-1])

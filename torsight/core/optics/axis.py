@@ -72,21 +72,11 @@ class Axis:
 
 
 def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis, Circles]:
-    """Fit one axis to the circles of the moving stick's markers as two cameras see them.
+    """Fit one axis to the circles of the moving stick's markers, inner and outer, as two cameras see them.
 
-    Parameters
-    ----------
-    left, right : Sight
-        The inner and the outer marker; the left camera is the one whose coordinates count.
-    noise_px : float
-        Usual standard deviation of a marker's position, in pixels.
-
-    Returns
-    -------
-    Axis
-        In mm, if that is the unit of the cameras' distance.
-    Circles
-        The fit, for the angles of all frames.
+    The left camera's coordinates count, and the axis is in mm if that is the unit of the cameras' distance.
+    ``noise_px`` is the usual standard deviation of a marker's position. The fit is returned, too, for the angles of all
+    frames.
 
     Raises
     ------
@@ -110,18 +100,10 @@ def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis,
 
 
 def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Intrinsics) -> Axis:
-    """Fit the axis to the paths of the moving stick's two markers in one camera's picture.
+    """Fit the axis to the paths (n, 2, 2) of the moving stick's inner and outer marker in one camera's picture.
 
-    The unit of length is the distance of the two markers; they are taken to lie in one plane across the axis.
-
-    Parameters
-    ----------
-    position_px : (n, 2, 2) float64
-        Positions of the inner and the outer marker; NaN where not known.
-    covariance_px2 : (n, 2, 2, 2) float64
-        Their covariance.
-    intrinsics : Intrinsics
-        The camera.
+    NaN where a position is not known. The unit of length is the distance of the two markers; they are taken to lie in
+    one plane across the axis.
 
     Raises
     ------
@@ -170,15 +152,9 @@ def _axis_of(best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0
 def pose_from_axis(axis: Axis, *, length_mm: float = 1.0, base_z_mm: float = 0.0) -> Pose:
     """Return the pose of the world whose z axis is the rotation axis, its origin in the moving markers' plane.
 
-    Parameters
-    ----------
-    axis : Axis
-        From :func:`axis_in_picture` (then ``length_mm`` is the distance of the moving stick's markers in mm) or from
-        :func:`axis_from_pair` (already in mm).
-    length_mm : float
-        Millimetres per unit of the axis.
-    base_z_mm : float
-        Height of the base stick's markers above the moving stick's; matters for positions in mm, not for the angle.
+    ``length_mm`` is what the axis counts lengths in: the distance of the moving stick's markers where it comes from one
+    picture. The base stick's markers are ``base_z_mm`` above the moving stick's; that matters for positions, not for
+    the angle.
     """
     return pose_along(axis.point_mm * length_mm, axis.direction, base_z_mm=base_z_mm, moving_z_mm=0.0)
 

@@ -51,16 +51,10 @@ def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turns:
-    """The stick in every frame.
+    """The stick in every frame (n,): θ of the first marker about the axis, from u to v, within a turn.
 
-    Attributes
-    ----------
-    angle_rad : (n,) float64
-        θ of the first marker about the axis, from u to v, within a turn; NaN where no marker is seen.
-    variance_rad2 : (n,) float64
-        By the pictures' errors alone.
-    chi_squared, freedom : (n,) float64
-        Misfit, and how many coordinates are left to misfit.
+    It is NaN where no marker is seen; its variance is that by the pictures' errors alone. With the misfit (χ²) comes
+    how many coordinates are left to misfit.
     """
 
     angle_rad: Floats
@@ -71,24 +65,12 @@ class Turns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Circles:
-    """A fit of both markers' circles to what cameras see of them.
+    """A fit of both markers' circles to what cameras see of them: one sight of each, with the same frames.
 
-    Attributes
-    ----------
-    sights : sequence of Sight
-        One of each camera, with the same frames.
-    frame : (3, 3) float64
-        u, v and direction from which the tilt counts.
-    values : (9,) float64
-        Tilt (2), point on the axis in the first marker's plane (3), radii (2), angle and height of the second marker
-        over the first.
-    free : (9,) bool
-        Which of them are fitted: one camera sees no scale, and takes both markers to be in one plane across the axis.
-    whiten : (n, n) float64 or None
-        Takes the rows of residuals to independent ones.
-    covariance : (9, 9) float64
-        Of the values.
-    chi_squared : float
+    ``frame`` (3, 3) is u, v and the direction from which the tilt counts. The values are the tilt (2), the point on the
+    axis in the first marker's plane (3), the radii (2), angle and height of the second marker over the first; ``free``
+    says which of them are fitted: one camera sees no scale, and takes both markers to be in one plane across the axis.
+    ``whiten`` (n, n) takes the rows of residuals to independent ones.
     """
 
     sights: Sequence[Sight]
@@ -267,10 +249,7 @@ def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, F
     turn = angle[:, None] + np.array([0.0, values[_BETWEEN]])
     cos, sin = (values[_RADII] * part for part in (np.cos(turn), np.sin(turn)))
     middle = values[_POINT] + np.outer([0.0, values[_RISE]], direction)
-    return (
-        middle + cos[..., None] * u + sin[..., None] * v,
-        cos[..., None] * v - sin[..., None] * u,
-    )
+    return (middle + cos[..., None] * u + sin[..., None] * v, cos[..., None] * v - sin[..., None] * u)
 
 
 def _without_direction(error: Floats, direction: Floats) -> Floats:

@@ -56,29 +56,14 @@ def cross_matrix(vector: Floats) -> Floats:
 
 
 def distort(ray: Floats, distortion: Floats) -> tuple[Floats, Floats]:
-    """Return the ray as the lens bends it, and the derivative.
-
-    Parameters
-    ----------
-    ray : (..., 2) float64
-        X/Z, Y/Z.
-    distortion : (5,) float64
-        k1, k2, p1, p2, k3.
-
-    Returns
-    -------
-    (..., 2) and (..., 2, 2) float64
-    """
+    """Return rays X/Z, Y/Z (..., 2) as the lens bends them (k1, k2, p1, p2, k3), and the derivative (..., 2, 2)."""
     k1, k2, p1, p2, k3 = (float(value) for value in distortion)
     x, y = ray[..., 0], ray[..., 1]
     r2 = x * x + y * y
     gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
     bent = np.stack(
-        (
-            x * gain + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * gain + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ),
+        (x * gain + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * gain + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y),
         axis=-1,
     )
     mixed = 2.0 * (x * y * slope + p1 * x + p2 * y)
@@ -99,21 +84,10 @@ def pixel_from_ray(ray: Floats, intrinsics: Intrinsics) -> Floats:
 
 
 def ray_from_pixel(position_px: Floats, intrinsics: Intrinsics) -> tuple[Floats, Floats]:
-    """Take the lens out of pixel positions, by Newton's method to the last digits.
+    """Take the lens out of pixel positions (..., 2), by Newton's method to the last digits.
 
-    Parameters
-    ----------
-    position_px : (..., 2) float64
-        Pixel positions, pixel centres at whole numbers.
-    intrinsics : Intrinsics
-        The camera.
-
-    Returns
-    -------
-    ray : (..., 2) float64
-        X/Z, Y/Z; NaN where the position is NaN or lies where the lens model folds over and no ray belongs to it.
-    derivative : (..., 2, 2) float64
-        Of the ray with respect to the pixel position, 1/px.
+    Returns the rays X/Z, Y/Z (..., 2), NaN where the position is NaN or lies where the lens model folds over and no ray
+    belongs to it, and their derivative with respect to the pixel position (..., 2, 2), 1/px.
     """
     bent = (np.asarray(position_px, np.float64) - _centre(intrinsics)) / _focal(intrinsics)
     ray = bent.copy()
@@ -150,26 +124,11 @@ def project(
 
 
 def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: float) -> tuple[Floats, Floats]:
-    """Return where the lines of sight meet a plane of the world.
+    """Return where the lines of sight of pixel positions (..., 2) meet the plane of the world at a height.
 
-    Parameters
-    ----------
-    position_px : (..., 2) float64
-        Pixel positions.
-    intrinsics : Intrinsics
-        The camera.
-    pose : Pose
-        Camera from world; the world's z axis is the rotation axis.
-    z_mm : float
-        Height of the plane.
-
-    Returns
-    -------
-    point_mm : (..., 3) float64
-        In world coordinates; NaN where the line of sight is parallel to the plane or meets it behind the camera.
-    derivative : (..., 2, 2) float64
-        Of world x and y with respect to the pixel position, mm/px: a covariance in pixels becomes
-        ``derivative @ covariance_px2 @ derivative.T``.
+    First the points (..., 3), mm, NaN where the line of sight is parallel to the plane or meets it behind the camera;
+    then the derivative (..., 2, 2) of world x and y with respect to the pixel position, mm/px: a covariance in pixels
+    becomes ``derivative @ covariance_px2 @ derivative.T``.
     """
     ray, ray_derivative = ray_from_pixel(position_px, intrinsics)
     rotation = rotation_matrix(pose.rvec)
@@ -189,16 +148,10 @@ def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpacePoints:
-    """Points in space, from both pictures of a stereo pair.
+    """Points in space (..., 3), from both pictures of a stereo pair, with their covariances (..., 3, 3).
 
-    Attributes
-    ----------
-    position_mm : (..., 3) float64
-        In the left camera's coordinates; NaN where one picture has no position.
-    covariance_mm2 : (..., 3, 3) float64
-        Covariance of each position.
-    chi_squared : (...) float64
-        Misfit of the four picture coordinates over their sigmas; one degree of freedom, so about 1 where all is well.
+    They are in the left camera's coordinates, NaN where one picture has no position. ``chi_squared`` is the misfit of
+    the four picture coordinates over their sigmas; one degree of freedom, so about 1 where all is well.
     """
 
     position_mm: Floats
@@ -217,14 +170,7 @@ def triangulate(
 ) -> SpacePoints:
     """Return the points in space that fit both pictures best (maximum likelihood), with covariance.
 
-    Parameters
-    ----------
-    left_px, right_px : (..., 2) float64
-        The same points in both pictures.
-    left, right : Intrinsics, RightCamera
-        The pair.
-    left_covariance_px2, right_covariance_px2 : (..., 2, 2) float64
-        Covariance of each pixel position.
+    Positions are (..., 2), of the same points in both pictures, their covariances (..., 2, 2).
     """
     rays, weights = [], []
     for position, intrinsics, covariance in (
@@ -253,12 +199,7 @@ def triangulate(
 def meeting_point(left: Floats, right: Floats, *, rotation: Floats, shift: Floats) -> Floats:
     """Return the middle (..., 3) of the shortest way between two lines of sight, in left coordinates.
 
-    Parameters
-    ----------
-    left, right : (..., 2) float64
-        Rays of the same point in both cameras.
-    rotation, shift : (3, 3), (3,) float64
-        Right camera from left.
+    The rays (..., 2) are those of the same point; rotation and shift are the right camera's from the left one's.
     """
     along = np.concatenate((left, np.ones_like(left[..., :1])), axis=-1)
     other = np.concatenate((right, np.ones_like(right[..., :1])), axis=-1) @ rotation
@@ -294,12 +235,9 @@ def _normal_equations(
 
 
 def epipolar_distance_px(left_px: Floats, right_px: Floats, *, left: Intrinsics, right: RightCamera) -> Floats:
-    """Return how far matching points are off each other's epipolar lines.
+    """Return how far matching points are off each other's epipolar lines, (..., 2), in the left and the right picture.
 
-    Returns
-    -------
-    (..., 2) float64
-        Distance in the left and in the right picture, px of an undistorted picture of the same focal length.
+    In px of an undistorted picture of the same focal length.
     """
     rays = [
         np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1)

@@ -40,16 +40,8 @@ _BIN_RAD: Final = np.deg2rad(2.0)
 def whitening(direction_rad: Floats, misfit: Callable[[Floats], Floats], values: Floats, *, usual: float) -> Floats:
     """Return the matrix (n, n) that takes a fit's residuals, in units of white noise, to independent ones of unit size.
 
-    Parameters
-    ----------
-    direction_rad : (n,) float64
-        Where the stick points.
-    misfit : callable
-        What values (p,) leave, (n, q), in units of white noise.
-    values : (p,) float64
-        What was fitted.
-    usual : float
-        Usual size of correlated errors, in units of white noise.
+    ``misfit`` gives what values (p,) leave, (n, q), at the stick's directions (n,); ``usual`` is the usual size of
+    correlated errors, both in units of white noise.
     """
     error = misfit(values)
     n, q = error.shape

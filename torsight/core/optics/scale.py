@@ -23,18 +23,11 @@ dots are found by eye to about as much, which makes √3 · 0.05 mm."""
 
 @dataclass(frozen=True, slots=True)
 class StickLength:
-    """The measured distance of one stick's markers.
+    """The measured distance of one stick's markers, and that measured by hand, if any.
 
-    Attributes
-    ----------
-    length_mm, sigma_mm : float
-        Weighted mean over the film and its standard deviation, widened where the scatter is larger than the
-        positions' sigmas say.
-    misfit : float
-        Root of χ² per degree of freedom of a constant length: about 1, and more where the cameras' geometry is wrong
-        (the length then depends on where the stick points).
-    known_mm : float or None
-        The distance measured by hand.
+    It is the weighted mean over the film; its sigma is widened where the scatter is larger than the positions' sigmas
+    say. ``misfit`` is the root of χ² per degree of freedom of a constant length: about 1, and more where the cameras'
+    geometry is wrong (the length then depends on where the stick points).
     """
 
     length_mm: float
@@ -68,14 +61,8 @@ def check_scale(
 ) -> ScaleCheck:
     """Measure the distance of each stick's markers over a film, and compare.
 
-    Parameters
-    ----------
-    position_mm : (n, 4, 3) float64
-        Markers in space, in the order of :data:`torsight.core.tracks.MARKERS`; NaN where not known.
-    covariance_mm2 : (n, 4, 3, 3) float64
-        Their covariance.
-    known_mm : mapping of str to float, optional
-        Distances measured by hand, for ``base`` and ``moving``.
+    Positions (n, 4, 3) are in the order of :data:`torsight.core.tracks.MARKERS`, NaN where not known; ``known_mm``
+    holds distances that were measured by hand, for ``base`` and ``moving``.
 
     Raises
     ------

@@ -16,14 +16,8 @@ from torsight.core.units import Flags, Floats
 class Sight:
     """Both markers of a stick as one camera sees them.
 
-    Attributes
-    ----------
-    ray : (n, 2, 2) float64
-        X/Z, Y/Z of the inner and the outer marker; NaN where not seen.
-    covariance : (n, 4, 4) float64
-        Of both rays together.
-    rotation, shift : (3, 3), (3,) float64
-        This camera from the first one.
+    ``ray`` (n, 2, 2) is X/Z, Y/Z of the inner and the outer marker, NaN where not seen; ``covariance`` (n, 4, 4) that
+    of both together. Rotation and shift are this camera from the first one.
     """
 
     ray: Floats
@@ -60,10 +54,7 @@ class Sight:
             both = slope.reshape(-1, 4, 2)
             covariance += shared_px2[:, None, None] * (both @ np.swapaxes(both, -1, -2))
         return cls(
-            ray,
-            covariance,
-            np.eye(3) if rotation is None else rotation,
-            np.zeros(3) if shift is None else shift,
+            ray, covariance, np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
         )
 
     @property

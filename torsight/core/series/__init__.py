@@ -62,18 +62,10 @@ def block_means(values: Floats, every: int) -> Floats:
 
 
 def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
-    """Return the indices of extremes that differ from the next by at least the threshold.
+    """Return the indices of extremes of a finite series (n,) that differ from the next by at least the threshold.
 
-    Minima and maxima alternate. The first and the last extreme lie wherever the series begins and ends.
-
-    Parameters
-    ----------
-    value : (n,) float64
-        The series, finite.
-    threshold : float
-        Least way between two extremes, in the series' unit.
-    stride : int
-        Look at every stride-th sample only.
+    Minima and maxima alternate. The first and the last extreme lie wherever the series begins and ends. Only every
+    ``stride``-th sample is looked at.
     """
     turns = [0]
     low = high = 0

@@ -142,3 +142,10 @@ def draw_series(axes: Any, time_s: Any, lines: Mapping[str, Any], *, label: str)
     axes.set_ylabel(label)
     if len(lines) > 1:
         axes.legend()
+
+
+def draw_models(axes: Any, columns: Mapping[str, Any]) -> None:
+    """Draw the measured angle against time and, where there is one, what the models say: columns of ``curves.csv``."""
+    names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
+    lines = {words: columns[name] for name, words in names.items() if name in columns}
+    draw_series(axes, columns["time_s"], lines, label="angle, °")

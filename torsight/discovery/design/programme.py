@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive, Pair, Sensors
 from torsight.actuator.record.segments import HalfCycles, by_role
+from torsight.actuator.record.slow_log import SLOW_S
 from torsight.core.units import Floats, Ints
 
-STEP_S: Final = 0.5
-"""Rows of a planned log: twice the rate at which a record's corners are still seen (once a second)."""
+STEP_S: Final = 0.5 * SLOW_S
+"""Rows of a planned log: twice the rate at which a record's corners are still seen."""
 _FIRST_REST_S: Final = 20.0
 """Both springs at rest before the first heating: the film then shows where the actuator stands unheated."""
 _MEASURED_ROUNDING_S: Final = (0.5, 20.0)
@@ -37,17 +38,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class HalfCyclePlan:
-    """One spring's heating and cooling.
-
-    Attributes
-    ----------
-    words : str
-        What is done, after 'heat a spring'.
-    legs : tuple of Leg
-        While it is switched on.
-    cool_s : float
-        Time switched off, until the next one.
-    """
+    """One spring's heating and cooling: words after 'heat a spring', legs, and the time switched off after them."""
 
     words: str
     legs: tuple[Leg, ...]
@@ -63,14 +54,8 @@ class HalfCyclePlan:
 class Heat:
     """How the two springs' readings follow what is done to them, as the record at hand shows it.
 
-    Attributes
-    ----------
-    to_room_per_s, between_per_s : float
-        Loss to the room and to the other spring.
-    room_c : float
-        Temperature of the room.
-    rounding_s : float
-        Time constant with which a reading turns its corners.
+    Losses to the room and to the other spring, the room's temperature, and the time constant with which a reading turns
+    its corners.
     """
 
     to_room_per_s: float
@@ -146,20 +131,10 @@ class Programme:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """A programme sample by sample.
+    """A programme sample by sample: readings of both sensors (n,).
 
-    Attributes
-    ----------
-    time_s, temp_a_c, temp_b_c : (n,) float64
-        Readings of both sensors, and their times.
-    driven : (n,) int8
-        Spring that is switched on (0 A, 1 B), −1 where none is.
-    half : (n,) int64
-        Number of the half-cycle.
-    segments : tuple of mapping
-        As in ``discovery.json``.
-    room_c : float
-        Temperature of the room.
+    ``driven`` is the spring that is switched on (0 A, 1 B, −1 none), ``half`` the number of the half-cycle,
+    ``segments`` are as in ``discovery.json``.
     """
 
     time_s: Floats

@@ -16,16 +16,8 @@ from torsight.discovery.design.programme import HalfCyclePlan, Heat, Leg, Progra
 class Habits:
     """What the record at hand did: the programmes stay within reach of that.
 
-    Attributes
-    ----------
-    rate_c_per_s : float
-        Usual heating rate.
-    fastest_c_per_s : float
-        Highest heating rate of a half-cycle.
-    full_c : float
-        Highest temperature.
-    onset_c, middle_c : float
-        Temperatures at which a quarter and a half of a heating's transformation are done.
+    Its usual and its highest rate of a half-cycle's heating, its highest temperature, and the temperatures at which a
+    quarter (onset) and a half (middle) of a heating's transformation are done.
     """
 
     rate_c_per_s: float

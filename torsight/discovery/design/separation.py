@@ -27,20 +27,11 @@ from torsight.discovery.inference.weight import Weight
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rival:
-    """One fitted set of effects, as a planned record would see it.
+    """One fitted set of effects, as a planned record would see it: the effects by which the answer calls it.
 
-    Attributes
-    ----------
-    name : tuple of str
-        The effects by which the answer calls it.
-    effects : tuple of str
-        Those of them that a later record shows too; an event of the record at hand (a bump) does not come back.
-    parameters : tuple of Parameter
-        Free parameters with bounds and priors.
-    x : (m,) float64
-        Their fitted values.
-    forms : tuple of LawForm
-        The forms of the laws among the effects.
+    ``effects`` are those of them that a later record shows too: an event of the record at hand (a bump) does not come
+    back. ``parameters`` are free, with bounds and priors, ``x`` (m,) their fitted values, ``forms`` those of the laws
+    among the effects.
     """
 
     name: EffectSet

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.progress import Progress, silent
-from torsight.core.series import scatter
+from torsight.core.series import rms, scatter
 from torsight.core.threads import one_thread
 from torsight.core.units import Floats
 from torsight.discovery.inference import engine
@@ -198,7 +198,7 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
         rows = np.concatenate(pieces)
         if len(rows) < _ROWS:
             continue
-        between, whole = scatter(*pieces), float(np.sqrt(np.mean(rows**2)))
+        between, whole = scatter(*pieces), rms(rows)
         if between > _MISJUDGED:
             told.append(
                 f"neighbouring rows of what is left of '{output}' scatter by {between:.2g} times the sigma that was "

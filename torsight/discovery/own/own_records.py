@@ -69,13 +69,7 @@ class Record(ByName[Floats]):
 
 
 def read_records(observed: Table | Sequence[Table]) -> tuple[Record, ...]:
-    """Return records from a table, a mapping of arrays, a path, or several of them.
-
-    Raises
-    ------
-    InputError
-        When a file cannot be read, columns have different lengths, or a record has hardly any rows.
-    """
+    """Return records from a table, a mapping of arrays, a path, or several of them."""
     tables: list[Any] = list(observed) if isinstance(observed, (list, tuple)) else [observed]
     if not tables:
         raise InputError("no record is given", where="observed", do="give a table, a mapping of arrays or a path")
@@ -150,13 +144,7 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
 
 
 def time_of(record: Record, name: str | None) -> Floats:
-    """Return a record's time: the column named, one of a usual name, or the number of the row.
-
-    Raises
-    ------
-    InputError
-        When the column is missing, not known everywhere, or runs backwards.
-    """
+    """Return a record's time: the column named, one of a usual name, or the number of the row."""
     chosen = name or time_column(record)
     if chosen is None:
         return np.arange(float(record.rows_))

@@ -90,10 +90,8 @@ class _Smoothing:
 def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> bool:
     """Return whether a driver is made of the output as it was read, noise included.
 
-    Parameters
-    ----------
-    driver, predicted, residual : sequence of (rows,) arrays, one per record
-        Driver, prediction of the output, and measured less predicted; the latter NaN where nothing was measured.
+    The arguments hold (rows,) per record: the driver, the prediction of the output, and measured less predicted, NaN
+    where nothing was measured.
     """
     known = [np.isfinite(one) for one in residual]
     left = [np.where(has, one, 0.0) for has, one in zip(known, residual, strict=True)]

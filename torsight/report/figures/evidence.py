@@ -155,11 +155,7 @@ def pulls(
                 shown = np.clip(ends, -reach, reach)
                 plot.line(shown, [place + shift] * 2, f"{kind} interval", ordered=False)
             plot.points(
-                [pull],
-                [place + shift],
-                kind,
-                label="plain model" if kind == "before" else "extended model",
-                radius=4.5,
+                [pull], [place + shift], kind, label="plain model" if kind == "before" else "extended model", radius=4.5
             )
     data: dict[str, list[Any]] = {"parameter": names}
     for fit, kind, _ in fits:

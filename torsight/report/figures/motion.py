@@ -27,22 +27,11 @@ CURVES: Final = "curves.csv"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Figure:
-    """A figure: what it shows, and what to look for.
+    """A figure: its panels one above the other, what it shows (title), and what to look for (caption).
 
-    Attributes
-    ----------
-    name : str
-        Of its files and of its place in the page.
-    title, caption : str
-        What it shows, and what to look for.
-    panels : tuple of Panel
-        One above the other.
-    words : str
-        Said to people who cannot see it; the title where it is empty.
-    source : str
-        The table of the run's folder whose columns are drawn.
-    data : mapping of str to sequence, optional
-        Column by column, numbers that are drawn and stand in no table.
+    ``name`` is that of its files and of its place in the page. ``words`` are said to people who cannot see it: the
+    title where there are none. ``source`` is the table of the run's folder whose columns are drawn, ``data`` numbers
+    that are drawn and stand in no table, column by column.
     """
 
     name: str

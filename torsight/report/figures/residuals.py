@@ -120,10 +120,7 @@ def over_variable(
     low, high = np.quantile(values[known], [0.001, 0.999])
     inside = known & (values >= low) & (values <= high)
     plot = Panel(
-        Axis.around(label, values[inside]),
-        Axis.around(residual, before[inside], after[inside]),
-        width=370,
-        height=240,
+        Axis.around(label, values[inside]), Axis.around(residual, before[inside], after[inside]), width=370, height=240
     )
     for left, kind in ((before, "before"), (after, "after")):
         good = inside & np.isfinite(left)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -47,15 +47,7 @@ _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "Deja
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Plots as the page needs them.
-
-    Attributes
-    ----------
-    document : str
-        All plots, JSON.
-    roots : mapping of str to str
-        Name of every figure to the plot's identifier in the document.
-    """
+    """Plots as the page needs them: all of them as JSON, and each figure's identifier in it by its name."""
 
     document: str
     roots: Mapping[str, str]
@@ -133,7 +125,7 @@ def _plot(panel: Panel, shared: dict[str, Range1d]) -> Plot:
         plot.add_tools(CrosshairTool(dimensions="height", line_color=LIGHT["muted"], line_alpha=0.6, visible=False))
     hover: dict[str, list[Any]] = {}
     for alike in _alike(panel.marks):
-        for words, renderer in _Screen(plot, panel).draw(alike):
+        for words, renderer in _draw(plot, panel, alike):
             hover.setdefault(words, []).append(renderer)
     for words, renderers in hover.items():
         mode: Any = "vline" if panel.x.clock and words == _CURVE else "mouse"
@@ -193,125 +185,95 @@ def _column(values: Any) -> Any:
     return values
 
 
-@dataclass(frozen=True, slots=True)
-class _Screen:
-    """A plot that marks are drawn on; every method takes marks that one renderer can draw."""
+def _draw(plot: Plot, panel: Panel, alike: Sequence[Any]) -> _Drawn:
+    """Draw marks that one renderer can draw together."""
+    mark = alike[0]
+    match mark:
+        case Line():
+            return _draw_lines(plot, panel, alike)
+        case Points():
+            return _draw_points(plot, panel, alike)
+        case Box():
+            return _draw_boxes(plot, alike)
+        case Rule():
+            return _draw_rules(plot, alike)
+        case Ribbon():
+            style, known = style_of(mark.kind), np.isfinite(mark.low) & np.isfinite(mark.high)
+            area = glyphs.VArea(x="x", y1="low", y2="high", fill_color=style.colour, fill_alpha=style.opacity)
+            plot.add_glyph(_source(x=mark.x[known], low=mark.low[known], high=mark.high[known]), area)
+        case Band():
+            style = style_of(mark.kind)
+            look: dict[str, Any] = {"fill_color": style.colour, "fill_alpha": style.opacity, "line_color": None}
+            upright = mark.upright
+            strip = (
+                glyphs.VStrip(x0="low", x1="high", **look) if upright else glyphs.HStrip(y0="low", y1="high", **look)
+            )
+            ends = _source(low=[one.low for one in alike], high=[one.high for one in alike])
+            plot.add_glyph(ends, strip, level="underlay")
+        case Note():
+            said = _source(x=[one.x for one in alike], y=[one.y for one in alike], words=[one.words for one in alike])
+            font: dict[str, Any] = {"text_font": value(_FONT), "text_font_size": "12px", "text_color": LIGHT["muted"]}
+            plot.add_glyph(said, glyphs.Text(x="x", y="y", text="words", x_offset=5, text_baseline="middle", **font))
+    return []
 
-    plot: Plot
-    panel: Panel
 
-    def draw(self, alike: Sequence[Any]) -> _Drawn:
-        """Draw marks of one type."""
-        methods: dict[type, Callable[[Sequence[Any]], _Drawn]] = {
-            Line: self.lines,
-            Points: self.points,
-            Ribbon: self.ribbon,
-            Band: self.bands,
-            Box: self.boxes,
-            Rule: self.rules,
-            Note: self.notes,
-        }
-        return methods[type(alike[0])](alike)
-
-    def lines(self, alike: Sequence[Line]) -> _Drawn:
-        """Draw curves of one kind."""
-        mark = alike[0]
-        style = style_of(mark.kind)
-        look: dict[str, Any] = {
-            "line_color": style.colour,
-            "line_width": style.width,
-            "line_dash": list(style.dash),
-            "line_alpha": style.opacity,
-            "line_cap": "round",
-            "line_join": "round",
-        }
-        lines = [line.thinned(self.panel, _BINS) for line in alike if len(line.x)]
-        if not lines:
-            return []
-        if not mark.label:
-            # Gaps part them.
-            x, y = (np.concatenate([np.append(line[k], np.nan) for line in lines]) for k in (0, 1))
-            self.plot.add_glyph(_source(x=x, y=y), glyphs.Line(x="x", y="y", **look))
-            return []
-        drawn = self.plot.add_glyph(
-            _source(x=lines[0][0], y=lines[0][1]), glyphs.Line(x="x", y="y", **look), name=mark.label
-        )
-        return [(_CURVE, drawn)]
-
-    def points(self, alike: Sequence[Points]) -> _Drawn:
-        """Draw points of one kind."""
-        mark = alike[0]
-        style = style_of(mark.kind)
-        pixel = (
-            abs(self.panel.x.high - self.panel.x.low) / self.panel.width,
-            abs(self.panel.y.high - self.panel.y.low) / self.panel.height,
-        )
-        x, y = (np.concatenate([getattr(one, name) for one in alike]) for name in "xy")
-        x, y = thin_points(x, y, spot=pixel, most=_MOST_POINTS)
-        dots = glyphs.Scatter(
-            x="x", y="y", size=2.0 * mark.radius, fill_color=style.colour, fill_alpha=style.opacity, line_color=None
-        )
-        drawn = self.plot.add_glyph(_source(x=x, y=y), dots, name=mark.label or None)
-        return [(_CURVE, drawn)] if mark.label else []
-
-    def ribbon(self, alike: Sequence[Ribbon]) -> _Drawn:
-        """Draw a filled band between two curves."""
-        mark = alike[0]
-        style = style_of(mark.kind)
-        known = np.isfinite(mark.low) & np.isfinite(mark.high)
-        source = _source(x=mark.x[known], low=mark.low[known], high=mark.high[known])
-        area = glyphs.VArea(x="x", y1="low", y2="high", fill_color=style.colour, fill_alpha=style.opacity)
-        self.plot.add_glyph(source, area)
+def _draw_lines(plot: Plot, panel: Panel, alike: Sequence[Line]) -> _Drawn:
+    """Draw curves of one kind."""
+    mark = alike[0]
+    style = style_of(mark.kind)
+    look: dict[str, Any] = {
+        "line_color": style.colour,
+        "line_width": style.width,
+        "line_dash": list(style.dash),
+        "line_alpha": style.opacity,
+        "line_cap": "round",
+        "line_join": "round",
+    }
+    lines = [line.thinned(panel, _BINS) for line in alike if len(line.x)]
+    if not lines:
         return []
-
-    def bands(self, alike: Sequence[Band]) -> _Drawn:
-        """Shade ranges of an axis."""
-        mark = alike[0]
-        style = style_of(mark.kind)
-        source = _source(low=[one.low for one in alike], high=[one.high for one in alike])
-        look: dict[str, Any] = {"fill_color": style.colour, "fill_alpha": style.opacity, "line_color": None}
-        strip = (
-            glyphs.VStrip(x0="low", x1="high", **look) if mark.upright else glyphs.HStrip(y0="low", y1="high", **look)
-        )
-        self.plot.add_glyph(source, strip, level="underlay")
+    if not mark.label:
+        # Gaps part them.
+        x, y = (np.concatenate([np.append(line[k], np.nan) for line in lines]) for k in (0, 1))
+        plot.add_glyph(_source(x=x, y=y), glyphs.Line(x="x", y="y", **look))
         return []
+    drawn = plot.add_glyph(_source(x=lines[0][0], y=lines[0][1]), glyphs.Line(x="x", y="y", **look), name=mark.label)
+    return [(_CURVE, drawn)]
 
-    def boxes(self, alike: Sequence[Box]) -> _Drawn:
-        """Draw rectangles."""
-        mark = alike[0]
-        source = _source(
-            left=[min(one.x) for one in alike],
-            right=[max(one.x) for one in alike],
-            bottom=[min(one.y) for one in alike],
-            top=[max(one.y) for one in alike],
-            tip=[one.tip for one in alike],
-        )
-        colour = style_of(mark.kind).colour
-        quad = glyphs.Quad(left="left", right="right", bottom="bottom", top="top", fill_color=colour, line_color=None)
-        return [(_TIP, self.plot.add_glyph(source, quad))]
 
-    def rules(self, alike: Sequence[Rule]) -> _Drawn:
-        """Draw straight lines."""
-        mark = alike[0]
-        style = style_of(mark.kind)
-        source = _source(at=[one.value for one in alike], tip=[one.tip for one in alike])
-        look: dict[str, Any] = {"line_color": style.colour, "line_width": style.width, "line_dash": list(style.dash)}
-        span = glyphs.VSpan(x="at", **look) if mark.upright else glyphs.HSpan(y="at", **look)
-        drawn = self.plot.add_glyph(source, span)
-        return [(_TIP, drawn)] if any(one.tip for one in alike) else []
+def _draw_points(plot: Plot, panel: Panel, alike: Sequence[Points]) -> _Drawn:
+    """Draw points of one kind."""
+    mark = alike[0]
+    style = style_of(mark.kind)
+    pixel = (abs(panel.x.high - panel.x.low) / panel.width, abs(panel.y.high - panel.y.low) / panel.height)
+    x, y = (np.concatenate([getattr(one, name) for one in alike]) for name in "xy")
+    x, y = thin_points(x, y, spot=pixel, most=_MOST_POINTS)
+    dots = glyphs.Scatter(
+        x="x", y="y", size=2.0 * mark.radius, fill_color=style.colour, fill_alpha=style.opacity, line_color=None
+    )
+    drawn = plot.add_glyph(_source(x=x, y=y), dots, name=mark.label or None)
+    return [(_CURVE, drawn)] if mark.label else []
 
-    def notes(self, alike: Sequence[Note]) -> _Drawn:
-        """Write words."""
-        source = _source(x=[one.x for one in alike], y=[one.y for one in alike], words=[one.words for one in alike])
-        words = glyphs.Text(
-            x="x",
-            y="y",
-            text="words",
-            x_offset=5,
-            text_baseline="middle",
-            text_font=value(_FONT),
-            text_font_size="12px",
-            text_color=LIGHT["muted"],
-        )
-        self.plot.add_glyph(source, words)
-        return []
+
+def _draw_boxes(plot: Plot, alike: Sequence[Box]) -> _Drawn:
+    source = _source(
+        left=[min(one.x) for one in alike],
+        right=[max(one.x) for one in alike],
+        bottom=[min(one.y) for one in alike],
+        top=[max(one.y) for one in alike],
+        tip=[one.tip for one in alike],
+    )
+    colour = style_of(alike[0].kind).colour
+    quad = glyphs.Quad(left="left", right="right", bottom="bottom", top="top", fill_color=colour, line_color=None)
+    return [(_TIP, plot.add_glyph(source, quad))]
+
+
+def _draw_rules(plot: Plot, alike: Sequence[Rule]) -> _Drawn:
+    """Draw straight lines over the whole panel."""
+    mark = alike[0]
+    style = style_of(mark.kind)
+    source = _source(at=[one.value for one in alike], tip=[one.tip for one in alike])
+    look: dict[str, Any] = {"line_color": style.colour, "line_width": style.width, "line_dash": list(style.dash)}
+    span = glyphs.VSpan(x="at", **look) if mark.upright else glyphs.HSpan(y="at", **look)
+    drawn = plot.add_glyph(source, span)
+    return [(_TIP, drawn)] if any(one.tip for one in alike) else []

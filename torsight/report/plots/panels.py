@@ -198,20 +198,10 @@ Mark = Drawn | Note
 
 @dataclass(slots=True)
 class Panel:
-    """One panel under construction.
+    """One panel under construction: two axes, and the marks that are drawn, the first below the last.
 
-    Attributes
-    ----------
-    x, y : Axis
-        The axes.
-    width, height : float
-        Size of the picture in pixels at its usual size; the page scales it.
-    x_names, y_names : sequence of (float, str), optional
-        Names at places of an axis that counts instead of measuring.
-    square : bool
-        Whether both axes have one scale.
-    marks : list
-        What is drawn, the first below the last.
+    Its size is in pixels at its usual size; the page scales it. An axis that counts instead of measuring has names at
+    places. ``square``: both axes have one scale.
     """
 
     x: Axis

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, Final
 from urllib.parse import quote
 
@@ -21,7 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from torsight.core.words.colours import LIGHT
-from torsight.report.plots.panels import Band, Box, Line, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
+from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
 
 _PX_PER_INCH: Final = 96.0
 """Pixels of a style sheet per inch, by the standard of CSS."""
@@ -121,7 +120,7 @@ def _draw(picture: Picture, panel: Panel, top: float, width: float, height: floa
     if panel.square:
         axes.set_aspect("equal", adjustable="box")
     for mark in panel.marks:
-        _Paper(axes, panel).draw(mark)
+        _draw_mark(axes, panel, mark)
     for row, entries in enumerate(rows):
         handles = [_handle(mark) for mark, _ in entries]
         legend = axes.legend(
@@ -155,85 +154,49 @@ def _legend_rows(panel: Panel, width: float) -> list[list[tuple[Any, str]]]:
     return rows
 
 
-@dataclass(frozen=True, slots=True)
-class _Paper:
-    """Axes that marks are drawn on."""
+def _draw_mark(axes: Axes, panel: Panel, mark: Mark) -> None:
+    """Draw one mark of any type."""
+    if isinstance(mark, Note):
+        words, place = _plain(mark.words), (mark.x, mark.y)
+        look: dict[str, Any] = {"va": "center", "color": LIGHT["muted"]}
+        axes.annotate(words, place, xytext=(4.0, 0.0), textcoords="offset points", **look)
+        return
+    style = style_of(mark.kind)
+    filled: dict[str, Any] = {"color": style.colour, "alpha": style.opacity, "linewidth": 0.0}
+    match mark:
+        case Line():
+            axes.add_line(_line(mark, *mark.thinned(panel, _BINS)))
+        case Points():
+            _draw_points(axes, panel, mark)
+        case Ribbon():
+            axes.fill_between(mark.x, mark.low, mark.high, **filled)
+        case Band():
+            span = axes.axvspan if mark.upright else axes.axhspan
+            span(mark.low, mark.high, **filled)
+        case Box():
+            (left, right), (low, high) = sorted(mark.x), sorted(mark.y)
+            axes.bar(left, high - low, right - left, low, align="edge", color=style.colour, linewidth=0.0)
+        case Rule():
+            rule = axes.axvline if mark.upright else axes.axhline
+            rule(mark.value, color=style.colour, linewidth=style.width * _POINTS_PER_PX, linestyle=_dashes(style.dash))
 
-    axes: Axes
-    panel: Panel
 
-    def draw(self, mark: Any) -> None:
-        """Draw one mark of any type."""
-        methods: dict[type, Callable[[Any], None]] = {
-            Line: self.line,
-            Points: self.points,
-            Ribbon: self.ribbon,
-            Band: self.band,
-            Box: self.box,
-            Rule: self.rule,
-            Note: self.note,
-        }
-        methods[type(mark)](mark)
-
-    def line(self, mark: Line) -> None:
-        """Draw a curve."""
-        self.axes.add_line(_line(mark, *mark.thinned(self.panel, _BINS)))
-
-    def points(self, mark: Points) -> None:
-        """Draw points."""
-        style = style_of(mark.kind)
-        spot = (
-            (self.panel.x.high - self.panel.x.low) / self.panel.width * 2.0,
-            abs(self.panel.y.high - self.panel.y.low) / self.panel.height * 2.0,
-        )
-        x, y = thin_points(mark.x, mark.y, spot=spot, most=_MOST_POINTS)
+def _draw_points(axes: Axes, panel: Panel, mark: Points) -> None:
+    style = style_of(mark.kind)
+    spot = ((panel.x.high - panel.x.low) / panel.width * 2.0, abs(panel.y.high - panel.y.low) / panel.height * 2.0)
+    x, y = thin_points(mark.x, mark.y, spot=spot, most=_MOST_POINTS)
+    axes.plot(
+        x,
+        y,
+        linestyle="none",
+        marker="o",
+        markersize=2.0 * mark.radius * _POINTS_PER_PX,
+        markeredgewidth=0.0,
+        color=style.colour,
+        alpha=style.opacity,
         # Thousands of points are one picture within the picture.
-        self.axes.plot(
-            x,
-            y,
-            linestyle="none",
-            marker="o",
-            markersize=2.0 * mark.radius * _POINTS_PER_PX,
-            markeredgewidth=0.0,
-            color=style.colour,
-            alpha=style.opacity,
-            rasterized=len(x) > 300,
-        )
-
-    def ribbon(self, mark: Ribbon) -> None:
-        """Draw a filled band between two curves."""
-        style = style_of(mark.kind)
-        self.axes.fill_between(mark.x, mark.low, mark.high, color=style.colour, alpha=style.opacity, linewidth=0.0)
-
-    def band(self, mark: Band) -> None:
-        """Shade a range of an axis."""
-        style = style_of(mark.kind)
-        span = self.axes.axvspan if mark.upright else self.axes.axhspan
-        span(mark.low, mark.high, color=style.colour, alpha=style.opacity, linewidth=0.0)
-
-    def box(self, mark: Box) -> None:
-        """Draw a rectangle."""
-        (left, right), (low, high) = sorted(mark.x), sorted(mark.y)
-        self.axes.bar(
-            left, high - low, right - left, low, align="edge", color=style_of(mark.kind).colour, linewidth=0.0
-        )
-
-    def rule(self, mark: Rule) -> None:
-        """Draw a straight line."""
-        style = style_of(mark.kind)
-        rule = self.axes.axvline if mark.upright else self.axes.axhline
-        rule(mark.value, color=style.colour, linewidth=style.width * _POINTS_PER_PX, linestyle=_dashes(style.dash))
-
-    def note(self, mark: Note) -> None:
-        """Write words."""
-        self.axes.annotate(
-            _plain(mark.words),
-            (mark.x, mark.y),
-            xytext=(4.0, 0.0),
-            textcoords="offset points",
-            va="center",
-            color=LIGHT["muted"],
-        )
+        rasterized=len(x) > 300,
+    )
 
 
 def _line(mark: Line, x: Any, y: Any) -> Any:

@@ -28,16 +28,10 @@ HALVED: Final = 0.505
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A further measurement, and what it makes of an interval.
+    """A further measurement, and what it makes of an interval: its width after it, in widths of today's.
 
-    Attributes
-    ----------
-    name : str
-        Value that is characterised better; empty where the record is made longer.
-    factor : float
-        How much better, or how much longer.
-    ratio : float
-        Width of the interval after it, in widths of today's.
+    ``factor`` is how much better the value of this ``name`` is characterised, or, without one, how much longer the
+    record is.
     """
 
     name: str
@@ -48,24 +42,11 @@ class Measure:
 def best_measures(
     target: str, names: Sequence[str], covariance: Floats, prior_sigma: Sequence[float | None]
 ) -> tuple[Measure, Measure | None]:
-    """Return what a longer record and what the best single characterisation do to one value's interval.
+    """Return what a longer record and what the best single characterisation do to the interval of one of the ``names``.
 
-    Parameters
-    ----------
-    target : str
-        The value whose interval is to be narrower, one of ``names``.
-    names : sequence of str
-        The fitted values.
-    covariance : (m, m) float64
-        Of the fitted values.
-    prior_sigma : sequence of float or None
-        Standard deviation of each characterised value, None where there was none.
-
-    Returns
-    -------
-    (Measure, Measure or None)
-        The shortest record, and the least demanding characterisation, that halve the interval; where none of those
-        tried does, the one that narrows it most. None where nothing was characterised with an uncertainty.
+    The shortest record, and the least demanding characterisation, that halve it; where none of those tried does, the
+    one that narrows it most. None where nothing was characterised with an uncertainty: the prior's sigmas are None
+    then.
     """
     place = list(names).index(target)
     size = np.sqrt(np.diag(covariance))

@@ -52,18 +52,10 @@ _SHORTEST, _LONGEST = 0.1, 0.5
 
 @dataclass(frozen=True, eq=False)
 class RigLaw:
-    """One law of a rig.
+    """One law of a rig: where it acts and over what (see the module), with values at equal distances.
 
-    Attributes
-    ----------
-    port, driver : str
-        Where it acts and over what (see the module).
-    start, stop : float
-        Ends of the driver's range in SI units and °C; beyond them the value is held.
-    values : (n,) float64
-        Values at equal distances from start to stop, in the port's unit.
-    spring : str
-        ``a``, ``b`` or ``both``: whose, where a port has one per spring.
+    The ends of the driver's range are in SI units and °C, beyond them the value is held; values (n,) are in the port's
+    unit. ``spring`` is ``a``, ``b`` or ``both``: whose, where a port has one per spring.
     """
 
     port: str

@@ -24,15 +24,7 @@ _DARK: Final = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """Something in front of the picture: a bar with round ends.
-
-    Attributes
-    ----------
-    ends_px : (4,) float64
-        x and y of both ends.
-    radius_px, level : float
-        Half its width; its grey level.
-    """
+    """Something in front of the picture: a bar with round ends, x and y of both (4,), half its width, grey level."""
 
     ends_px: Floats
     radius_px: float

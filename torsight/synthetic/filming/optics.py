@@ -19,17 +19,7 @@ from torsight.synthetic.scene import CameraSettings, Scene
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """One camera in the world of the rotation axis.
-
-    Attributes
-    ----------
-    intrinsics : Intrinsics
-        Its lens.
-    rotation : (3, 3) float64
-        Camera from world.
-    translation_mm : (3,) float64
-        The world's origin in the camera.
-    """
+    """One camera in the world of the rotation axis: its lens, camera from world, and the world's origin in it."""
 
     intrinsics: Intrinsics
     rotation: Floats

@@ -126,18 +126,10 @@ def row_spans(hull: Floats, reach_px: float, width: int, first_row: int, rows: i
 
 
 class Canvas(NamedTuple):
-    """A picture under construction.
+    """A picture under construction: grey levels (h, w), changed in place, and the relative light.
 
-    Attributes
-    ----------
-    picture, light : (h, w) float32
-        Grey levels, changed in place; relative light.
-    rays : (h + 2 m, w + 2 m, 2) float64
-        Ray of every pixel, with a margin m of :data:`MARGIN_PX`.
-    shift_px : (2,) float64
-        By how much the picture has moved.
-    blur_px : float
-        Blur of an edge.
+    ``rays`` (h + 2 m, w + 2 m, 2) are those of every pixel, with a margin m of :data:`MARGIN_PX`; ``shift_px`` is by
+    how much the picture has moved, ``blur_px`` the blur of an edge.
     """
 
     picture: Picture
@@ -148,16 +140,9 @@ class Canvas(NamedTuple):
 
 
 class Stick(NamedTuple):
-    """A stick in its plane.
+    """A stick in its plane: the homography (3, 3) from rays to the plane, mm, and what :func:`stick_value` draws.
 
-    Attributes
-    ----------
-    plane : (3, 3) float64
-        Homography from rays to the stick's plane, mm.
-    turns : (n, 2) float64
-        Cosine and sine of the directions that it takes while the shutter is open.
-    shape, scale : float64
-        See :func:`stick_value`.
+    ``turns`` (n, 2) are cosine and sine of the directions that it takes while the shutter is open.
     """
 
     plane: Floats

@@ -13,11 +13,11 @@ from torsight.core.units import DEG, Floats, Ints
 from torsight.synthetic.filming.camera_work import Bar, marker_points
 from torsight.synthetic.filming.optics import View
 from torsight.synthetic.filming.picture import MARGIN_PX, Canvas, Stick, draw_bar, draw_stick, expose, row_spans
-from torsight.synthetic.scene import Scene
+from torsight.synthetic.scene import LightSettings, Scene
 
 _NOISE_POOL: Final = 1 << 22
 """Numbers that a frame's noise is a stretch of: fourteen frames of VGA, in 16 MB."""
-_BLUR_STEP_PX: Final = 0.35
+_BLUR_STEP_PX: Final = 0.5 * LightSettings().blur_px
 _MOST_POSES: Final = 24
 """Step between the poses of which a smeared stick is the mean, half of the usual lens' blur, and how many at most:
 enough for a smear of 8 px."""
@@ -50,18 +50,8 @@ class Studio:
     ) -> NDArray[np.uint8]:
         """Return one frame (h, w).
 
-        Parameters
-        ----------
-        stick_rad : (n,) float64
-            Moving stick less base stick at evenly spaced moments while the shutter is open.
-        shift_px : (2,) float64
-            By how much the picture has moved.
-        gain : float
-            Light of this frame.
-        bars : list of Bar
-            What stands in front.
-        lamp : bool
-            Whether the lamp is lit.
+        ``stick_rad`` (n,) is the moving stick less the base stick at evenly spaced moments while the shutter is open,
+        ``shift_px`` by how much the picture has moved, ``gain`` the frame's light; the bars stand in front.
         """
         picture = self._set(shift_px)
         self._draw(picture, 1, stick_rad, shift_px)

@@ -56,18 +56,10 @@ about it."""
 
 
 class Course(NamedTuple):
-    """What is done at every sample.
+    """What is done at every sample (n,): commands, references, what laws leave of the recoverable angle, and noise.
 
-    Attributes
-    ----------
-    command : (n,) int64
-        0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it.
-    reference_c, cycle : (n,) float64
-        Temperature reference; number of the spring's earlier cycles, for fatigue.
-    share : (n,) float64
-        What laws leave of the recoverable angle.
-    noise_c : (n, 2) float64
-        Noise of the two readings.
+    Commands: 0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it. ``cycle`` is the number of the
+    spring's earlier cycles, for fatigue; ``noise_c`` (n, 2) is that of the two readings.
     """
 
     command: Ints
@@ -167,20 +159,10 @@ def integrate(
 ) -> Floats:
     """Run the rig and return one row of signals per sample, those of a ``RigRecord`` in their order.
 
-    Parameters
-    ----------
-    pair : (2,) record
-        The rig's numbers with spring A's and B's values (:func:`torsight.synthetic.rig.constants.to_records`).
-    start : (4,) float64
-        Angle, and temperatures of wire A, wire B and the body.
-    s : (2, columns) float64
-        States of both springs; changed in place.
-    zones : two (z,) float64
-        Zones of the wire: weights, and how much cooler than the middle.
-    course : Course
-        What is done at every sample.
-    sample_s, substeps
-        Sampling time; steps per sample.
+    The ``pair`` of records holds the rig's numbers with spring A's and B's values
+    (:func:`torsight.synthetic.rig.constants.to_records`), ``start`` the angle and the temperatures of wire A, wire B
+    and the body, ``s`` the states of both springs, which are changed in place, ``zones`` the weights of the wire's
+    zones and how much cooler each is than the middle, ``course`` what is done at every sample.
     """
     c = pair[0]
     command, reference_c, cycle, share, noise_c = course

@@ -80,28 +80,11 @@ class Setup:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigRecord:
-    """What a rig did, sample by sample on its own clock; 0 is the first sample.
+    """What a rig did, sample by sample (n,) on its own clock; 0 is the first sample.
 
-    Attributes
-    ----------
-    time_s : (n,) float64
-        Sampling instants.
-    angle_rad, rate_rad_s : (n,) float64
-        Actuator angle φ and its speed.
-    wire_a_c, wire_b_c, body_c : (n,) float64
-        True temperatures.
-    temp_a_c, temp_b_c : (n,) float64
-        Temperatures as the sensors read them.
-    heat_a, heat_b : (n,) bool
-        Heating switches.
-    current_a_a, current_b_a : (n,) float64
-        Currents.
-    xi_a, xi_b : (n,) float64
-        Martensite fractions.
-    friction_nm : (n,) float64
-        Friction torque, positive against positive motion.
-    half_cycle : (n,) int64
-        Number of the half-cycle; −1 before the first.
+    The actuator angle φ and its speed; true temperatures of wires and body, and those that the sensors read; heating
+    switches and currents; martensite fractions; the friction torque, positive against positive motion; and the number
+    of the half-cycle, −1 before the first.
     """
 
     time_s: Floats
@@ -161,30 +144,11 @@ def simulate_rig(
     before_s: float = 0.0,
     after_s: float = 0.0,
 ) -> RigRecord:
-    """Run a rig through a protocol.
+    """Run a rig through a protocol and return its signals at every sample, homing left out.
 
-    Parameters
-    ----------
-    values : RigValues
-        Its springs and friction.
-    protocol : Protocol
-        What is done to it.
-    effects : mapping, optional
-        Hidden effects by id (:mod:`torsight.synthetic.effects.hidden`).
-    laws : sequence of RigLaw
-        Laws of no particular form (:mod:`torsight.synthetic.effects.random_laws`); those of the reading are not part of
-        the record.
-    setup : Setup
-        Masses, heat and sensors.
-    rng : numpy Generator, optional
-        Noise of the temperature readings; none where left out.
-    before_s, after_s : float
-        Rest that is recorded before and after.
-
-    Returns
-    -------
-    RigRecord
-        Signals at every sample, homing left out.
+    Effects are hidden ones by their ids (:mod:`torsight.synthetic.effects.hidden`); laws have no particular form
+    (:mod:`torsight.synthetic.effects.random_laws`), and those of the reading are not part of the record. Without
+    ``rng`` the temperature readings have no noise; the rest before and after is recorded, too.
     """
     effects = effects or {}
     sensor, thermal = setup.sensor, setup.thermal
@@ -276,18 +240,9 @@ def _record(rows: Floats, orders: Commands, *, sample_s: float) -> RigRecord:
 def reading_angle(
     angle_rad: Floats, time_s: Floats, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw] = ()
 ) -> Floats:
-    """Return the angle that a perfect camera would read, rad: play, eccentricity, a slip, drift and laws on top of φ.
+    """Return the angle (n,) that a perfect camera would read at times on the film's clock, rad.
 
-    Parameters
-    ----------
-    angle_rad : (n,) float64
-        Actuator angle φ.
-    time_s : (n,) float64
-        Film clock.
-    effects : mapping
-        Hidden effects by id.
-    laws : sequence of RigLaw
-        Those of the reading are added.
+    Play, eccentricity, a slip and drift, and laws of the reading, on top of the actuator's angle φ.
     """
     read = angle_rad + read_with(laws, angle_rad=angle_rad, time_s=time_s)
     for effect in effects.values():

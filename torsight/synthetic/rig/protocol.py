@@ -29,17 +29,10 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class HalfCycle:
-    """One spring heated to a reference and left to cool.
+    """One spring (0 A, 1 B) heated to a reference and left to cool, with the times switched on and off.
 
-    Attributes
-    ----------
-    spring : int
-        0 for A, 1 for B.
-    reference : (n, 2) float64
-        Times since switching on, s, and temperatures, °C, joined by lines; a NaN at time 0 stands for the reading at
-        that moment.
-    heat_s, cool_s : float
-        Time switched on, and off.
+    The reference (n, 2) holds times since switching on, s, and temperatures, °C, joined by lines; a NaN at time 0
+    stands for the reading at that moment.
     """
 
     spring: int
@@ -66,20 +59,11 @@ class Protocol:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Commands:
-    """The protocol sample by sample.
+    """The protocol sample by sample (n,).
 
-    Attributes
-    ----------
-    command : (n,) int64
-        0 rest, 1 or 2 spring A or B on, −1 or −2 cooling after it.
-    reference_c : (n,) float64
-        Temperature reference where a spring is on.
-    cycle : (n,) float64
-        How often the spring in question was heated before.
-    half_cycle : (n,) int64
-        Number of the half-cycle, −1 during homing and the first rest.
-    recorded : int
-        First sample of the record (after homing).
+    Commands: 0 rest, 1 or 2 spring A or B on, −1 or −2 cooling after it; the temperature reference where a spring is
+    on; how often the spring in question was heated before; the number of the half-cycle, −1 during homing and the first
+    rest. ``recorded`` is the first sample of the record, after homing.
     """
 
     command: Ints

@@ -46,14 +46,9 @@ _SIGNED: Final = ("A_s_c", "A_f_c", "M_s_c", "M_f_c")
 
 @dataclass(frozen=True, slots=True)
 class Declared(Frozen):
-    """What ``actuator.toml`` says of a rig.
+    """What ``actuator.toml`` says of a rig: geometry, material, assembly and friction in the file's units.
 
-    Attributes
-    ----------
-    tables : mapping
-        The tables geometry, material, assembly and friction, in the file's units.
-    uncertainty : mapping of str to float
-        One standard deviation of each value that is not exact.
+    And one standard deviation of each value that is not exact.
     """
 
     tables: Mapping[str, Mapping[str, float]]
@@ -77,13 +72,7 @@ class RigValues(Frozen):
 
 
 def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
-    """Read the declared actuator from tables in the layout of ``actuator.toml``; what is absent is the reference rig's.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown key or a value that is no number.
-    """
+    """Read the declared actuator from tables as in ``actuator.toml``; what is absent is the reference rig's."""
     check_keys(table, (*_TABLES, "uncertainty"), where=where)
     tables: dict[str, dict[str, float]] = {}
     for name, keys in _TABLES.items():
@@ -106,14 +95,7 @@ def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
 def draw_values(declared: Declared, *, given: Mapping[str, float], rng: np.random.Generator | None) -> RigValues:
     """Return the rig's own values: declared ones, each off by its uncertainty, and ``given`` ones as they are.
 
-    Parameters
-    ----------
-    declared : Declared
-        What ``actuator.toml`` says.
-    given : mapping of str to float
-        True values that are set, by the file's keys.
-    rng : numpy Generator or None
-        Draws the deviations (normal, within 2.5 standard deviations); None leaves the declared values.
+    Deviations are normal, within 2.5 standard deviations; without ``rng`` the declared values stay.
     """
     values = declared.flat()
     for name, sigma in declared.uncertainty.items():
@@ -126,13 +108,7 @@ def draw_values(declared: Declared, *, given: Mapping[str, float], rng: np.rando
 
 
 def rig_values(public: Mapping[str, float]) -> RigValues:
-    """Convert values under their public names to SI.
-
-    Raises
-    ------
-    ConfigError
-        When a transformation would start after its finish.
-    """
+    """Convert values under their public names to SI."""
     for start, finish in (("A_s_c", "A_f_c"), ("M_f_c", "M_s_c")):
         if public[start] >= public[finish]:
             raise ConfigError(

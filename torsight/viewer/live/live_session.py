@@ -21,15 +21,13 @@ from torsight.core.words.wording import estimate
 from torsight.viewer import view_layout
 from torsight.viewer.film_preview import WIDEST_PX
 from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
-from torsight.viewer.live.measure.growing_log import LogFollower, WatchedLog
-from torsight.viewer.live.measure.log_clock import LogClock
+from torsight.viewer.live.measure.growing_log import LogClock, LogFollower, WatchedLog
 from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
 from torsight.viewer.live.record.live_files import Recorder, finish
 from torsight.viewer.live.record.live_report import write_track_account
-from torsight.viewer.live.record.outcome import Outcome
-from torsight.viewer.live.record.status_table import standing
+from torsight.viewer.live.record.outcome import Outcome, standing
 from torsight.viewer.live.screen.feed import Feed
 from torsight.viewer.live.screen.latency import Latency
 from torsight.viewer.overlay import overlay
@@ -284,8 +282,8 @@ class Session:
             self.outcome.half_cycles += 1
             words = f"number {self.outcome.half_cycles}, spring {begin.spring} is driven"
             self._tell(begin.time_s, self._frame, "half-cycle", words)
-            if math.isfinite(begin.angle_rad):
-                at = np.array([begin.time_s]), np.array([begin.angle_rad / DEG])
+            if math.isfinite(begin.angle_deg):
+                at = np.array([begin.time_s]), np.array([begin.angle_deg])
                 self._put("series", view_layout.HALF_CYCLE, *at)
 
     def _words(self) -> str:
@@ -332,11 +330,7 @@ class Session:
         if orientation is not None:
             outcome.settle(orientation.angles)
         write_track_account(
-            self._folder,
-            source=pictures.describe(),
-            outcome=outcome,
-            orientation=orientation,
-            events=self._events,
+            self._folder, source=pictures.describe(), outcome=outcome, orientation=orientation, events=self._events
         )
         write_json(
             self._folder / "live.json",

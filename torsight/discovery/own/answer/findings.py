@@ -22,7 +22,10 @@ from torsight.discovery.inference.fitting import EffectSet, less
 from torsight.discovery.inference.validate import HeldOut
 from torsight.discovery.inference.verdict import Decision
 from torsight.discovery.interface import Problem
+from torsight.discovery.own.answer import pictures, words
 from torsight.discovery.own.answer.laws import MeasuredCurve, measured_curves
+from torsight.discovery.own.answer.own_prediction import PredictedOutputs
+from torsight.discovery.own.answer.saved import SavedModel
 from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.own_records import Table
@@ -30,9 +33,6 @@ from torsight.discovery.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from torsight.discovery.own.answer.own_prediction import PredictedOutputs
-    from torsight.discovery.own.answer.saved import SavedModel
 
 
 _SHOWN: Final = 5
@@ -290,15 +290,11 @@ class Findings(Shown):
 
     def facts(self) -> dict[str, str]:
         """Return what is missing, the errors, and what was found of each effect and law."""
-        from torsight.discovery.own.answer.words import facts
-
-        return facts(self)
+        return words.facts(self)
 
     def summary(self) -> str:
         """Return the answer in some lines."""
-        from torsight.discovery.own.answer.words import summary
-
-        return summary(self)
+        return words.summary(self)
 
     def __str__(self) -> str:
         return self.summary()
@@ -308,17 +304,13 @@ class Findings(Shown):
         return f"Findings({self.verdict}{': ' if effects else ''}{effects})"
 
     def _repr_html_(self) -> str:
-        from torsight.discovery.own.answer.words import html
-
-        return html(self)
+        return words.html(self)
 
     def _columns(self) -> dict[str, Any]:
         return dict(self.curves())
 
     def _draw(self, axes: Any) -> None:
-        from torsight.discovery.own.answer.pictures import draw_motion, series_of
-
-        draw_motion(axes, series_of(self)[0])
+        pictures.draw_motion(axes, pictures.series_of(self)[0])
         axes.legend(loc="best", fontsize="small", frameon=False)
 
     def overview(self) -> Figure:
@@ -326,9 +318,7 @@ class Findings(Shown):
 
         :meth:`plot` draws the first of its panels, measured and both models of the first output, into axes.
         """
-        from torsight.discovery.own.answer.pictures import overview
-
-        return overview(self)
+        return pictures.overview(self)
 
     def model(self, effects: Iterable[str] | None = None) -> SavedModel:
         """Return the extended model, ready to predict other records and to be saved.
@@ -345,8 +335,6 @@ class Findings(Shown):
         InputError
             When the problem was not made by ``model_problem``.
         """
-        from torsight.discovery.own.answer.saved import SavedModel
-
         problem = self.problem
         if not isinstance(problem, ModelProblem):
             raise InputError(
@@ -400,12 +388,8 @@ class Findings(Shown):
 
     def curves(self) -> dict[str, NDArray[Any]]:
         """Return a table: per record and row time, and measured, plain and extended for each output."""
-        from torsight.discovery.own.answer.pictures import table_of
-
-        return table_of(self)
+        return pictures.table_of(self)
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``discovery.json``."""
-        from torsight.discovery.own.answer.words import to_json
-
-        return to_json(self)
+        return words.to_json(self)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, slope, smooth_kernels
+from torsight.core.series import rms
 from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
@@ -22,7 +23,7 @@ from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.fitting import AtPoint, Fit
 from torsight.discovery.inference.measure import Measured, measure_law
 from torsight.discovery.interface import Candidate
-from torsight.discovery.linear_problem import law_over
+from torsight.discovery.linear_problem import LAW_SHARE, law_over
 from torsight.discovery.own.model.declare import MOST_NODES, LawPort
 from torsight.discovery.own.model.layout import Layout
 from torsight.discovery.own.model.values import Curve
@@ -33,9 +34,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.model.problem import ModelProblem
 
 
-_SCALE: Final = 0.03
-"""Size of a law that matters: what changes the outputs by so much of their spread (as for laws that are added to an
-output, :mod:`torsight.discovery.linear_problem`)."""
 _LENGTHS: Final = (0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
 """Lengths of its smooth functions, as shares of its range, down to where two nodes are one apart: each is half the
 one before, so that a law with more nodes may bend within shorter ones."""
@@ -148,13 +146,7 @@ def added_laws(layout: Layout, drivers: Mapping[str, Floats], observed: Floats) 
 
 
 def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProblem:
-    """Return a problem whose declared laws have their nodes and sizes, for the plain model's values.
-
-    Raises
-    ------
-    InputError
-        When the model never asks for a law, or a law changes nothing.
-    """
+    """Return a problem whose declared laws have their nodes and sizes, for the plain model's values."""
     called = problem.evaluator(problem.given(values, ()), {})
     nodes = {}
     for port in problem.ports:
@@ -252,12 +244,12 @@ def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> flo
         shapes = (np.ones(len(form.nodes)), np.linspace(-1.0, 1.0, len(form.nodes)))
         points = [{**values, **dict(zip(form.names, (step * shape).tolist(), strict=True))} for shape in shapes]
         moved = with_law.predict_many(points, (name,))
-        return max(float(np.sqrt(np.mean((one - plain)[valid] ** 2))) for one in moved) / step
+        return max(rms((one - plain)[valid]) for one in moved) / step
 
     first = response(1e-6)
     if first <= 0.0:
         raise InputError(f"the law '{name}' changes nothing", where="predict", do="add what it returns to the model")
-    return _SCALE * spread / (response(_STEP * spread / first) or first)
+    return LAW_SHARE * spread / (response(_STEP * spread / first) or first)
 
 
 def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

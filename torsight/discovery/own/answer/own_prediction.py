@@ -15,16 +15,8 @@ from torsight.core.words.shown import Shown, span
 class PredictedOutputs(Shown, Mapping[str, Floats]):
     """Outputs of a model for every row of a record, by name: ``predicted["y"]``, ``predicted["y_sigma"]``.
 
-    Attributes
-    ----------
-    columns : mapping of str to (rows,) float64
-        Time, then each output and its standard deviation.
-    outputs : tuple of str
-        Names of the outputs.
-    record : str
-        By what the record is called.
-    warnings : tuple of str
-        What a person should know: laws that are asked for what was never measured.
+    The columns are time, then each output and its standard deviation, (rows,). Warnings tell of laws that are asked for
+    what was never measured.
     """
 
     columns: Mapping[str, Floats]

@@ -24,6 +24,7 @@ COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2"
 """Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
 _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
+"""Curves that a picture shows, the first ones, and points of each: several for a pixel of its width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,22 +71,18 @@ def series_of(found: Findings) -> list[Series]:
 
 def table_of(found: Findings) -> dict[str, NDArray[Any]]:
     """Return the columns of ``curves.csv``; see ``Findings.curves``."""
-    problem = found.problem
-    fits = {"plain": found.field.base, "extended": found.decision.chosen}
+    problem, series = found.problem, series_of(found)
     if not isinstance(problem, ModelProblem):
-        known = np.where(problem.valid, problem.observed, np.nan)
-        return {
-            "time_s": problem.time_s,
-            "observed": known,
-            **{name: one.fit.solution.prediction for name, one in fits.items()},
-        }
+        (one,) = series
+        return {"time_s": one.time, "observed": one.measured, "plain": one.before, "extended": one.after}
     labels = [np.full(record.rows_, record.label_) for record in problem.model.records]
     made: dict[str, NDArray[Any]] = {"record": np.concatenate(labels), "time_s": np.concatenate(problem.times())}
-    measured = np.concatenate(problem.measured())
-    models = {name: np.concatenate(problem.layout.native(one.fit.solution.prediction)) for name, one in fits.items()}
-    for k, output in enumerate(problem.model.outputs):
-        made[output] = measured[:, k]
-        made |= {f"{output}_{name}": values[:, k] for name, values in models.items()}
+    outputs = problem.model.outputs
+    for k, output in enumerate(outputs):
+        own = series[k :: len(outputs)]
+        made[output] = np.concatenate([one.measured for one in own])
+        made[f"{output}_plain"] = np.concatenate([one.before for one in own])
+        made[f"{output}_extended"] = np.concatenate([one.after for one in own])
     return made
 
 

@@ -16,6 +16,7 @@ from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.series import rms
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import space_of
@@ -83,7 +84,7 @@ class LawOn:
 
     def steep(self, values: Mapping[str, float]) -> float:
         """Return its root mean square slope."""
-        return float(np.sqrt(np.mean((np.diff(self.curve(values)) / np.diff(self.form.nodes)) ** 2)))
+        return rms(np.diff(self.curve(values)) / np.diff(self.form.nodes))
 
     def further(self, values: Mapping[str, float], asked: tuple[float, float]) -> list[Curve]:
         """Return the law as it may go on beyond an end at which it is asked for more: up, and down."""
@@ -324,13 +325,7 @@ class SavedModel:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any], declared: Declared, *, where: str) -> SavedModel:
-        """Return a model from the content of ``model.json`` and the declarations of its model file.
-
-        Raises
-        ------
-        InputError
-            When the file is damaged, or belongs to another model.
-        """
+        """Return a model from the content of ``model.json`` and the declarations of its model file."""
         try:
             outputs, effects, initial, names, ports = (
                 tuple(str(name) for name in content[key]) for key in ("outputs", "effects", "initial", "names", "ports")

@@ -49,13 +49,7 @@ def reason_in(told: str) -> str:
 
 
 def compiled(function: Callable[..., Any], *, within: tuple[CodeType, ...] = ()) -> Any:
-    """Return a function compiled, together with the plain functions that it calls by name.
-
-    Raises
-    ------
-    CannotCompileError
-        Where a function calls itself, prints, or is no function in Python.
-    """
+    """Return a function compiled, together with the plain functions that it calls by name."""
     if hasattr(function, "py_func"):
         return function
     if not isinstance(function, FunctionType):

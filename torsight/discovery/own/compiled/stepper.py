@@ -75,13 +75,6 @@ class Stepper:
 
         ``anew`` (n, k): where states begin in the first row, and anew in another; nan where they go on.
         ``limits``: relative tolerance, longest step, most steps from row to row.
-
-        Raises
-        ------
-        ArithmeticError
-            Where the right-hand side gives no numbers.
-        TooManyStepsError
-            Where the steps become too small or too many.
         """
         columns = np.column_stack(list(inputs.values()) or [np.zeros(len(time))])
         # What an input comes to at the end of the time after a row: the next row's value, or its own where it is held.

@@ -12,26 +12,21 @@ from torsight.core.units import Floats
 from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
 from torsight.discovery.own.model.evaluate import place_of
+from torsight.discovery.own.model.ode import RTOL
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import laws_called_with
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
 _NEEDED, _OPTIONAL = (tuple(name for name in vars(one) if name[0] != "_") for one in (NeededMembers, OptionalMembers))
-_NULL_SHARE: Final = 1e-6
-"""Share of the measurement's spread by which a prediction may differ that should be the same: a solver's tolerance."""
+_NULL_SHARE: Final = 10.0 * RTOL
+"""Share of the measurement's spread by which a prediction may differ that should be the same: two integrations of one
+tolerance differ by ten times it."""
 _ELSEWHERE: Final = 0.3
 """Share of its range by which a parameter is moved to see whether it counts."""
 
 
 def check_problem(problem: Problem) -> tuple[str, ...]:
-    """Refuse a problem that cannot be searched; return what a person should know about one that can.
-
-    Raises
-    ------
-    InputError
-        Naming the member that is missing or of a wrong shape, what is declared twice or out of bounds, and a model
-        that raises, gives no numbers, is not deterministic or whose null values are none.
-    """
+    """Refuse a problem that cannot be searched; return what a person should know about one that can."""
     needed, further = ([name for name in some if not hasattr(problem, name)] for some in (_NEEDED, _OPTIONAL))
     missing = needed or further  # what may be left out is made of what is needed
     if len(needed) == len(_NEEDED) or isinstance(problem, type):
@@ -110,13 +105,7 @@ def _check_model(problem: ModelProblem) -> list[str]:
 
 
 def check_same(problem: ModelProblem, values: dict[str, float], before: list[Floats]) -> None:
-    """Refuse a model that for values that it was called with before gives anything else, called anew.
-
-    Raises
-    ------
-    InputError
-        Naming by how much; where the model fails now, its own failure.
-    """
+    """Refuse a model that for values that it was called with before gives anything else, called anew."""
     problem.evaluator.forget()
     again = problem.outputs(values, (), where=place_of(problem.model.predict))
     if any(np.any(a != b) for a, b in zip(before, again, strict=True)):

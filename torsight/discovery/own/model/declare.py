@@ -173,11 +173,7 @@ def candidates_of(
 
 
 def check_declarations(
-    parameters: Sequence[Parameter],
-    candidates: Sequence[Candidate],
-    laws: Sequence[LawPort],
-    *,
-    numbered: bool = False,
+    parameters: Sequence[Parameter], candidates: Sequence[Candidate], laws: Sequence[LawPort], *, numbered: bool = False
 ) -> None:
     """Refuse what cannot be meant: a name twice, a start out of its bounds, an effect that cannot be switched off.
 

@@ -42,18 +42,10 @@ or more, and to send values and take an array back 0.5 ms."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """What is called: the function and what it is called with.
+    """What is called: the function, from values and a record to the outputs, and the records it is called with.
 
-    Attributes
-    ----------
-    predict : callable
-        From values and a record to the outputs.
-    records : tuple of Record
-        The records.
-    outputs : tuple of str
-        Names of the outputs, in the order in which they are given back; empty where that is not known yet.
-    laws : tuple of str
-        Names of the laws that it calls.
+    The names of the outputs are in the order in which they are given back, empty where that is not known yet; ``laws``
+    are the names of those that it calls.
     """
 
     predict: Predict
@@ -93,20 +85,10 @@ class ModelError(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A call that did not come back with numbers.
+    """A call that did not come back with numbers: kind and message of the exception, parameters and record of the call.
 
-    Attributes
-    ----------
-    kind, message : str
-        Of the exception.
-    place : str
-        File, line and function in which it was raised.
-    trace : str
-        The traceback, from the model's own function on; empty where it raised nothing.
-    values : mapping of str to float
-        The parameters for which it happened.
-    record : str
-        On which record.
+    ``place`` is file, line and function in which it was raised, ``trace`` the traceback from the model's own function
+    on, empty where it raised nothing.
     """
 
     kind: str
@@ -277,14 +259,8 @@ def _call_sent(record: int, values: Mapping[str, float], curves: Curves) -> Call
 class Evaluator:
     """Evaluates a model at points, each once.
 
-    Attributes
-    ----------
-    calls : int
-        Calls of ``predict`` so far.
-    seconds : float
-        Time that they took, added up over processes.
-    printed : str
-        What the model printed in processes of its own, the beginning of it.
+    It counts the ``calls`` and the ``seconds`` that they took, added up over processes, and keeps the beginning of what
+    the model ``printed`` in processes of its own.
     """
 
     def __init__(self, model: Model) -> None:

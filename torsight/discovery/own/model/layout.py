@@ -28,8 +28,8 @@ BLOCKS: Final = 6
 more, blocks are shorter than what a model remembers."""
 _OF_NOISE: Final = 0.1
 """Default resolution as a share of the noise: with as many samples as are usual an effect of this size just shows."""
-_STILL_ROWS: Final = 16
-"""Rows over which a reading must stand still to count as at rest: the fewest from which its noise can be measured."""
+_STILL_ROWS: Final = 2 * LEAST_ROWS
+"""Rows over which a reading must stand still to count as at rest: each half the fewest that tell its noise."""
 _STILL_SIGMAS: Final = 4.0
 """Range of their means, in standard deviations of the noise, up to which that is so."""
 
@@ -77,16 +77,9 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """How outputs (rows, outputs) per record become the engine's row (n,), and back.
+    """How outputs (rows, outputs) per record become the engine's row (n,), and back: value = output / scale + shift.
 
-    Attributes
-    ----------
-    outputs : tuple of str
-        Names of the outputs.
-    rows : tuple of int
-        Rows of each record.
-    scale, shift : (outputs,) float64
-        Engine value = output / scale + shift.
+    ``rows`` are those of each record; scale and shift are (outputs,).
     """
 
     outputs: tuple[str, ...]
@@ -118,12 +111,11 @@ class Layout:
                 begin += rows + 1
         return tuple(found)
 
-    def native(self, values: Floats, *, difference: bool = False) -> list[Floats]:
-        """Return engine values (n,), or differences of them, as (rows, outputs) per record in the outputs' units."""
+    def native(self, values: Floats) -> list[Floats]:
+        """Return engine values (n,) as (rows, outputs) per record in the outputs' units."""
         made = [np.empty((rows, len(self.outputs))) for rows in self.rows]
         for record, output, place in self.places:
-            shift = 0.0 if difference else self.shift[output]
-            made[record][:, output] = (values[place] - shift) * self.scale[output]
+            made[record][:, output] = (values[place] - self.shift[output]) * self.scale[output]
         return made
 
 
@@ -163,11 +155,6 @@ def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[s
     """Return what is given per output (a number, a column's name, or one of them by output) as (rows, outputs).
 
     NaN where it is not given.
-
-    Raises
-    ------
-    InputError
-        When a value is not positive, or an output is not known.
     """
     if isinstance(wanted, Mapping):
         unknown = sorted(set(wanted) - set(outputs))
@@ -206,13 +193,7 @@ def resolutions(given: Sequence[Floats], sigma: Sequence[Floats], observed: Sequ
 def blocks_of(
     wanted: int | str | Floats | Sequence[Floats] | None, records: Sequence[Record], times: Sequence[Floats]
 ) -> list[Ints]:
-    """Return the block of every row, labels from 0 on that no two records share.
-
-    Raises
-    ------
-    InputError
-        When a column is missing or not known everywhere, or a number cannot be meant.
-    """
+    """Return the block of every row, labels from 0 on that no two records share."""
     if wanted is None:
         wanted = 1 if len(records) > 1 else BLOCKS
     if isinstance(wanted, np.ndarray) and wanted.ndim == 1:

@@ -100,13 +100,7 @@ def _failed(path: Path, error: BaseException) -> InputError:
 
 
 def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProblem:
-    """Return the problem that a model file makes of records.
-
-    Raises
-    ------
-    InputError
-        When the file fails, lacks a name, or makes something else.
-    """
+    """Return the problem that a model file makes of records."""
     module = load_model_file(path)
     made: Any
     if hasattr(module, "problem"):

@@ -43,17 +43,7 @@ def open_capture(number: int, fps: float | None) -> cv2.VideoCapture:
 class Camera(Pictures):
     """A camera by its number; times are those of its driver where it gives them, else those of arrival.
 
-    Parameters
-    ----------
-    number : int
-        Number of the camera.
-    fps : float, optional
-        Rate to ask of it.
-
-    Raises
-    ------
-    InputError
-        When there is none.
+    ``fps`` is the rate to ask of it. That there is none is an :class:`~torsight.core.errors.InputError`.
     """
 
     kind = "camera"

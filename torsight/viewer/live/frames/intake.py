@@ -24,20 +24,11 @@ phones have, 240 frames per second, 1.7 s."""
 
 
 class Picture(NamedTuple):
-    """What a source gives.
+    """What a source gives: a picture with its time on the source's clock, from its first picture.
 
-    Attributes
-    ----------
-    time_s : float
-        On the source's clock, from its first picture.
-    luma : (h, w) uint8 or None
-        Brightness; None where it could not be decoded.
-    damaged : bool
-        Whether the picture is not whole.
-    arrived_s : float or None
-        ``time.perf_counter()`` when it was there; None: when it is given, or, for a film, when it is due after that.
-    missed : int
-        How many pictures the source lost just before this one.
+    ``luma`` (h, w) is None where it could not be decoded, ``damaged`` says whether it is not whole, ``missed`` how many
+    pictures the source lost just before. ``arrived_s`` is ``time.perf_counter()`` when it was there; None: when it is
+    given, or, for a film, when it is due after that.
     """
 
     time_s: float
@@ -51,20 +42,9 @@ class Picture(NamedTuple):
 class LiveFrame:
     """One frame as it arrived.
 
-    Attributes
-    ----------
-    index : int
-        From 0, none missing: a frame that was dropped keeps its number and its time.
-    time_s : float
-        On the film's clock, from the first frame.
-    luma : (h, w) uint8 or None
-        Brightness; None where the frame was dropped or could not be decoded.
-    arrived_s : float
-        ``time.perf_counter()`` when it was there.
-    damaged, dropped : bool
-        Why there is no (whole) picture.
-    missed : int
-        How many pictures the source lost just before this one.
+    Numbers count from 0, none missing: a frame that was dropped keeps its number and its time, which is that since the
+    first frame. ``luma`` (h, w) is None where it was dropped or could not be decoded, ``arrived_s`` is
+    ``time.perf_counter()`` when it was there, ``missed`` how many pictures the source lost just before.
     """
 
     index: int

@@ -19,18 +19,10 @@ from tracker.frames.source import open_source
 
 
 def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, grows: bool = False) -> Pictures:
-    """Open what is to be watched.
+    """Open what is to be watched: a camera by its number, a stream on this computer, a film, or a row of pictures.
 
-    Parameters
-    ----------
-    source : str
-        Number of a camera, address of a stream on this computer, film, folder or glob of pictures.
-    speed : float
-        How much faster than its own pace a film plays.
-    fps : float, optional
-        Frame rate of pictures; for a camera, the rate to ask of it.
-    grows : bool
-        The film is still being written: wait for more where it ends.
+    A film plays at ``speed`` times its own pace; ``fps`` is the rate of pictures, or that to ask of a camera. One that
+    ``grows`` is still being written: more is waited for where it ends.
 
     Raises
     ------

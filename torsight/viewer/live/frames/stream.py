@@ -32,13 +32,7 @@ _OPTIONS: Final[Mapping[str, Mapping[str, str]]] = {
 
 
 def check_stream(url: str) -> str:
-    """Return the kind of a stream on this computer.
-
-    Raises
-    ------
-    ConfigError
-        When it is on another computer, or of a kind that cannot be kept on this one.
-    """
+    """Return the kind of a stream on this computer."""
     parts = urlsplit(url)
     if parts.scheme not in _OPTIONS:
         raise ConfigError(

@@ -22,23 +22,13 @@ _Map = Callable[[Floats], tuple[Floats, Floats]]
 class LiveAngle:
     """Turns the markers of one frame after the other into the unwrapped angle.
 
-    Parameters
-    ----------
-    camera : Camera or None
-        With a pose, rays are met with the sticks' planes; without, the picture is the plane of motion.
-    pixel_aspect : float
-        Width of a pixel over its height.
+    With a camera's pose rays are met with the sticks' planes; without, the picture is the plane of motion.
     """
 
     def __init__(self, camera: Camera | None, *, pixel_aspect: float = 1.0) -> None:
         self._maps = _maps(camera, pixel_aspect)
         self._heights = (
-            None
-            if camera is None or camera.pose is None
-            else (
-                camera.pose.base_z_mm,
-                camera.pose.moving_z_mm,
-            )
+            None if camera is None or camera.pose is None else (camera.pose.base_z_mm, camera.pose.moving_z_mm)
         )
         self._base_rad: float | None = None
         self._last: tuple[float, float] | None = None

@@ -13,7 +13,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from torsight.actuator.drive import ROW_RATE_HZ
 from torsight.core.errors import TorsightError
 from torsight.core.progress import ATTENTION_S
 from torsight.core.records import SyncedTable
-from torsight.core.units import Floats
+from torsight.core.units import DEG, Floats
 from torsight.viewer.program import step_back
+from torsight.viewer.run_words import HalfCycleBegin
 
 if TYPE_CHECKING:
     from torsight.actuator.drive import Drive
@@ -76,30 +77,13 @@ class Thinned:
         return tuple(np.array(one, dtype=np.float64) for one in (self._time_s, *self._values))
 
 
-class HalfCycleBegin(NamedTuple):
-    """Where a half-cycle begins: time, measured angle (NaN where not known), spring that is heated (A or B)."""
-
-    time_s: float
-    angle_rad: float
-    spring: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelNews:
-    """What the model says of the record so far.
+    """What the model says of the record so far, or why it says nothing (``trouble``).
 
-    Attributes
-    ----------
-    time_s, angle_rad, residual_rad : (n,) float64
-        Model's angle, and measured less modelled (NaN where not measured).
-    half_cycles : tuple of HalfCycleBegin
-        Every half-cycle that has begun.
-    friction : dict or None
-        ``tau_c_mnm`` in the form of the JSON outputs, where it was fitted.
-    values : mapping or None
-        All parameters of that fit; they are used from then on.
-    trouble : str
-        Why there is nothing, else empty.
+    Its angle, and measured less modelled (n,; NaN where not measured); every half-cycle that has begun; where it was
+    fitted, the friction torque in the form of the JSON outputs, and all values of that fit, which are used from then
+    on.
     """
 
     time_s: Floats
@@ -156,7 +140,7 @@ def model_of(
 def _begins(drive: Drive) -> tuple[HalfCycleBegin, ...]:
     rows = np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))
     return tuple(
-        HalfCycleBegin(float(drive.time_s[row]), float(drive.angle_rad[row]), "AB"[spring])
+        HalfCycleBegin(float(drive.time_s[row]), float(drive.angle_rad[row] / DEG), "AB"[spring])
         for row, spring in zip(rows.tolist(), drive.cycles.springs, strict=True)
     )
 

@@ -43,18 +43,10 @@ Tell = Callable[[float, int, str, str], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What one frame showed.
+    """What one frame showed; NaN where it is not seen or not known.
 
-    Attributes
-    ----------
-    position_px : (4, 2) float64
-        Order of ``MARKERS``; NaN where not seen.
-    covariance_px2 : (4, 2, 2) float64
-        Their covariances.
-    angle_rad, sigma_rad : float
-        The angle; NaN where not known.
-    position_mm : (4, 3) float64 or None
-        In space, with a calibrated camera.
+    The markers (4, 2) in the order of ``MARKERS`` with their covariances (4, 2, 2), the angle with its sigma, and with
+    a calibrated camera the positions in space (4, 3).
     """
 
     position_px: Floats

@@ -1,41 +1,26 @@
-"""How a live record went, in numbers."""
+"""How a live record goes, in numbers and in words."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
+from torsight.core.words.wording import estimate, number
 
 
 @dataclass(slots=True)
 class Outcome:
     """How a live record went.
 
-    Attributes
-    ----------
-    frames, measured : int
-        Frames so far, and those with an angle.
-    dropped : int
-        Frames whose pictures were given up because too many waited.
-    missed : int
-        Pictures that the source itself lost; they have no frames.
-    left_out : int
-        Entries that the viewer did not take in time.
-    log_rows : int
-        Rows of the temperature log.
-    low_deg, high_deg : float
-        Range of the angle.
-    friction : dict or None
-        Last estimate of ``tau_c_mnm``, in the form of the JSON outputs.
-    half_cycles : int
-        How many half-cycles have begun, as far as the model has looked.
-    latency, latency_logged : dict
-        From a frame to its angle recorded, and to its angle logged for the viewers, ms.
-    served_first : bool
-        Whether the system let the measuring threads run before others.
+    Of its frames some are ``measured``, some ``dropped`` because too many waited; pictures that the source itself
+    ``missed`` have no frames, and entries that the viewer did not take in time are ``left_out``. Of the angle there is
+    the range, of the model the last estimate of ``tau_c_mnm`` and how many half-cycles have begun as far as it has
+    looked. Latencies, ms, are those from a frame to its angle recorded, and to its angle logged for the viewers;
+    ``served_first`` is whether the system let the measuring threads run before others.
     """
 
     frames: int = 0
@@ -68,3 +53,41 @@ class Outcome:
             degrees = angle_rad / DEG
             self.measured += 1
             self.low_deg, self.high_deg = min(self.low_deg, degrees), max(self.high_deg, degrees)
+
+
+def standing(
+    outcome: Outcome,
+    *,
+    angle_deg: float,
+    model_deg: tuple[float, float],
+    temperatures: Mapping[str, float],
+    latency_ms: float,
+    trouble: str,
+) -> str:
+    """Return how things stand, in Markdown.
+
+    The last angle of camera and model, measured less modelled, and the springs' temperatures, °C; NaN where not known.
+    ``trouble`` is why the model says nothing, else empty.
+    """
+    plain_deg, residual_deg = model_deg
+    lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
+    rows = [
+        ("Angle", degrees(angle_deg) or "not known yet"),
+        ("Temperatures", "  ".join(f"{name} {value:.1f} °C" for name, value in temperatures.items()) or "none yet"),
+        ("Range of motion", degrees(outcome.high_deg - outcome.low_deg) or "none yet"),
+        ("Frames", f"{outcome.frames}, {outcome.measured} measured, {outcome.dropped} dropped{lost}"),
+        ("Latency", f"median {number(latency_ms, 2)} ms"),
+    ]
+    if math.isfinite(plain_deg):
+        rows.append(("Plain model", f"{degrees(plain_deg)}, residual {degrees(residual_deg) or 'not known'}"))
+        rows.append(("Half-cycles", f"{outcome.half_cycles}"))
+    if outcome.friction is not None:
+        rows.append(("Friction torque", f"{estimate(outcome.friction)}, plain model"))
+    if trouble:
+        rows.append(("Model", trouble))
+    return "\n".join(["### Live", "", *(f"- **{name}** {words}" for name, words in rows), ""])
+
+
+def degrees(angle_deg: float) -> str:
+    """Return an angle in words, with a minus sign that is one; empty where it is not known."""
+    return f"{angle_deg:.1f}°".replace("-", "−") if math.isfinite(angle_deg) else ""
