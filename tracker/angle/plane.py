@@ -169,7 +169,7 @@ def against_base(
     takes away. ``errors``, ``position_mm`` and ``method`` are for the report.
     """
     steady_rad, steady_variance = steady_direction(_continuous(base[0]), base[1])
-    variance = moving.variance_rad2 + steady_variance + floor_rad2
+    variance = moving.variance_rad2 + steady_variance + floor_rad2 + tracks.choice_rad2
     angle_rad, certain = unwrap(tracks.time_s, moving.angle_rad - steady_rad)
     valid = np.isfinite(angle_rad) & np.isfinite(variance)
     angles = StickAngles(

@@ -130,7 +130,7 @@ def orient_pair(
         replace(moving, variance_rad2=moving.variance_rad2 + unread),
         (base_rad, base_variance),
         errors=errors[0],
-        floor_rad2=floor_of(films[0].tracks)[0],
+        floor_rad2=floor_of(films[0].tracks)[0] + films[1].tracks.choice_rad2,
         position_mm=_positions(in_frame, plane, rig),
         method=method,
     )

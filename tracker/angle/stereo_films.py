@@ -120,6 +120,7 @@ def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Fi
             covariance_px2=tracks.covariance_px2[rows],
             valid=tracks.valid[rows],
             size_px=tracks.size_px,
+            choice_rad2=tracks.choice_rad2,
         )
         films.append(Film(paths, intrinsics, rotation, shift, still.shift_px2[rows], still.turn_rad2[rows]))
     return [films[0], films[1].without(np.broadcast_to(~there[:, None], (len(left), 4)))]
