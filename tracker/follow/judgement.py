@@ -7,6 +7,7 @@ told apart by how they look.
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Final
 
@@ -17,7 +18,7 @@ from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
 from tracker.follow.motion_model import STALE, is_base
-from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, arm_px, on_circle, turned
+from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, arm_px, carry_axis, folded, on_circle, turned
 from tracker.follow.state import KEPT, Scene
 from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
@@ -27,7 +28,8 @@ SHAKE_PX: Final = 2.0
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of its step from one frame to the next, where both are independent."""
 TURN_RAD: Final = math.radians(0.7)
-"""Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
+"""Standard deviation of the base's direction while nothing confirms that the camera was rolled; what it is rolled by
+beyond that is taken into the state."""
 SURE_RAD: Final = math.radians(0.13)
 """The same from frame to frame, while the moving stick, which may lie over it, is not seen."""
 _LENGTH_PX: Final = 0.8
@@ -250,8 +252,7 @@ def judge_base(scene: Scene) -> bool:
         copy_to(rig.anchor, rig.shift)
     rig.anchored = not elsewhere
     judge_pair(scene, base)
-    shift = np.empty(2)
-    if elsewhere and base_shift(scene.readings[i : j + 1], rig.zero, shift) and not goes_with_picture(scene, shift):
+    if elsewhere and not _base_goes_along(scene, i, j):
         for index in (i, j):
             if seen(scene, index):
                 scene.readings[index].state = HIDDEN
@@ -266,6 +267,17 @@ def judge_base(scene: Scene) -> bool:
             if seen(scene, i + end) and not passes(off, 2):
                 scene.readings[i + end].state = LOST
     return _gone(scene, i) and _gone(scene, j)
+
+
+@internal
+def _base_goes_along(scene: Scene, i: int, j: int) -> bool:
+    """Return whether the picture went as the base's markers, as far as they are seen, say."""
+    shift, roll_rad = np.empty(2), 0.0
+    if not base_shift(scene.readings[i : j + 1], scene.rig[0].zero, shift):
+        return True
+    if seen(scene, i) and seen(scene, j):
+        roll_rad = roll_of(scene, at(scene, i), at(scene, j))
+    return goes_with_picture(scene, shift, roll_rad)
 
 
 @lending
@@ -326,23 +338,70 @@ def circles_off(scene: Scene, out: Floats) -> bool:
     return True
 
 
-@compiled
-def goes_with_picture(scene: Scene, shift: Floats) -> bool:
-    """Return whether the moving stick's circles allow a shift (2,) of the picture that the base tells.
+@lending
+def roll_of(scene: Scene, a: Point, b: Point) -> float:
+    """Return by how much a base with its markers at two places says that the picture is turned."""
+    start_rad = scene.sticks[1 - scene.rig[0].moving].start_rad
+    return folded(math.atan2(b[1] - a[1], b[0] - a[0]) - start_rad)
 
-    The picture moves as one: what went elsewhere alone is no base. A camera that is rolled shifts both sticks by what
-    their distance makes of the turn. True while the circles are not known.
+
+@compiled
+def goes_with_picture(scene: Scene, shift: Floats, roll_rad: float) -> bool:
+    """Return whether the moving stick's circles allow a shift (2,) and a roll of the picture that the base tells.
+
+    The picture moves as one: what went elsewhere alone is no base. Where one dot tells the shift a roll is not known.
+    True while the circles are not known.
     """
     rig, own, off = scene.rig[0], scene.sticks[scene.rig[0].moving], np.empty((2, 2))
     if not circles_off(scene, off):
         return True
-    x, y = 0.5 * (rig.zero[0, 0] + rig.zero[1, 0]), 0.5 * (rig.zero[0, 1] + rig.zero[1, 1])
-    rolled_px = TURN_RAD * math.hypot(x - own.axis.centre[0], y - own.axis.centre[1])
+    x, y = own.axis.centre[0] - middle_of(rig.zero[:, 0]), own.axis.centre[1] - middle_of(rig.zero[:, 1])
+    cos, sin = math.cos(roll_rad), math.sin(roll_rad)
+    expected = (shift[0] + cos * x - sin * y - x, shift[1] + sin * x + cos * y - y)
+    rolled_px = TURN_RAD * math.hypot(x, y)
     found = 0.0
     for end in range(2):
-        apart = (off[end, 0] - shift[0]) ** 2 + (off[end, 1] - shift[1]) ** 2
+        apart = (off[end, 0] - expected[0]) ** 2 + (off[end, 1] - expected[1]) ** 2
         found += apart / (own_circle_sigma_px(own, end) ** 2 + rolled_px**2)
     return passes(found, 4)
+
+
+@lending
+def middle_of(ends: Floats) -> float:
+    """Return the middle of a coordinate (2,) of both ends."""
+    return 0.5 * (ends[0] + ends[1])  # type: ignore[no-any-return]
+
+
+@compiled
+def take_roll(scene: Scene, a: Point, b: Point) -> None:
+    """Start anew from the picture as it is now, turned and shifted as a base with its markers at two places says.
+
+    All places that are kept as in the picture at the start, of which a shift alone is known, are carried along.
+    """
+    rig, moving = scene.rig[0], scene.rig[0].moving
+    roll_rad = roll_of(scene, a, b)
+    turn = cmath.exp(1j * roll_rad)
+    middle = complex(middle_of(rig.zero[:, 0]), middle_of(rig.zero[:, 1]))
+    step = 0.5 * (complex(a[0], a[1]) + complex(b[0], b[1])) - turn * middle
+    carry_axis(scene.sticks[moving].axis, turn, step)
+    for end in range(2):
+        carry(rig.zero[end], turn, step)
+        marker = scene.markers[2 * moving + end]
+        for k in range(marker.count):
+            carry(marker.history[k, 1:], turn, step)
+    carry(rig.offset, turn, 0j)
+    scene.sticks[1 - moving].start_rad += roll_rad
+    rig.last_rad = scene.sticks[1 - moving].start_rad
+    rig.shift[:] = 0.0
+    rig.shift_now[:] = 0.0
+    rig.anchor[:] = 0.0
+
+
+@lending
+def carry(place: Floats, turn: complex, step: complex) -> None:
+    """Turn a place (2,) about the picture's corner, and shift it."""
+    now = turn * complex(place[0], place[1]) + step
+    place[0], place[1] = now.real, now.imag
 
 
 # --- the moving stick -----------------------------------------------------------------------------------------------

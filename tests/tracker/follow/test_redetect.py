@@ -83,6 +83,35 @@ def test_a_picture_that_jumps(jump: complex) -> None:
     check(followed(scenes)[-1], scenes[-1])
 
 
+def rolled(scene: list[complex], degrees: float, shift: complex = 0j) -> list[complex]:
+    """Return dots as a camera sees them that is rolled, about the middle of the picture, and pushed."""
+    return [220.0 + 200.0j + shift + (dot - 220.0 - 200.0j) * np.exp(1j * np.deg2rad(degrees)) for dot in scene]
+
+
+@pytest.mark.parametrize("degrees", [-6.0, 8.0])
+def test_a_camera_that_is_pushed_and_rolled(degrees: float) -> None:
+    scenes = turning(24)
+    scenes[12:] = [rolled(scene, degrees, 9.0 - 7.0j) for scene in scenes[12:]]
+    rows = followed(scenes)
+    for row, scene in zip(rows[14:], scenes[14:], strict=True):
+        check(row, scene)
+
+
+def test_a_camera_that_goes_on_rolling() -> None:
+    scenes = [rolled(scene, 0.4 * number) for number, scene in enumerate(turning(30, step=3.0))]
+    for row, scene in zip(followed(scenes), scenes, strict=True):
+        check(row, scene)
+
+
+def test_a_base_that_turns_alone_is_no_base() -> None:
+    # No picture was rolled: the moving stick stays on its circle.
+    scenes = turning(20)
+    middle = 0.5 * (BASE[0] + BASE[1])
+    for scene in scenes[12:]:
+        scene[:2] = [middle + (dot - middle) * np.exp(0.15j) for dot in scene[:2]]
+    assert all((row["state"][:2] != CODE["seen"]).all() for row in followed(scenes)[13:])
+
+
 def test_a_stick_that_was_away_is_found_on_its_circle() -> None:
     scenes = turning(30, step=3.0)
     whole = [list(scene) for scene in scenes]
