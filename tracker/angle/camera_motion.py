@@ -188,7 +188,9 @@ def _middle(base: Floats) -> Floats:
     both = _seen(offset)
     if not both.any():
         return np.full((len(base), 2), np.nan)
-    half = 0.5 * np.median(offset[both], axis=0)
+    # As the stick lies then: a camera that is rolled turns it.
+    index = np.arange(len(base))
+    half = 0.5 * np.stack([np.interp(index, index[both], part[both]) for part in offset.T], axis=1)
     one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
     return np.where(both[:, None], base.mean(axis=1), one)
 
