@@ -27,6 +27,7 @@ from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.frames.frame import REPORT_EVERY, FrameSource
 from tracker.initialise import Start, find_start
 from tracker.rows import CODE
+from tracker.stick_direction import square
 
 if TYPE_CHECKING:
     from tracker.follow.follower import Follower
@@ -218,12 +219,11 @@ def _ordered(table: NDArray[np.void], order: list[int], source: FrameSource) -> 
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]
-    flat = rows["covariance_px2"]
     tracks = MarkerTracks(
         frame=np.arange(len(rows), dtype=np.int64),
         time_s=rows["time_s"].copy(),
         position_px=rows["position_px"].copy(),
-        covariance_px2=np.stack([flat[..., [0, 1]], flat[..., [1, 2]]], axis=-2),
+        covariance_px2=square(rows["covariance_px2"]),
         valid=rows["state"] == CODE["seen"],
         size_px=source.size_px,
     )

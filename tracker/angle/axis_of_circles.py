@@ -9,8 +9,9 @@ import numpy as np
 
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
-from tracker.angle.plane import FLOOR_PX, stick_direction
+from tracker.angle.plane import FLOOR_PX
 from tracker.angle.row_time import circles
+from tracker.stick_direction import stick_direction
 
 _ARC_RAD: Final = np.deg2rad(20.0)
 """Turn of the moving stick from which its markers' circles tell where the axis is."""

@@ -23,7 +23,8 @@ from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.length_noise import LEAST_FRAMES, in_motion
-from tracker.angle.plane import FLOOR_PX, Points, StickErrors, usual_of
+from tracker.angle.plane import FLOOR_PX, StickErrors, usual_of
+from tracker.stick_direction import Points
 
 MISREAD: Final = BY_CHANCE**2
 """χ², in the usual one, above which a marker was misread or is not the same point."""
