@@ -22,7 +22,7 @@ SIGMA_PX = 1.06 * 2.0 / 140.0 * np.sqrt(1.0 / RADIUS_PX)
 """Cramér and Rao for an edge one pixel wide, a step of 140 and noise of 2 grey levels."""
 
 
-def picture(dots: list[complex], *, seed: int) -> np.ndarray:
+def picture(dots: list[complex], *, seed: int, radius_px: float = RADIUS_PX) -> np.ndarray:
     """Draw dark dots by counting sub-pixels, on sticks as wide as the picture: light ground everywhere."""
     fine = (np.arange(8) + 0.5) / 8.0 - 0.5
     y = (np.arange(400)[:, None] + fine).ravel()
@@ -30,7 +30,7 @@ def picture(dots: list[complex], *, seed: int) -> np.ndarray:
     for dot in dots:
         x0, y0 = int(dot.real) - 10, int(dot.imag) - 10
         dx, dy = (np.arange(x0, x0 + 21)[:, None] + fine).ravel() - dot.real, y[8 * y0 : 8 * (y0 + 21)] - dot.imag
-        inside = dx[None, :] ** 2 + dy[:, None] ** 2 < RADIUS_PX**2
+        inside = dx[None, :] ** 2 + dy[:, None] ** 2 < radius_px**2
         out[y0 : y0 + 21, x0 : x0 + 21] -= 140.0 * inside.reshape(21, 8, 21, 8).mean(axis=(1, 3))
     return np.clip(np.rint(out + np.random.default_rng(seed).normal(0.0, 2.0, out.shape)), 0, 255).astype(np.uint8)
 
@@ -62,6 +62,25 @@ def check(row: np.ndarray, dots: list[complex]) -> None:
     assert (row["state"] == CODE["seen"]).all()
     # Five standard deviations, of which sub-pixels of 1/8 px and the template make 1.5 times the bound.
     assert row["position_px"] == pytest.approx(np.array([[d.real, d.imag] for d in dots]), abs=8.0 * SIGMA_PX)
+
+
+def test_two_that_follow_the_same_dots_do_not_disturb_each_other() -> None:
+    scene = [*BASE, *moving(100.0)]
+    first = picture(scene, seed=0)
+    dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scene]
+    markers = [marker for k in (0, 2) for marker in markers_on(first, Stick(dots[k], dots[k + 1], 0.0))]
+
+    def run(radii_px: list[float]) -> np.ndarray:
+        follower = Follower([DotState(markers)], moving=1)
+        for number, radius_px in enumerate(radii_px):
+            luma = picture(scene, seed=number, radius_px=radius_px)
+            row = follower.step(Frame(number, number / 30.0, luma)).copy()
+        return row
+
+    usual = [RADIUS_PX] * 4
+    before = run(usual)
+    run(np.linspace(RADIUS_PX, 1.25 * RADIUS_PX, 40).tolist())
+    assert run(usual) == before
 
 
 def turning(count: int, *, first: float = 100.0, step: float = 2.0) -> list[list[complex]]:
