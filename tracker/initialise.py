@@ -21,10 +21,10 @@ from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, are_markers, couples_in
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
-from tracker.follow.hypotheses import Choice, Couple, weigh_couples
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.motion_model import STALE
 from tracker.frames.frame import Frame, FrameSource
+from tracker.hypotheses import Choice, Couple, weigh_couples
 from tracker.rows import SEEN
 
 

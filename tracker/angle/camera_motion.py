@@ -21,7 +21,7 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
-from tracker.follow.judgement import SHAKE_PX
+from tracker.follow.camera_state import SHAKE_PX
 from tracker.innovation import SIGMAS
 
 _MOVED: Final = 1.5

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import RATE, READING
 from tracker.checkpoint import Kept
+from tracker.follow.camera_state import TURN_RAD, base_shift
 from tracker.follow.followed_dots import DotState
-from tracker.follow.judgement import MOVED_RAD, TURN_RAD, base_shift
+from tracker.follow.judgement import MOVED_RAD
 from tracker.follow.learning import write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned

@@ -17,7 +17,8 @@ from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
-from tracker.follow.judgement import SOON, TURN_RAD, at, circles_off, roll_of, seen, take_roll
+from tracker.follow.camera_state import TURN_RAD, at, circles_off, roll_of, seen, take_roll
+from tracker.follow.judgement import SOON
 from tracker.follow.motion_model import STALE, is_base, predict, ways
 from tracker.follow.reading import share_of_step
 from tracker.follow.rotation_axis import learn_axis

@@ -24,21 +24,9 @@ from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_in
 from tracker.detect.sticks import MOST
+from tracker.follow.camera_state import SHAKE_PX, TURN_RAD, goes_with_picture, own_circle_sigma_px, roll_of, take_roll
 from tracker.follow.frame_step import stick_at
-from tracker.follow.judgement import (
-    NEAR,
-    SHAKE_PX,
-    TURN_RAD,
-    UNSEEN_PX,
-    covers,
-    goes_with_picture,
-    near_base,
-    own_circle_sigma_px,
-    rigid_misfit,
-    roll_of,
-    sure_misfit,
-    take_roll,
-)
+from tracker.follow.judgement import NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
 from tracker.follow.motion_model import is_base
 from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px

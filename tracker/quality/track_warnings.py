@@ -13,7 +13,8 @@ from torsight.core.words.wording import counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation
-from tracker.follow.judgement import MOVED_RAD, circle_sigma_px
+from tracker.follow.camera_state import circle_sigma_px
+from tracker.follow.judgement import MOVED_RAD
 from tracker.innovation import SURE, passes
 from tracker.rows import CODE
 from tracker.track import TrackResult
