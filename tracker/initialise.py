@@ -21,11 +21,10 @@ from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, are_markers, couples_in
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
-from tracker.follow.hypotheses import Couple, weigh_couples
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.motion_model import STALE
 from tracker.frames.frame import Frame, FrameSource
-from tracker.innovation import SURE
+from tracker.hypotheses import Choice, Couple, weigh_couples
 from tracker.rows import SEEN
 
 
@@ -35,8 +34,8 @@ class Start:
 
     ``markers`` are two of one stick, two of the other (none where a stick has no dots), found in ``frame``; ``moving``
     is the stick that moves, None where motion has yet to tell; ``doubtful``: they are so faint that only their motion
-    can tell them from background. ``first``, the first frame, is kept for sticks without dots. ``taken`` is the couple
-    of sticks that was chosen among several, ``rivals`` those that neither picture nor motion rule out.
+    can tell them from background. ``first``, the first frame, is kept for sticks without dots. ``choice`` is that among
+    several couples of sticks.
     """
 
     markers: list[Marker]
@@ -46,8 +45,7 @@ class Start:
     doubtful: bool = False
     first: Frame | None = None
     hints: MarkerHints | None = None
-    taken: Couple | None = None
-    rivals: tuple[Couple, ...] = ()
+    choice: Choice | None = None
 
     @property
     def kind(self) -> str:
@@ -147,9 +145,8 @@ class _Dots:
                 return False
             self._read = count
         self._score = score
-        rivals = tuple(one for one in weighed[1:] if one.probability > 1.0 - SURE and not one.swaps(weighed[0]))
         markers = _markers(luma, weighed[0])
-        self.start = Start(markers, index, None, doubtful=score <= CLEAR, taken=weighed[0], rivals=rivals)
+        self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
         return enough
 
     def _after(self, index: int) -> Iterator[Frame]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +17,17 @@ from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 from torsight.core.tracks import MarkerTracks
+from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 from tracker.angle.axis_of_circles import turned_round
+from tracker.angle.camera_motion import unmoved
 from tracker.checkpoint import RowStore, source_key
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.frames.frame import REPORT_EVERY, FrameSource
 from tracker.initialise import Start, find_start
 from tracker.rows import CODE
+from tracker.stick_direction import square
 
 if TYPE_CHECKING:
     from tracker.follow.follower import Follower
@@ -180,17 +183,24 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
     return {"family": start.hints.family, "base_id": ids[base], "moving_id": ids[1 - base]}
 
 
-def _rivals(start: Start, turned: tuple[bool, bool]) -> dict[str, Any]:
-    """Return which dots were taken for the markers and which others may be, where nothing tells them apart.
+def _choice(start: Start, exchanged: Floats, *, base: int) -> tuple[dict[str, Any], float]:
+    """Return how sure it is that these are the markers and what else may be, for ``track.json``; and the variance.
 
-    ``turned``: whether the inner marker of each stick taken was found to be the outer one.
+    ``exchanged`` (2,) is how probable it is of base and moving stick that the marker called the inner one, as the film
+    begins, is the outer one: the likelier one is taken, and the angle is off by half a turn if that is not it.
     """
-    if start.taken is None or not start.rivals:
-        return {}
-    taken = start.taken.to_json()
-    for name, turn in zip(STICKS, turned, strict=True):
-        taken[name] = taken[name][:: -1 if turn else 1]
-    return {"taken": taken, "rivals": [one.to_json() for one in start.rivals]}
+    if start.choice is None:
+        return {}, 0.0
+    base_off, moving_off = np.minimum(exchanged, 1.0 - exchanged).tolist()
+    opposite = base_off * (1.0 - moving_off) + moving_off * (1.0 - base_off)
+    choice = start.choice
+    report: dict[str, Any] = {"probability": choice.sure * (1.0 - opposite), "opposite_probability": opposite}
+    if choice.rivals:
+        report["taken"] = choice.taken.to_json()
+        for name, turned in zip(STICKS, (exchanged[:: -1 if base else 1] > 0.5).tolist(), strict=True):
+            report["taken"][name] = report["taken"][name][:: -1 if turned else 1]
+        report["rivals"] = [one.to_json() for one in choice.rivals]
+    return report, choice.spread_rad2 + math.pi**2 * opposite
 
 
 def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]:
@@ -209,12 +219,11 @@ def _ordered(table: NDArray[np.void], order: list[int], source: FrameSource) -> 
     rows = table.copy()
     for name in ("position_px", "covariance_px2", "light", "step", "residual", "state"):
         rows[name] = table[name][:, order]
-    flat = rows["covariance_px2"]
     tracks = MarkerTracks(
         frame=np.arange(len(rows), dtype=np.int64),
         time_s=rows["time_s"].copy(),
         position_px=rows["position_px"].copy(),
-        covariance_px2=np.stack([flat[..., [0, 1]], flat[..., [1, 2]]], axis=-2),
+        covariance_px2=square(rows["covariance_px2"]),
         valid=rows["state"] == CODE["seen"],
         size_px=source.size_px,
     )
@@ -227,12 +236,15 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
         raise _nothing_moves(table, start, where=source.name)
     base = 1 - moving
     rows, tracks = _ordered(table, [2 * base, 2 * base + 1, 2 * moving, 2 * moving + 1], source)
-    round_ = (False, False)
+    choice: dict[str, Any] = {}
     if start.moving is None and start.hints is None:
         # Dots that were found in one picture: which of two is nearer to the axis shows in how they move.
-        round_ = turned_round(tracks)
-        if any(round_):
-            rows, tracks = _ordered(rows, [i ^ round_[i // 2] for i in range(4)], source)
+        exchanged = turned_round(unmoved(tracks).tracks, radius_px=follower.report()["radius_px"])
+        turned = exchanged > 0.5
+        if turned.any():
+            rows, tracks = _ordered(rows, [i ^ int(turned[i // 2]) for i in range(4)], source)
+        choice, variance_rad2 = _choice(start, exchanged, base=base)
+        tracks = replace(tracks, choice_rad2=variance_rad2)
     report = {
         "source": source.describe(),
         "markers": {
@@ -241,7 +253,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             **_tags(start, base=base),
             "first_frame": start.frame,
             "faint": start.doubtful,
-            **_rivals(start, round_ if base == 0 else round_[::-1]),
+            **choice,
             **follower.report(),
             **_alike(start, follower, moving=moving),
         },

@@ -34,9 +34,8 @@ FILMS = (
 CONSTANTS = {
     "appearance/lucas_kanade": ("SHARP_PX",),
     "appearance/motion_blur": ("_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
-    "follow/judgement": (
-        "SHAKE_PX", "TURN_RAD", "SURE_RAD", "_LENGTH", "_CLOSE", "NEAR", "_OFF_CIRCLE",
-    ),
+    "follow/camera_state": ("SHAKE_PX", "TURN_RAD", "OFF_CIRCLE"),
+    "follow/judgement": ("SURE_RAD", "_LENGTH", "_CLOSE", "NEAR"),
     "follow/learning": ("RATE", "_CHANGE_PX"),
     "follow/motion_model": ("STALE",),
     "follow/reading": ("_DEVIATIONS", "_NEVER"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,9 @@ import numpy as np
 import pytest
 from decoy_films import Bar, DecoyFilm
 
+from torsight.cli.main import main
 from torsight.cli.track import track_to_folder
-from torsight.core.files.storage import read_json
+from torsight.core.files.storage import read_json, read_table
 from torsight.markers.session import find_markers, first_picture
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
@@ -58,6 +60,39 @@ def test_what_nothing_tells_apart_is_said_with_both(tmp_path: Path, capsys: pyte
     assert "Other dots look like" in capsys.readouterr().err
 
 
+def test_a_film_of_which_nothing_tells_the_markers_has_no_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, out = opposite(DecoyFilm.of(1)), tmp_path / "out"
+    path = film.write(tmp_path / "film.mkv")
+    with pytest.raises(SystemExit) as ended:
+        main(["track", str(path), "--out", str(out)])
+    assert ended.value.code == 4
+    told = capsys.readouterr().err
+    assert "which dots are the markers is not known" in told
+    assert f"torsight markers {path}" in told
+    markers = read_json(out / "track.json")["markers"]
+    (rival,) = markers["rivals"]
+    # Either base is as good: half a turn between them, by the probability of the other one.
+    sigma_deg = read_table(out / "angle.csv", required=("angle_sigma_deg",))["angle_sigma_deg"].to_numpy()
+    apart_deg = film.decoys[0].line_deg - film.base.line_deg
+    apart_deg = abs((apart_deg + 180.0) % 360.0 - 180.0)
+    np.testing.assert_allclose(sigma_deg, apart_deg * math.sqrt(rival["probability"]), rtol=0.02)
+
+
+def test_dots_that_the_moving_stick_takes_along_are_no_stick_of_their_own(tmp_path: Path) -> None:
+    # The stick goes over a bar with dots at the distances of its own, and what follows these follows it from there on.
+    film = replace(DecoyFilm.of(1), shake_px=np.zeros((75, 2)), angle_deg=np.linspace(60.0, 140.0, 75))
+    moving = replace(film.moving, dots=(36.0, 80.0), ends=(-14.0, 92.0))
+    bar = replace(short(moving, inner=36.0, outer=80.0), turn_deg=film.base.turn_deg + 100.0)
+    film = replace(film, moving=moving, decoys=(bar,))
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.choice is not None
+    for couple in (start.choice.taken, *start.choice.rivals):
+        places = np.array(couple.moving.places_px)
+        np.testing.assert_allclose(places, film.at(start.frame).dots_px, atol=1.0)
+
+
 def short(bar: Bar, *, inner: float, outer: float) -> Bar:
     """Return a bar that ends on this side of the axis."""
     return replace(bar, ends=(inner - 10.0, outer + 10.0), dots=(inner, outer), across=(0.0, 0.0))
@@ -78,9 +113,9 @@ def test_screws_in_line_with_the_axis_are_not_taken_for_a_stick_of_another_make(
 def test_couples_of_which_the_film_tells_nothing_are_as_the_picture_has_them(tmp_path: Path) -> None:
     film = replace(DecoyFilm.of(1), angle_deg=np.full(20, 100.0))
     start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
-    assert start.rivals
-    assert start.taken is not None
-    assert start.taken.probability < 0.5
+    assert start.choice is not None
+    assert start.choice.rivals
+    assert start.choice.taken.probability < 0.5
 
 
 def test_one_picture_alone_has_its_clearest_couple(tmp_path: Path) -> None:

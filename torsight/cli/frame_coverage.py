@@ -1,7 +1,11 @@
-"""How many frames of a film have an angle: told below nine tenths, no result below a half."""
+"""What a film's angles rest on: how many frames have one, and how sure it is that the markers are the markers.
+
+Told below nine tenths of the frames; no result below a half, or where the markers are less probable than an interval.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -10,6 +14,9 @@ from torsight.core.tracks import USUAL_SHARE
 
 LEAST: Final = 0.5
 """Share of the frames below which a command ends with exit code 4, by the contract."""
+CREDIBLE: Final = 0.95
+"""Probability that the dots taken are the markers below which there is no result: that of all intervals that are given.
+"""
 WHY: Final = {
     "hand": "something lies over a marker",
     "sticks": "the sticks are too close to each other",
@@ -48,6 +55,20 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
     )
 
 
+def unsure_markers(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
+    """Return what to tell where other dots may be the markers, or inner and outer ones exchanged, by ``track.json``."""
+    sure = _sure(account)
+    if sure >= CREDIBLE:
+        return None
+    return NoResultError(
+        "which dots are the markers is not known well enough for an angle",
+        where=where,
+        value=f"those that were taken are the right ones with a probability of {100.0 * sure:.0f} %",
+        limit=f"{100.0 * CREDIBLE:.0f} % or more",
+        do=f"pick them with 'torsight markers {where}' and name its file with --markers, or cover all other dots",
+    )
+
+
 def gap_words(account: Mapping[str, Any]) -> str:
     """Return what to do about frames without an angle, from the advice of ``track.json``; doubts come first."""
     advice = [str(words) for words in account.get("advice") or []]
@@ -58,8 +79,14 @@ def gap_words(account: Mapping[str, Any]) -> str:
 
 
 def is_no_result(account: Mapping[str, Any]) -> bool:
-    """Return whether so few frames have an angle that a command ends without a result (exit code 4)."""
-    return _share(account) < LEAST
+    """Return whether a command ends without a result (exit code 4), as little as the angles rest on."""
+    return _share(account) < LEAST or _sure(account) < CREDIBLE
+
+
+def _sure(account: Mapping[str, Any]) -> float:
+    """Return how probable it is that a film's markers, or those of both films, are the right ones."""
+    films = (account, account.get("right_film") or {})
+    return math.prod(float((film.get("markers") or {}).get("probability", 1.0)) for film in films)
 
 
 def _share(account: Mapping[str, Any]) -> float:

@@ -10,7 +10,7 @@ import typer
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
-from torsight.cli.frame_coverage import few_angles, is_no_result
+from torsight.cli.frame_coverage import few_angles, is_no_result, unsure_markers
 from torsight.cli.options import CameraFile, Fps
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
@@ -50,7 +50,8 @@ def track(
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
 
-    Ends with exit code 4 where less than half of the frames have an angle; what there is is written all the same.
+    Ends with exit code 4 where less than half of the frames have an angle, or where which dots are the markers is not
+    known to 95 %; what there is is written all the same.
 
     Example: torsight track film.mp4 --out out
     """
@@ -130,8 +131,10 @@ def track_to_folder(
         write_json(out / "track.json", content)
         for film, doubt in doubtful:
             say(f"warning: {film}: {doubt}")
-        if (few := few_angles(content, where=str(video))) is not None:
-            say(f"{'torsight' if is_no_result(content) else 'warning'}: {few}")
+        unsure, few = unsure_markers(content, where=str(video)), few_angles(content, where=str(video))
+        for lacking in (unsure, few):
+            if lacking is not None:
+                say(f"{'torsight' if is_no_result(content) else 'warning'}: {lacking}")
         write_track_picture(out / TRACK_PICTURE, source, result, orientation.angles)
         for folder in kept:
             drop(folder)

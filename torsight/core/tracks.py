@@ -35,6 +35,9 @@ class MarkerTracks(Shown):
         Whether the position was measured in this frame.
     size_px : (int, int)
         Width and height of the picture.
+    choice_rad2 : float
+        Variance of the angle by what is not known of which dots are the markers, and which of a stick's is the inner
+        one: the angles that others would give, each by its probability. One error of all frames.
     """
 
     frame: Ints
@@ -43,6 +46,7 @@ class MarkerTracks(Shown):
     covariance_px2: Floats
     valid: Flags
     size_px: tuple[int, int]
+    choice_rad2: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.frame)

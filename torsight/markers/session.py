@@ -146,8 +146,8 @@ def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -
         return seen, None
     # Of several pairs of dots motion may tell others than the picture does.
     start = find_start(Beginning(source, seconds=NAMING_S), None)
-    if start.taken is not None and start.frame == first_frame(source).index:
-        seen = look(first, taken=(start.taken.base, start.taken.moving))
+    if start.choice is not None and start.frame == first_frame(source).index:
+        seen = look(first, taken=(start.choice.taken.base, start.choice.taken.moving))
     named = None if seen.sticks_px is None else name_sticks(source, seen.sticks_px, seconds=NAMING_S)
     return seen, named
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
-from tracker.angle.plane import stick_direction
+from tracker.angle.plane import FLOOR_PX
 from tracker.angle.row_time import circles
-from tracker.innovation import SIGMAS
+from tracker.stick_direction import stick_direction
 
 _ARC_RAD: Final = np.deg2rad(20.0)
 """Turn of the moving stick from which its markers' circles tell where the axis is."""
@@ -27,7 +28,7 @@ def axis_px(tracks: MarkerTracks) -> Floats | None:
     unit = np.exp(1j * turn[seen])
     if np.ptp(np.angle(unit / unit[0])) < _ARC_RAD:
         return None
-    return _centre(tracks, turn, seen)[0]
+    return _centre(tracks, turn, seen, 0.0)[0]
 
 
 def away_px(tracks: MarkerTracks, axis: Floats) -> Floats:
@@ -37,19 +38,30 @@ def away_px(tracks: MarkerTracks, axis: Floats) -> Floats:
     return np.array([np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else np.nan for one in away.T])
 
 
-def turned_round(tracks: MarkerTracks) -> tuple[bool, bool]:
-    """Return of base and moving stick whether its inner marker is further from the axis than its outer one.
+def turned_round(tracks: MarkerTracks, *, radius_px: float) -> Floats:
+    """Return of base and moving stick (2,) how probable it is that its inner marker is the one further from the axis.
 
-    False where the circles leave that open: by their misfit, which is correlated over a film and counts once.
+    Where the axis lies is told by the circles, and by both sticks' lines: markers of some radius are put on the middle
+    of a stick, and sticks lie in line with their axis. The misfit of circles is correlated over a film: it counts once.
     """
-    turn, _ = direction_of(tracks, 2)
-    seen = np.isfinite(turn)
-    if seen.sum() < _LEAST:
-        return False, False
-    axis, sigma_px = _centre(tracks, turn, seen)
-    away = away_px(tracks, axis)
-    base, moving = (away[::2] - away[1::2] > SIGMAS * sigma_px).tolist()
-    return base, moving
+    turn, turn_rad2 = direction_of(tracks, 2)
+    seen, base = np.isfinite(turn), tracks.valid[:, :2].all(axis=1)
+    if not seen.any() or not base.any():
+        return np.zeros(2)
+    centre, sigma_px = _centre(tracks, turn, seen, float(np.median(turn_rad2[seen])))
+    # No film says more than its pixels allow, and the axis is not further away than the picture is wide.
+    sigma_px = float(np.clip(sigma_px if seen.sum() >= _LEAST else np.inf, FLOOR_PX, math.hypot(*tracks.size_px)))
+    ends = np.stack([np.median(tracks.position_px[base, :2], axis=0), tracks.position_px[np.argmax(seen), 2:]])
+    middle, along = ends.mean(axis=1), np.diff(ends, axis=1)[:, 0]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    # As one measurement of the place each, in terms of what is not known of it.
+    weight = across[:, :, None] * across[:, None, :] / radius_px**2
+    inverse = np.linalg.inv(np.eye(2) / sigma_px**2 + weight.sum(axis=0))
+    centre = inverse @ (centre / sigma_px**2 + np.einsum("sij,sj->i", weight, middle))
+    outwards = np.einsum("si,si->s", centre - middle, along)
+    sigma = np.sqrt(np.einsum("si,ij,sj->s", along, inverse, along))
+    return np.array([0.5 * math.erfc(-sigmas / math.sqrt(2.0)) for sigmas in outwards / sigma])
 
 
 def direction_of(tracks: MarkerTracks, first: int) -> tuple[Floats, Floats]:
@@ -59,12 +71,17 @@ def direction_of(tracks: MarkerTracks, first: int) -> tuple[Floats, Floats]:
     return stick_direction(inner, outer)
 
 
-def _centre(tracks: MarkerTracks, turn_rad: Floats, seen: Flags) -> tuple[Floats, float]:
-    """Return the centre (2,) of the moving markers' circles, and its standard deviation along each axis, px."""
+def _centre(tracks: MarkerTracks, turn_rad: Floats, seen: Flags, turn_rad2: float) -> tuple[Floats, float]:
+    """Return the centre (2,) of the moving markers' circles, and its standard deviation along each axis, px.
+
+    ``turn_rad2`` is the usual variance of the directions (n,): errors of them turn the stick about its own middle, and
+    draw the centre there by their share of what it turned.
+    """
     points, unit = tracks.position_px[seen, 2:], np.exp(1j * turn_rad[seen])
     (centre, *arms), _ = circles(points, turn_rad[seen])
     left = points[..., 0] + 1j * points[..., 1] - centre - np.outer(unit, arms)
     # What is left of the normal equations once the arms are eliminated; all frames and both markers count once.
     weight = 1.0 - abs(unit.mean()) ** 2
     variance_px2 = 0.25 * float(np.mean(np.sum(np.abs(left) ** 2, axis=1))) / max(weight, 1e-12)
-    return np.array([centre.real, centre.imag]), float(np.sqrt(variance_px2))
+    drawn_px = 0.5 * abs(sum(arms)) * turn_rad2 / max(weight - turn_rad2, 1e-12)
+    return np.array([centre.real, centre.imag]), float(np.hypot(np.sqrt(variance_px2), drawn_px))

@@ -21,7 +21,7 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
-from tracker.follow.judgement import SHAKE_PX
+from tracker.follow.camera_state import SHAKE_PX
 from tracker.innovation import SIGMAS
 
 _MOVED: Final = 1.5
@@ -188,7 +188,9 @@ def _middle(base: Floats) -> Floats:
     both = _seen(offset)
     if not both.any():
         return np.full((len(base), 2), np.nan)
-    half = 0.5 * np.median(offset[both], axis=0)
+    # As the stick lies then: a camera that is rolled turns it.
+    index = np.arange(len(base))
+    half = 0.5 * np.stack([np.interp(index, index[both], part[both]) for part in offset.T], axis=1)
     one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
     return np.where(both[:, None], base.mean(axis=1), one)
 

@@ -16,9 +16,10 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.camera_motion import Unmoved, flattened, unmoved
 from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, Points, from_plane, scaled, stick_witness, usual_of, variance_by
+from tracker.angle.plane import Orientation, from_plane, scaled, stick_witness, usual_of, variance_by
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt import KNOWN, Tilt, fit_tilt, rectify
+from tracker.stick_direction import Points
 
 
 @one_thread()

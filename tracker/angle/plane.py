@@ -16,9 +16,7 @@ from tracker.angle.length_noise import LengthWitness, in_motion, witness
 from tracker.angle.reference_direction import steady_direction
 from tracker.angle.single_marker import single_marker_direction
 from tracker.angle.unwrap import unwrap
-
-Points = tuple[Floats, Floats]
-"""Positions (n, 2) in a plane seen from the camera, y up, and covariances (n, 2, 2)."""
+from tracker.stick_direction import Points, stick_direction
 
 FLOOR_PX: Final = 0.003
 """What remains of the pixels' own pattern in a position, measured over radii of 3 to 12 px and sharp to soft lenses."""
@@ -169,7 +167,7 @@ def against_base(
     takes away. ``errors``, ``position_mm`` and ``method`` are for the report.
     """
     steady_rad, steady_variance = steady_direction(_continuous(base[0]), base[1])
-    variance = moving.variance_rad2 + steady_variance + floor_rad2
+    variance = moving.variance_rad2 + steady_variance + floor_rad2 + tracks.choice_rad2
     angle_rad, certain = unwrap(tracks.time_s, moving.angle_rad - steady_rad)
     valid = np.isfinite(angle_rad) & np.isfinite(variance)
     angles = StickAngles(
@@ -234,15 +232,6 @@ def floor_of(tracks: MarkerTracks) -> tuple[float, float]:
         known = length[np.isfinite(length)]
         found.append(2.0 * FLOOR_PX**2 / float(np.median(known)) ** 2 if len(known) else 0.0)
     return found[0], found[1]
-
-
-def stick_direction(inner: Points, outer: Points) -> tuple[Floats, Floats]:
-    """Return a stick's direction and its variance."""
-    offset = outer[0] - inner[0]
-    square = np.sum(offset**2, axis=1)
-    across = np.stack([-offset[:, 1], offset[:, 0]], axis=1)
-    variance = np.einsum("ni,nij,nj->n", across, inner[1] + outer[1], across) / square**2
-    return np.arctan2(offset[:, 1], offset[:, 0]), variance
 
 
 def _continuous(angle_rad: Floats) -> Floats:

@@ -29,11 +29,9 @@ from tracker.angle.orient import Rolling, in_planes, read_at_once
 from tracker.angle.plane import (
     Moving,
     Orientation,
-    Points,
     against_base,
     floor_of,
     moving_direction,
-    stick_direction,
     stick_errors,
     usual_of,
     variance_by,
@@ -42,6 +40,7 @@ from tracker.angle.reference_direction import steady_direction
 from tracker.angle.row_time import Readout
 from tracker.angle.stereo_films import MISREAD, Film, films_of, fused, same_points, triangulated
 from tracker.detect.sticks import PARALLEL
+from tracker.stick_direction import Points, stick_direction
 
 _SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
 _BELIEF: Final = (0.8, 0.15, 0.05)
@@ -130,7 +129,7 @@ def orient_pair(
         replace(moving, variance_rad2=moving.variance_rad2 + unread),
         (base_rad, base_variance),
         errors=errors[0],
-        floor_rad2=floor_of(films[0].tracks)[0],
+        floor_rad2=floor_of(films[0].tracks)[0] + films[1].tracks.choice_rad2,
         position_mm=_positions(in_frame, plane, rig),
         method=method,
     )

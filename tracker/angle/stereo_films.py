@@ -23,7 +23,8 @@ from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.length_noise import LEAST_FRAMES, in_motion
-from tracker.angle.plane import FLOOR_PX, Points, StickErrors, usual_of
+from tracker.angle.plane import FLOOR_PX, StickErrors, usual_of
+from tracker.stick_direction import Points
 
 MISREAD: Final = BY_CHANCE**2
 """χ², in the usual one, above which a marker was misread or is not the same point."""
@@ -120,6 +121,7 @@ def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Fi
             covariance_px2=tracks.covariance_px2[rows],
             valid=tracks.valid[rows],
             size_px=tracks.size_px,
+            choice_rad2=tracks.choice_rad2,
         )
         films.append(Film(paths, intrinsics, rotation, shift, still.shift_px2[rows], still.turn_rad2[rows]))
     return [films[0], films[1].without(np.broadcast_to(~there[:, None], (len(left), 4)))]

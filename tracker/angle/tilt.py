@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -266,11 +266,17 @@ class _Found:
         covariance = self.covariance[np.ix_(kept, kept)] - carried[:, 1:]
         return _Found(evidence + len(out) * float(np.log(SHARE_PRIOR)), values, covariance)
 
+    def possible(self) -> _Found:
+        """Return the model, the last value its read-out, as much less likely as that is longer than a frame lasts."""
+        share, sigma = float(self.values[-1]), math.sqrt(2.0 * float(self.covariance[-1, -1]))
+        part = 0.5 * (math.erf((1.0 - share) / sigma) + math.erf((1.0 + share) / sigma))
+        return replace(self, evidence=self.evidence + math.log(max(part, np.finfo(float).tiny)))
+
 
 def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
     """Return the tilt with the read-out that explains the paths best: along x, along y, or none."""
     none = [item.without(_READ) for item in found]
-    rolling = [[item.without([place]) for item in found] for place in _READ[::-1]]
+    rolling = [[item.without([place]).possible() for item in found] for place in _READ[::-1]]
     evidence = np.array([_total(items) for items in (none, *rolling)])
     belief = np.exp(evidence - evidence.max())
     belief /= belief.sum()

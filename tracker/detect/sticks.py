@@ -25,6 +25,8 @@ LIKE: Final = 1.6
 """Markers are of one make: size, brightness step and light differ by less than this factor."""
 _SIZES: Final = (1.8, 3.0)
 """Between two sticks the size may differ more: up to the first factor freely, to the second if nothing fits better."""
+LENGTHS: Final = 3.0
+"""By which factor the distance of their markers differs at most."""
 MOST: Final = 24
 """Dots among which the sticks are looked for: pairs of pairs go with the fourth power, and no person reads more."""
 PARALLEL: Final = 0.2
@@ -45,6 +47,11 @@ class Stick:
     def length_px(self) -> float:
         """Distance between its dots."""
         return _gap(self.inner, self.outer)
+
+    @property
+    def direction_rad(self) -> float:
+        """From its inner dot to the outer one, y down."""
+        return math.atan2(self.outer.y_px - self.inner.y_px, self.outer.x_px - self.inner.x_px)
 
     @property
     def places_px(self) -> list[list[float]]:
@@ -267,7 +274,7 @@ def _couple_score(one: Stick, two: Stick) -> float:
     unlike = max(radii) / min(radii)
     if unlike > _SIZES[1] or max(steps) > 2.5 * min(steps):
         return -math.inf
-    if max(one.length_px, two.length_px) > 3.0 * min(one.length_px, two.length_px):
+    if max(one.length_px, two.length_px) > LENGTHS * min(one.length_px, two.length_px):
         return -math.inf
     unlikely = max(0.0, 1.0 - _SIZES[0] / unlike) * (one.score + two.score)
     axis = crossing(one, two)

@@ -31,7 +31,8 @@ class DotState(Kept):
     def __init__(self, markers: Sequence[Marker], *, still: bool = False) -> None:
         self._all = np.zeros((), state_type(len(markers) // 2))
         # Always of four markers: a tuple of another length would be compiled anew.
-        looks = (*(marker.look for marker in markers), *(markers[0].look,) * (4 - len(markers)))
+        own = [marker.unused_look() for marker in markers]
+        looks = (*own, *own[:1] * (4 - len(own)))
         readings = np.zeros(len(markers), READING)
         self.scene = Scene(self._all["markers"], self._all["sticks"], self._all["rig"], readings, looks)
         for index, marker in enumerate(markers):

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import RATE, READING
 from tracker.checkpoint import Kept
+from tracker.follow.camera_state import TURN_RAD, base_shift
 from tracker.follow.followed_dots import DotState
-from tracker.follow.judgement import MOVED_RAD, TURN_RAD, base_shift
+from tracker.follow.judgement import MOVED_RAD
 from tracker.follow.learning import write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
 from tracker.innovation import SIGMAS
 from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN
+from tracker.stick_direction import square, stick_direction
 
 _DARK_SHARE: Final = 0.4
 """Share of the usual brightness of the picture below which the light is off: dots no longer show then."""
@@ -69,13 +71,6 @@ def nothing(state: int, *, markers: int = 2) -> NDArray[np.void]:
     readings = np.zeros(markers, READING)
     readings["state"] = state
     return readings
-
-
-def _direction_sigma_rad(readings: NDArray[np.void]) -> float:
-    """Return the standard deviation of a stick's direction as its two readings (2,) tell it."""
-    (x, y), (xx, xy, yy) = (readings["x"], readings["y"]), readings["covariance"].sum(axis=0)
-    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
-    return math.sqrt(max(dy * dy * xx - 2.0 * dx * dy * xy + dx * dx * yy, 0.0)) / (dx * dx + dy * dy)
 
 
 class Follower(Kept):
@@ -174,11 +169,14 @@ class Follower(Kept):
         self._last = np.array(now)
         self._starts = np.where(np.isnan(self._starts) | back, now, self._starts)
         angles = [turned(one, first) for one, first in zip(now, self._starts.tolist(), strict=True)]
+        at, covariance = np.stack([readings["x"], readings["y"]], axis=1), square(readings["covariance"])
+        inner, outer = (at[::2], covariance[::2]), (at[1::2], covariance[1::2])
+        # Of a direction against another one as noisy; markers that are not seen tell none.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            noise = SIGMAS * np.sqrt(2.0 * stick_direction(inner, outer)[1])
         for stick in (0, 1):
             other = SIGMAS * TURN_RAD if math.isnan(now[1 - stick]) else angles[1 - stick]
-            # Of a direction against another one as noisy.
-            noise = SIGMAS * math.sqrt(2.0) * _direction_sigma_rad(readings[2 * stick : 2 * stick + 2])
-            if angles[stick] > MOVED_RAD + noise + 3.0 * other and not math.isnan(self._starts[1 - stick]):
+            if angles[stick] > MOVED_RAD + noise[stick] + 3.0 * other and not math.isnan(self._starts[1 - stick]):
                 self._name_moving(stick)
 
     def _name_moving(self, moving: int) -> None:

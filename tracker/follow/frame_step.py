@@ -8,16 +8,8 @@ from __future__ import annotations
 
 from torsight.core.compiled import compiled, copy_to, internal, lending
 from tracker.appearance.lucas_kanade import Luma
-from tracker.follow.judgement import (
-    KNOWN,
-    covers,
-    find_shift,
-    judge_base,
-    judge_moving,
-    judge_pair,
-    note_covered,
-    seen,
-)
+from tracker.follow.camera_state import KNOWN, find_shift, seen
+from tracker.follow.judgement import covers, judge_base, judge_moving, judge_pair, note_covered
 from tracker.follow.learning import note
 from tracker.follow.motion_model import is_base, predict
 from tracker.follow.reading import read_marker

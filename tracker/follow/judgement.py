@@ -16,20 +16,28 @@ from torsight.core.compiled import compiled, copy_to, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
+from tracker.follow.camera_state import (
+    KNOWN,
+    OFF_CIRCLE,
+    SHAKE_PX,
+    TURN_RAD,
+    at,
+    base_shift,
+    circle_misfit,
+    circles_off,
+    goes_with_picture,
+    roll_of,
+    seen,
+)
 from tracker.follow.motion_model import STALE, is_base
-from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, arm_px, on_circle, turned
+from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, turned
 from tracker.follow.state import KEPT, Scene
 from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
-SHAKE_PX: Final = 2.0
-"""Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
-_STEP_PX2: Final = 2.0 * SHAKE_PX**2
-"""Variance of its step from one frame to the next, where both are independent."""
-TURN_RAD: Final = math.radians(0.7)
-"""Standard deviation of the base's direction against the start: a bumped camera is rolled by 2 degrees at most."""
 SURE_RAD: Final = math.radians(0.13)
-"""The same from frame to frame, while the moving stick, which may lie over it, is not seen."""
+"""Standard deviation of the base's direction from frame to frame, while the moving stick, which may lie over it, is
+not seen."""
 _LENGTH_PX: Final = 0.8
 _LENGTH: Final = 0.01
 """Three standard deviations of where one marker of a stick is against the other, px: noise of both; and of their
@@ -43,35 +51,17 @@ UNSEEN_PX: Final = 2.0 * SHAKE_PX
 MOVED_RAD: Final = math.radians(1.0)
 """Turn that no base makes: of a stick from the start by which it is the moving one, or of the moving one against the
 base's last direction, by which its dots cannot be the base's."""
-KNOWN: Final = 2
 MOST_VOTES: Final = 20
-"""Votes from which it is known which stick lies above, and how many are kept at most."""
+"""Votes that are kept at most."""
 SOON: Final = KEPT - 1
 """Frames after which a lost marker is no longer taken to be next to where it is expected: its readings reach back no
 further."""
-_OFF_CIRCLE: Final = 0.1
-"""Three standard deviations of a marker's distance from its axis, as a share, besides those in px: perspective."""
 _ALONE, _TWO, _OWN = range(3)
 """One dot of the moving stick is seen; two are; both are known to be its own."""
 BEYOND: Final = 0.6
 """By how much of its markers' distance a stick is taken to go on beyond each of them."""
 _ROOM_PX: Final = 2.5
 """Least distance of the moving stick's edge from the window of a base marker that is read: its blur, and its shade."""
-
-
-@lending
-def seen(scene: Scene, index: int) -> bool:
-    """Return whether a marker's reading is taken."""
-    return scene.readings[index].state == SEEN  # type: ignore[no-any-return]
-
-
-@lending
-def at(scene: Scene, index: int) -> Point:
-    """Return where a marker is, or is expected where it was not read."""
-    reading = scene.readings[index]
-    if reading.state == SEEN:
-        return reading.x, reading.y
-    return reading.predicted[0], reading.predicted[1]
 
 
 @lending
@@ -107,40 +97,12 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     """
     off = abs(length - own.length)
     if own.still:
-        drift = abs(length - own.shortest) / (_OFF_CIRCLE * own.shortest + OFF_CIRCLE_PX)
+        drift = abs(length - own.shortest) / (OFF_CIRCLE * own.shortest + OFF_CIRCLE_PX)
         return SIGMAS * max(off / (_LENGTH_PX + _LENGTH * own.length), drift)  # type: ignore[no-any-return]
     if lost > 0:
         off = min(off, max(length - own.longest, own.shortest - length, 0.0))
     share = _LENGTH * (1.0 + 0.5 * min(lost, STALE))
     return SIGMAS * off / (_LENGTH_PX + share * own.length)  # type: ignore[no-any-return]
-
-
-@lending
-def circle_sigma_px(away_px: float, varies: float) -> float:
-    """Return the standard deviation of the distance from the axis of a marker that is usually so far ``away_px``.
-
-    Seen from aside circles are ellipses, as flat as the stick's own length ``varies``, as a share.
-    """
-    return ((_OFF_CIRCLE + varies) * away_px + OFF_CIRCLE_PX) / SIGMAS
-
-
-@lending
-def own_circle_sigma_px(own: Record, end: int) -> float:
-    """Return the same of a marker of a stick; ``own`` is a STICK."""
-    return circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0)
-
-
-@lending
-def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
-    """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
-
-    ``own`` is a STICK, ``shift`` that of the picture.
-    """
-    axis = own.axis
-    if not axis.known:
-        return 0.0
-    away = math.hypot(point[0] - axis.centre[0] - shift[0], point[1] - axis.centre[1] - shift[1])
-    return abs(away - arm_px(axis, end)) / own_circle_sigma_px(own, end)
 
 
 @compiled
@@ -250,8 +212,7 @@ def judge_base(scene: Scene) -> bool:
         copy_to(rig.anchor, rig.shift)
     rig.anchored = not elsewhere
     judge_pair(scene, base)
-    shift = np.empty(2)
-    if elsewhere and base_shift(scene.readings[i : j + 1], rig.zero, shift) and not goes_with_picture(scene, shift):
+    if elsewhere and not _base_goes_along(scene, i, j):
         for index in (i, j):
             if seen(scene, index):
                 scene.readings[index].state = HIDDEN
@@ -268,81 +229,20 @@ def judge_base(scene: Scene) -> bool:
     return _gone(scene, i) and _gone(scene, j)
 
 
+@internal
+def _base_goes_along(scene: Scene, i: int, j: int) -> bool:
+    """Return whether the picture went as the base's markers, as far as they are seen, say."""
+    shift, roll_rad = np.empty(2), 0.0
+    if not base_shift(scene.readings[i : j + 1], scene.rig[0].zero, shift):
+        return True
+    if seen(scene, i) and seen(scene, j):
+        roll_rad = roll_of(scene, at(scene, i), at(scene, j))
+    return goes_with_picture(scene, shift, roll_rad)
+
+
 @lending
 def _gone(scene: Scene, index: int) -> bool:
     return scene.readings[index].state not in (SEEN, SHADOWED)
-
-
-# --- the camera -----------------------------------------------------------------------------------------------------
-
-
-@compiled
-def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
-    """Find by how much the base's readings (2,) are off their places at the start (2, 2); return whether they tell."""
-    count, x, y = 0, 0.0, 0.0
-    for end in range(2):
-        if base[end].state == SEEN:
-            x += base[end].x - zero[end, 0]
-            y += base[end].y - zero[end, 1]
-            count += 1
-    if count:
-        shift[0], shift[1] = x / count, y / count
-    return count > 0
-
-
-@internal
-def find_shift(scene: Scene) -> bool:
-    """Find the shift of the picture; return whether anything tells it.
-
-    That is the base, or the moving stick's circles while the base is not seen.
-    """
-    rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
-    copy_to(rig.shift_now, rig.shift)
-    if base_shift(scene.readings[i : i + 2], rig.zero, rig.shift_now):
-        return True
-    off = np.empty((2, 2))
-    # Under the base, or not known to be above it, what is seen of the moving stick may be the base's own dots.
-    if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):
-        x, y = 0.5 * (off[0, 0] + off[1, 0]) - rig.offset[0], 0.5 * (off[0, 1] + off[1, 1]) - rig.offset[1]
-        away = (x - rig.shift[0]) ** 2 + (y - rig.shift[1]) ** 2
-        if passes(away / (_STEP_PX2 * (2 + rig.unknown)), 2):
-            rig.shift_now[0], rig.shift_now[1] = x, y
-            return True
-    return False
-
-
-@internal
-def circles_off(scene: Scene, out: Floats) -> bool:
-    """Find how far either moving marker is from where its circle puts it (2, 2); False while that is not known."""
-    stick = scene.rig[0].moving
-    axis, i = scene.sticks[stick].axis, 2 * stick
-    if not (axis.known and seen(scene, i) and seen(scene, i + 1)):
-        return False
-    (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
-    direction = math.atan2(by - ay, bx - ax)
-    for end in range(2):
-        x, y = on_circle(axis, direction, end)
-        out[end, 0], out[end, 1] = scene.readings[i + end].x - x, scene.readings[i + end].y - y
-    return True
-
-
-@compiled
-def goes_with_picture(scene: Scene, shift: Floats) -> bool:
-    """Return whether the moving stick's circles allow a shift (2,) of the picture that the base tells.
-
-    The picture moves as one: what went elsewhere alone is no base. A camera that is rolled shifts both sticks by what
-    their distance makes of the turn. True while the circles are not known.
-    """
-    rig, own, off = scene.rig[0], scene.sticks[scene.rig[0].moving], np.empty((2, 2))
-    if not circles_off(scene, off):
-        return True
-    x, y = 0.5 * (rig.zero[0, 0] + rig.zero[1, 0]), 0.5 * (rig.zero[0, 1] + rig.zero[1, 1])
-    rolled_px = TURN_RAD * math.hypot(x - own.axis.centre[0], y - own.axis.centre[1])
-    found = 0.0
-    for end in range(2):
-        apart = (off[end, 0] - shift[0]) ** 2 + (off[end, 1] - shift[1]) ** 2
-        found += apart / (own_circle_sigma_px(own, end) ** 2 + rolled_px**2)
-    return passes(found, 4)
 
 
 # --- the moving stick -----------------------------------------------------------------------------------------------

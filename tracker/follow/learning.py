@@ -17,7 +17,8 @@ from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
-from tracker.follow.judgement import SOON, at, circles_off, seen
+from tracker.follow.camera_state import TURN_RAD, at, circles_off, roll_of, seen, take_roll
+from tracker.follow.judgement import SOON
 from tracker.follow.motion_model import STALE, is_base, predict, ways
 from tracker.follow.reading import share_of_step
 from tracker.follow.rotation_axis import learn_axis
@@ -107,6 +108,10 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
             learn_shutter(rig, scene.markers[index].shape, luma, (reading.x, reading.y), path)
     for stick in range(len(scene.sticks)):
         _note_stick(scene, stick)
+    if rig.moving >= 0 and len(scene.sticks) > 1 and not rig.anchored:
+        i = 2 - 2 * rig.moving
+        if seen(scene, i) and seen(scene, i + 1) and abs(roll_of(scene, at(scene, i), at(scene, i + 1))) > TURN_RAD:
+            take_roll(scene, at(scene, i), at(scene, i + 1))
 
 
 @compiled

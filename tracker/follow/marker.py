@@ -48,6 +48,11 @@ class Marker:
         reading: NDArray[np.void] = out[0]
         return reading if inside else None
 
+    def unused_look(self) -> Look:
+        """Return a look for what follows it from here: what is kept in one goes with a shape that following changes."""
+        pixels, models, extras = self.look
+        return pixels, np.empty_like(models), np.zeros_like(extras)
+
     def begin(self, reading: NDArray[np.void]) -> None:
         """Begin with the first reading, which is known to be of the marker."""
         for name in ("x", "y", "light"):

@@ -9,11 +9,12 @@ passes.
 
 from __future__ import annotations
 
+import cmath
 import itertools
 import math
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -23,18 +24,9 @@ from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_in
 from tracker.detect.sticks import MOST
+from tracker.follow.camera_state import SHAKE_PX, TURN_RAD, goes_with_picture, own_circle_sigma_px, roll_of, take_roll
 from tracker.follow.frame_step import stick_at
-from tracker.follow.judgement import (
-    NEAR,
-    SHAKE_PX,
-    UNSEEN_PX,
-    covers,
-    goes_with_picture,
-    near_base,
-    own_circle_sigma_px,
-    rigid_misfit,
-    sure_misfit,
-)
+from tracker.follow.judgement import NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
 from tracker.follow.motion_model import is_base
 from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px
@@ -83,6 +75,12 @@ class Prediction:
         off = np.subtract(ends, self.ends) / self.sigma_px
         return float(found + np.square(off).sum()), freedom + 4
 
+    def rolled_with(self, ends: Sequence[Point]) -> Prediction:
+        """Return the prediction of a stick that stands still in a picture that was rolled as a pair of places is."""
+        own = self.own.copy()
+        own["start_rad"] = direction(*ends)
+        return replace(self, own=own)
+
     def region(self, ends: Sequence[int], size_px: tuple[int, int]) -> Region:
         """Return where some of its markers may be in a picture (width, height)."""
         middle = np.mean([self.ends[end] for end in ends], axis=0)
@@ -121,13 +119,16 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
             hidden = is_base(scene.rig[0], stick) and _both_seen(scene, 1 - stick)
             reading["state"] = SHADOWED if hidden and covers(scene, 1 - stick, place_of(reading), index) else SEEN
             scene.readings[index] = reading
+        ends = place_of(found[0][1]), place_of(found[0][2])
+        if is_base(scene.rig[0], stick) and abs(roll_of(scene, *ends)) > TURN_RAD:
+            take_roll(scene, *ends)
 
 
 def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -> list[tuple[float, Record, Record]]:
     """Return the pairs of readings that may be a stick, with their χ²: by the innovation, and not of another stick.
 
     What is seen of the stick in this frame is taken as right. What looks like the base may be the moving stick, as long
-    as that one is not seen elsewhere: then that one has to be found shifted by the same step.
+    as that one is not seen elsewhere: then that one has to be found where the picture went.
     """
     rig, both, jump = scene.rig[0], (2 * stick, 2 * stick + 1), sigma_px >= JUMP_PX
     markers, readings = (part[both[0] : both[1] + 1] for part in (scene.markers, scene.readings))
@@ -139,22 +140,25 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     height, width = luma.shape
     places = _places(luma, markers[0], expected.region(np.flatnonzero(~seen).tolist(), (width, height)))
     inner, outer = ([readings[end].copy()] if seen[end] else _read(scene, luma, both[end], places) for end in (0, 1))
-    found: list[tuple[float, Record, Record]] = []
-    for one, two in itertools.product(inner, outer):
-        pair = place_of(one), place_of(two)
-        misfit, freedom = expected.innovation(pair, lost=max(1, int(markers["lost"].sum())))
-        if is_base(rig, stick) and not other_seen:
-            misfit, freedom = misfit + sure_misfit(rig, *pair) ** 2, freedom + 1
-        if passes(misfit, freedom) and not (jump and _of_other_stick(scene, stick, pair)):
-            found.append((misfit, one, two))
-    if not is_base(rig, stick):
+    pairs = list(itertools.product(inner, outer))
+    lost = max(1, int(markers["lost"].sum()))
+
+    def fitting(*, rolled: bool) -> list[tuple[float, Record, Record]]:
+        found: list[tuple[float, Record, Record]] = []
+        for one, two in pairs:
+            pair = place_of(one), place_of(two)
+            misfit, freedom = (expected.rolled_with(pair) if rolled else expected).innovation(pair, lost=lost)
+            if is_base(rig, stick) and not other_seen and not rolled:
+                misfit, freedom = misfit + sure_misfit(rig, *pair) ** 2, freedom + 1
+            if passes(misfit, freedom) and not (jump and _of_other_stick(scene, stick, pair)):
+                found.append((misfit, one, two))
+        return [one for one in found if _goes_along(scene, luma, *one[1:])] if is_base(rig, stick) else found
+
+    found = fitting(rolled=False)
+    if found or not jump or not is_base(rig, stick) or not scene.sticks["axis"]["known"][1 - stick]:
         return found
-    if other_seen:
-        middle = rig["zero"].mean(axis=0)
-        steps = [np.mean([place_of(one), place_of(two)], axis=0) - middle for _, one, two in found]
-        return [pair for pair, step in zip(found, steps, strict=True) if goes_with_picture(scene, step)]
-    here = place_of(markers[0])
-    return [pair for pair in found if _goes_along(scene, luma, place_of(pair[1]), here)]
+    # Of a base that is turned only the moving stick tells that the camera was rolled.
+    return fitting(rolled=True)
 
 
 def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point]) -> bool:
@@ -176,13 +180,24 @@ def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point]) -> bool
     )
 
 
-def _goes_along(scene: Scene, luma: NDArray[np.uint8], now: Point, before: Point) -> bool:
-    """Return whether the moving stick is read shifted by a step of the base; the readings are kept if it is."""
+def _goes_along(scene: Scene, luma: NDArray[np.uint8], inner: Record, outer: Record) -> bool:
+    """Return whether the moving stick went where the base, as it was read, says that the picture did.
+
+    Where it is not seen yet it is read there; the readings are kept if it is.
+    """
     kept, moving = scene.readings.copy(), 2 * int(scene.rig["moving"][0])
-    for index in (moving, moving + 1):
-        scene.readings["predicted"][index] += np.subtract(now, before)
-        read_marker(scene, luma, index)
-    if _both_seen(scene, moving // 2):
+    pair = place_of(inner), place_of(outer)
+    roll_rad, middle = roll_of(scene, *pair), np.mean(pair, axis=0)
+    if not _both_seen(scene, moving // 2):
+        base = [place_of(one) for one in scene.markers[2 - moving : 4 - moving]]
+        before, now = complex(*np.mean(base, axis=0)), complex(*middle)
+        turn = cmath.exp(1j * (roll_rad - roll_of(scene, base[0], base[1])))
+        for index in (moving, moving + 1):
+            place = now + turn * (complex(*scene.readings["predicted"][index]) - before)
+            scene.readings["predicted"][index] = place.real, place.imag
+            read_marker(scene, luma, index)
+    both = _both_seen(scene, moving // 2)
+    if both and goes_with_picture(scene, middle - scene.rig["zero"][0].mean(axis=0), roll_rad):
         return True
     scene.readings[:] = kept
     return False

@@ -81,6 +81,17 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
 
 
 @lending
+def carry_axis(axis: Record, turn: complex, step: complex) -> None:
+    """Take in that the picture is turned, by a complex number of size one, and then shifted: places, not arms."""
+    axis.back += step * (turn * axis.unit).conjugate()
+    axis.unit *= turn
+    axis.places = turn * axis.places + 2.0 * axis.frames * step
+    axis.guess = turn * axis.guess + step
+    axis.last_rad += cmath.phase(turn)
+    solve_axis(axis)
+
+
+@lending
 def axis_weight(axis: Record) -> float:
     """Return how well the axis is known: over how many markers, each with an error of its own, its place is a mean."""
     turned_frames = 2.0 * axis.frames - 2.0 * abs(axis.unit) ** 2 / max(axis.frames, 1.0)

@@ -152,6 +152,12 @@ class FilmSource:
             return np.array([self.given.of(index) for index in range(len(pts))])
         return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
 
+    def repeated(self, pts: Iterable[int | None]) -> int:
+        """Return how many chunks of an AVI, whose stamps number them, hold no picture and so repeat the one before."""
+        known = [number for number in pts if number is not None]
+        chunks = known[-1] - known[0] + 1 if known and self._about["format"] == "avi" else 0
+        return max(chunks - len(known), 0)
+
     def keep(self, indices: Iterable[int]) -> None:
         """Say which frames :meth:`pictures` will be asked for after the next pass: these are kept in memory."""
         self._keep = frozenset(indices)
@@ -226,7 +232,7 @@ class FilmSource:
                 last_s,
                 f"the film cannot be read past frame {count - 1} ({decoder.fatal}); what came before is kept",
             )
-        elif self.frame_count is not None and count < self.frame_count - decoder.hidden:
+        elif self.frame_count is not None and count + decoder.hidden + self.repeated(self.pts) < self.frame_count:
             self.damage.add(
                 count,
                 last_s,

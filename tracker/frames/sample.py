@@ -66,6 +66,7 @@ def read_stamps(source: FilmSource | PictureSource, *, progress: Progress = sile
     ordered = np.unique(np.array(pts, dtype=np.int64))
     if len(ordered) == 0:
         return _decoded(source, about=int(about), progress=progress)
+    hidden += source.repeated(ordered.tolist())
     return Stamps(source.times_of(ordered), ordered, decoded=False, hidden=hidden)
 
 

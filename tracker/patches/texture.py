@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
-from tracker.follow.judgement import TURN_RAD
+from tracker.follow.camera_state import TURN_RAD
 from tracker.follow.redetect import Region
 from tracker.patches.align import Look, Patch
 from tracker.patches.warps import Point

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
-from tracker.follow.judgement import SHAKE_PX, circle_misfit, further, rigid_misfit
+from tracker.follow.camera_state import SHAKE_PX, circle_misfit
+from tracker.follow.judgement import further, rigid_misfit
 from tracker.follow.redetect import SELDOM, Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK

@@ -13,8 +13,9 @@ from torsight.core.words.wording import counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation
-from tracker.follow.judgement import MOVED_RAD, circle_sigma_px
-from tracker.innovation import passes
+from tracker.follow.camera_state import circle_sigma_px
+from tracker.follow.judgement import MOVED_RAD
+from tracker.innovation import SURE, passes
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -64,19 +65,25 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
 
 
 def _rival_markers(result: TrackResult) -> list[str]:
-    """Tell that other dots are about as likely to be the markers as those that were taken."""
+    """Tell what else the markers may be: other dots, or those that were taken with inner and outer one exchanged."""
     markers = result.report["markers"]
-    rivals = markers.get("rivals", [])
-    if not rivals:
-        return []
-    others = " or ".join(f"{_in_words(rival)} ({rival['probability']:.0%})" for rival in rivals)
-    words = (
-        f"Other dots look like the sticks' markers, and neither the picture nor the motion rules them out: "
-        f"{_in_words(markers['taken'])} were taken ({markers['taken']['probability']:.0%}); it may be {others}. The "
-        "angles are wrong if so. track.png shows both; pick the markers with 'torsight markers', or cover the other "
-        "dots while filming."
-    )
-    return [words]
+    words: list[str] = []
+    if rivals := markers.get("rivals", []):
+        others = " or ".join(f"{_in_words(rival)} ({rival['probability']:.0%})" for rival in rivals)
+        words.append(
+            f"Other dots look like the sticks' markers, and neither the picture nor the motion rules them out: "
+            f"{_in_words(markers['taken'])} were taken ({markers['taken']['probability']:.0%}); it may be {others}. "
+            "The angles are wrong if so, and their sigma holds that. track.png shows both; pick the markers with "
+            "'torsight markers', or cover the other dots while filming."
+        )
+    opposite = markers.get("opposite_probability", 0.0)
+    if opposite > 1.0 - SURE:
+        words.append(
+            f"Which of a stick's dots is the inner one does not show, as little as the stick turns: with a probability "
+            f"of {opposite:.0%} all angles are off by 180 degrees, and their sigma holds that. Pick the markers with "
+            "'torsight markers', or let the stick turn further."
+        )
+    return words
 
 
 def _in_words(couple: Mapping[str, Any]) -> str:

@@ -22,7 +22,7 @@ SIGMA_PX = 1.06 * 2.0 / 140.0 * np.sqrt(1.0 / RADIUS_PX)
 """Cramér and Rao for an edge one pixel wide, a step of 140 and noise of 2 grey levels."""
 
 
-def picture(dots: list[complex], *, seed: int) -> np.ndarray:
+def picture(dots: list[complex], *, seed: int, radius_px: float = RADIUS_PX) -> np.ndarray:
     """Draw dark dots by counting sub-pixels, on sticks as wide as the picture: light ground everywhere."""
     fine = (np.arange(8) + 0.5) / 8.0 - 0.5
     y = (np.arange(400)[:, None] + fine).ravel()
@@ -30,7 +30,7 @@ def picture(dots: list[complex], *, seed: int) -> np.ndarray:
     for dot in dots:
         x0, y0 = int(dot.real) - 10, int(dot.imag) - 10
         dx, dy = (np.arange(x0, x0 + 21)[:, None] + fine).ravel() - dot.real, y[8 * y0 : 8 * (y0 + 21)] - dot.imag
-        inside = dx[None, :] ** 2 + dy[:, None] ** 2 < RADIUS_PX**2
+        inside = dx[None, :] ** 2 + dy[:, None] ** 2 < radius_px**2
         out[y0 : y0 + 21, x0 : x0 + 21] -= 140.0 * inside.reshape(21, 8, 21, 8).mean(axis=(1, 3))
     return np.clip(np.rint(out + np.random.default_rng(seed).normal(0.0, 2.0, out.shape)), 0, 255).astype(np.uint8)
 
@@ -64,6 +64,25 @@ def check(row: np.ndarray, dots: list[complex]) -> None:
     assert row["position_px"] == pytest.approx(np.array([[d.real, d.imag] for d in dots]), abs=8.0 * SIGMA_PX)
 
 
+def test_two_that_follow_the_same_dots_do_not_disturb_each_other() -> None:
+    scene = [*BASE, *moving(100.0)]
+    first = picture(scene, seed=0)
+    dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scene]
+    markers = [marker for k in (0, 2) for marker in markers_on(first, Stick(dots[k], dots[k + 1], 0.0))]
+
+    def run(radii_px: list[float]) -> np.ndarray:
+        follower = Follower([DotState(markers)], moving=1)
+        for number, radius_px in enumerate(radii_px):
+            luma = picture(scene, seed=number, radius_px=radius_px)
+            row = follower.step(Frame(number, number / 30.0, luma)).copy()
+        return row
+
+    usual = [RADIUS_PX] * 4
+    before = run(usual)
+    run(np.linspace(RADIUS_PX, 1.25 * RADIUS_PX, 40).tolist())
+    assert run(usual) == before
+
+
 def turning(count: int, *, first: float = 100.0, step: float = 2.0) -> list[list[complex]]:
     return [[*BASE, *moving(first + step * k)] for k in range(count)]
 
@@ -81,6 +100,35 @@ def test_a_picture_that_jumps(jump: complex) -> None:
     scenes = turning(10)
     scenes[7:] = [[dot + jump for dot in scene] for scene in scenes[7:]]
     check(followed(scenes)[-1], scenes[-1])
+
+
+def rolled(scene: list[complex], degrees: float, shift: complex = 0j) -> list[complex]:
+    """Return dots as a camera sees them that is rolled, about the middle of the picture, and pushed."""
+    return [220.0 + 200.0j + shift + (dot - 220.0 - 200.0j) * np.exp(1j * np.deg2rad(degrees)) for dot in scene]
+
+
+@pytest.mark.parametrize("degrees", [-6.0, 8.0])
+def test_a_camera_that_is_pushed_and_rolled(degrees: float) -> None:
+    scenes = turning(24)
+    scenes[12:] = [rolled(scene, degrees, 9.0 - 7.0j) for scene in scenes[12:]]
+    rows = followed(scenes)
+    for row, scene in zip(rows[14:], scenes[14:], strict=True):
+        check(row, scene)
+
+
+def test_a_camera_that_goes_on_rolling() -> None:
+    scenes = [rolled(scene, 0.4 * number) for number, scene in enumerate(turning(30, step=3.0))]
+    for row, scene in zip(followed(scenes), scenes, strict=True):
+        check(row, scene)
+
+
+def test_a_base_that_turns_alone_is_no_base() -> None:
+    # No picture was rolled: the moving stick stays on its circle.
+    scenes = turning(20)
+    middle = 0.5 * (BASE[0] + BASE[1])
+    for scene in scenes[12:]:
+        scene[:2] = [middle + (dot - middle) * np.exp(0.15j) for dot in scene[:2]]
+    assert all((row["state"][:2] != CODE["seen"]).all() for row in followed(scenes)[13:])
 
 
 def test_a_stick_that_was_away_is_found_on_its_circle() -> None:

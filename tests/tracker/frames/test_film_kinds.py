@@ -279,6 +279,19 @@ def test_a_variable_frame_rate_keeps_its_stamps(tmp_path: Path) -> None:
     assert told["timing"]["longest_s"] == pytest.approx(np.diff(ticks).max() / 90000.0)
 
 
+@pytest.mark.parametrize("codec", ["mjpeg", "mpeg4"])
+def test_frames_that_an_avi_repeats_are_no_damage(codec: str, tmp_path: Path) -> None:
+    # A recorder that drops a frame writes a chunk without bytes: what is declared counts them.
+    kept = [number for number in range(RIG.frames) if number not in (5, 6, 11)]
+    pictures = [picture for number, picture in enumerate(RIG.pictures()) if number in kept]
+    pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+    path = write(tmp_path / "film.avi", pictures, codec, pix_fmt=pix_fmt, pts=lambda index: kept[index])
+    source = open_source(path)
+    assert source.frame_count == RIG.frames
+    assert [round(frame.time_s * 30.0) for frame in source] == kept
+    assert source.damage.entries == []
+
+
 def test_stamps_rounded_by_the_container_are_no_variable_rate(tmp_path: Path) -> None:
     # Matroska counts milliseconds: 240 frames a second are 4 or 5 of them.
     path = write(tmp_path / "film.mkv", [np.zeros((48, 64), np.uint8)] * 60, "libx264", fps=240)

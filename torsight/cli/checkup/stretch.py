@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.cli.checkup.finding import RESIDUAL_DEG, Finding, refusal
-from torsight.cli.frame_coverage import LEAST, WHY, gap_words
+from torsight.cli.frame_coverage import LEAST, WHY, gap_words, unsure_markers
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import Progress, silent
@@ -63,15 +63,17 @@ def track_stretches(
         tracked.append((clip, result, orient(result.tracks, camera, pixel_aspect=clip.pixel_aspect)))
     if not tracked:
         return [_nothing(clips, errors, about=about, total=total)], {}
-    told = [
-        account(result, orientation, doubts=doubts(result), pictures=clip.pictures)
-        for clip, result, orientation in tracked
-    ]
+    told = [account(result, orientation, doubts=(), pictures=clip.pictures) for clip, result, orientation in tracked]
     findings, coverage = _look_at_coverage(
         told, [clip for clip, _, _ in tracked], start, about=about, total=total, given=hints is not None
     )
     if start.doubtful:
         findings.append(_faint(start, about))
+    where = clips[0].name.rpartition(", ")[0]
+    # What a person has to read is whole sentences, of the first stretch that says so.
+    said = {words: Finding(about, "limits", words) for _, result, _ in tracked for words in doubts(result)}
+    unsure = [lacking for one in told if (lacking := unsure_markers(one, where=where)) is not None]
+    findings += [*said.values(), *(refusal(about, lacking) for lacking in unsure[:1])]
     clip, result, orientation = tracked[-1]
     names = ("markers", "frames", "noise", "compression", "tilt")
     content: dict[str, Any] = {

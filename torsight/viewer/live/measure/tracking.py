@@ -26,6 +26,7 @@ from tracker.follow.follower import Follower
 from tracker.frames.frame import Damage, Frame
 from tracker.initialise import find_start
 from tracker.rows import CODE, STATES
+from tracker.stick_direction import square
 
 _LOOK_EVERY_S: Final = 0.5 * THOUGHT_S
 """How often markers are looked for until they are seen."""
@@ -135,8 +136,7 @@ class LiveTracker:
         order = [2, 3, 0, 1] if swapped else [0, 1, 2, 3]
         state = row["state"][order]
         position = np.where((state == CODE["seen"])[:, None], row["position_px"][order], np.nan)
-        xx, xy, yy = np.moveaxis(row["covariance_px2"][order], 1, 0)
-        covariance = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
+        covariance = square(row["covariance_px2"][order])
         if not frame.dropped:
             self._watch(frame, state)
         if knew is None and follower.moving is not None:

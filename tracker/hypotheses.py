@@ -9,13 +9,15 @@ sticks lie in line with that axis, and that they are alike in make. So every pai
 
 up to a constant of all couples. s and t are χ² of a marker as one that stands and as one that goes around a circle, of
 a usual frame (what errs is correlated over a film, and counts once); c_dj is that of a dot d of neither stick as one
-that is carried around by pair j. Frames in which the dots of i may be those of j tell nothing of i.
+that is carried around by pair j. Frames in which the dots of i, or d, may be those of j tell nothing of them: what was
+followed as two may be one from where they met.
 δ_ij is how far the axis that pair j shows lies beside the line of pair i. Markers are put on the middle of a stick
 within their radius r, and sticks of one rig are made alike: as far as the axis is beside the moving stick's own line it
 may be beside the base's. σ_c is what is not known of the axis; of a stick that hardly turned that is all, and no couple
-is better than another. u_ij is χ² of the ratios of their dots' steps in brightness and of the light around them. g_ij:
-as much as the moving stick goes on to the axis, by the brightness of the line to it, the base is expected to; that
-counts once the axis is known to a marker's radius.
+is better than another. u_ij is χ² of the ratios of their dots' steps in brightness, of the light around them, and of
+their lengths. g_ij: as much as the moving stick goes on to the axis, by the brightness of the line to it, the base is
+expected to; and where the axis lies beyond the inner marker of one of them, it lies between those of the other with
+the probability that is left for what is not usual. Both count once the axis is known to a marker's radius.
 """
 
 from __future__ import annotations
@@ -30,12 +32,12 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.detect.given_positions import LOOKED_AT
-from tracker.detect.sticks import LIKE, Stick, reaches, towards_axis
+from tracker.detect.sticks import LENGTHS, LIKE, Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
-from tracker.follow.judgement import NEAR
+from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.marker import markers_on
 from tracker.follow.motion_model import STALE
-from tracker.follow.rotation_axis import STANDS_PX, axis_weight, suppose_axis
+from tracker.follow.rotation_axis import STANDS_PX, axis_weight, suppose_axis, turned
 from tracker.frames.frame import Frame
 from tracker.innovation import SIGMAS, SURE, passes
 from tracker.rows import SEEN
@@ -58,10 +60,50 @@ class Couple:
         """Return whether the base here is the moving stick there, and the other way round."""
         return self.base.is_of(other.moving) and self.moving.is_of(other.base)
 
+    @property
+    def _angle_rad(self) -> float:
+        return self.moving.direction_rad - self.base.direction_rad
+
+    def apart_rad(self, other: Couple) -> float:
+        """Return by how much the angles of two couples differ, where they were found.
+
+        That holds for the film where the moving sticks are one, or one carries the other.
+        """
+        return turned(self._angle_rad, other._angle_rad)
+
     def to_json(self) -> dict[str, Any]:
         """Return what ``track.json`` says of it, as in a marker file."""
         sticks = {name: stick.places_px for name, stick in (("base", self.base), ("moving", self.moving))}
         return {**sticks, "probability": self.probability}
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which couple was taken, and what the others make of that.
+
+    ``rivals`` are those that neither picture nor motion rule out and that have another angle. ``sure`` is the
+    probability that the couple taken has the right one: which of two sticks is the base the film itself will tell, and
+    couples whose angles differ by less than a base turns are one answer. ``spread_rad2`` is the variance of the angle
+    by all others, each by its probability.
+    """
+
+    taken: Couple
+    rivals: tuple[Couple, ...]
+    sure: float
+    spread_rad2: float
+
+    @classmethod
+    def of(cls, couples: Sequence[Couple]) -> Choice:
+        """Return what is taken of weighed couples, the likeliest first."""
+        taken, others = couples[0], [one for one in couples[1:] if not one.swaps(couples[0])]
+        apart = [one.apart_rad(taken) for one in others]
+        unlike = [one for one, rad in zip(others, apart, strict=True) if rad > MOVED_RAD]
+        return cls(
+            taken,
+            tuple(one for one in unlike if one.probability > 1.0 - SURE),
+            1.0 - sum(one.probability for one in unlike),
+            sum(one.probability * rad**2 for one, rad in zip(others, apart, strict=True)),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,14 +225,13 @@ def _rest(both: Sequence[tuple[Stick, Stick]], motion: Mapping[int, _Motion]) ->
     pairs = {id(pair): pair for couple in both for pair in couple}
     dots = [id(dot) for pair in pairs.values() for dot in (pair.inner, pair.outer)]
     number = np.unique(dots, return_inverse=True)[1]
-    places = np.concatenate([motion[key].places.T for key in pairs])
-    if not places.size:
-        return np.zeros(len(both))
-    stands = _stands(places)
+    radius_px = [max(pair.inner.radius_px, pair.outer.radius_px) for pair in pairs.values()]
     found: dict[int, Floats] = {}
     for key in {id(moving) for _, moving in both}:
+        own = [_apart(motion[other], motion[key], px).T for other, px in zip(pairs, radius_px, strict=True)]
+        places = np.concatenate(own)
         found[key] = np.full(number.max() + 1, np.inf)
-        np.minimum.at(found[key], number, np.minimum(stands, _carried(places, motion[key])))
+        np.minimum.at(found[key], number, np.minimum(_stands(places), _carried(places, motion[key])))
     of = dict(zip(dots, number.tolist(), strict=True))
 
     def rest(base: Stick, moving: Stick) -> float:
@@ -246,19 +287,28 @@ def _score(luma: NDArray[np.uint8], base: Stick, turning: Stick, motion: Mapping
         (bright, dark), (of_bright, of_dark) = (reaches(luma, one.towards(x, y), x, y) for one in (base, turning))
         share = (of_bright + 1.0) / (of_bright + of_dark + 2.0)
         goes_on = bright * math.log(share) + dark * math.log(1.0 - share)
+        if _holds(base, x, y) != _holds(turning, x, y):
+            goes_on += math.log(1.0 - SURE)
     return float(goes_on - 0.5 * (misfit + math.log(spread)))
 
 
-def _apart(still: _Motion, moving: _Motion, radius_px: float) -> Places:
-    """Return where a pair is that stands, without the frames in which its dots may be those of the moving pair."""
-    between_px: Floats = np.abs(still.places[:, :, None] - moving.places[:, None, :])
-    near = np.any(between_px < NEAR * radius_px, axis=(1, 2), keepdims=True)[:, 0]
-    return np.where(near, _NOWHERE, still.places)
+def _apart(pair: _Motion, moving: _Motion, radius_px: float) -> Places:
+    """Return where a pair's dots are, without the frames in which one may be a dot of the moving pair."""
+    between_px: Floats = np.abs(pair.places[:, :, None] - moving.places[:, None, :])
+    return np.where((between_px < NEAR * radius_px).any(axis=2), _NOWHERE, pair.places)
+
+
+def _holds(stick: Stick, x_px: float, y_px: float) -> bool:
+    """Return whether a place lies between a stick's markers, along it."""
+    ends = ((stick.inner, stick.outer), (stick.outer, stick.inner))
+    return all((b.x_px - a.x_px) * (x_px - a.x_px) + (b.y_px - a.y_px) * (y_px - a.y_px) > 0.0 for a, b in ends)
 
 
 def _unlike(one: Stick, two: Stick) -> float:
-    """Return χ² of two sticks as those of one make: by the step of their dots in brightness, and the light around."""
+    """Return χ² of two sticks as those of one make: step of their dots in brightness, light around, and length."""
     values = [
-        [getattr(stick.inner, what) + getattr(stick.outer, what) for stick in (one, two)] for what in ("step", "light")
+        ([getattr(stick.inner, what) + getattr(stick.outer, what) for stick in (one, two)], LIKE)
+        for what in ("step", "light")
     ]
-    return sum(math.log(a / b) ** 2 for a, b in values) / (math.log(LIKE) / SIGMAS) ** 2
+    values.append(([one.length_px, two.length_px], LENGTHS))
+    return sum((SIGMAS * math.log(a / b) / math.log(limit)) ** 2 for (a, b), limit in values)
