@@ -16,7 +16,7 @@ from torsight.core.files.paths import AnyPath
 from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
-from torsight.core.tracks import MarkerTracks
+from torsight.core.tracks import LEAST_SURE, MarkerTracks
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 from tracker.angle.axis_of_circles import turned_round
@@ -186,6 +186,8 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
 def _choice(start: Start, exchanged: Floats, *, base: int) -> tuple[dict[str, Any], float]:
     """Return how sure it is that these are the markers and what else may be, for ``track.json``; and the variance.
 
+    Where there is a result (:data:`~torsight.core.tracks.LEAST_SURE`) the angle is that of the markers taken: a rival
+    of small probability would otherwise be all of a good angle's sigma.
     ``exchanged`` (2,) is how probable it is of base and moving stick that the marker called the inner one, as the film
     begins, is the outer one: the likelier one is taken, and the angle is off by half a turn if that is not it.
     """
@@ -200,7 +202,8 @@ def _choice(start: Start, exchanged: Floats, *, base: int) -> tuple[dict[str, An
         for name, turned in zip(STICKS, (exchanged[:: -1 if base else 1] > 0.5).tolist(), strict=True):
             report["taken"][name] = report["taken"][name][:: -1 if turned else 1]
         report["rivals"] = [one.to_json() for one in choice.rivals]
-    return report, choice.spread_rad2 + math.pi**2 * opposite
+    spread_rad2 = choice.spread_rad2 + math.pi**2 * opposite
+    return report, spread_rad2 if report["probability"] < LEAST_SURE else 0.0
 
 
 def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]:

@@ -54,8 +54,10 @@ def outcome(film: DecoyFilm, path: Path) -> tuple[str, str]:
     angles = orient(result.tracks, None).angles
     error = np.rad2deg(angles.angle_rad) - film.truth_deg
     off = float(np.nanmedian(np.abs((error + 180.0) % 360.0 - 180.0)))
-    rivals = result.report["markers"].get("rivals", [])
+    markers = result.report["markers"]
+    rivals = markers.get("rivals", [])
     about = f"off by {off:.1f} deg, {angles.valid.mean():.2f} of the frames, range {np.ptp(film.angle_deg):.0f} deg"
+    about += f", sure by {markers['probability']:.2f}"
     about += "".join(f"; {rival['probability']:.2f} {rival['base']}" for rival in rivals)
     return ("right" if off < 2.0 else "wrong") + (", told" if rivals else ""), about
 

@@ -1,6 +1,6 @@
 """What a film's angles rest on: how many frames have one, and how sure it is that the markers are the markers.
 
-Told below nine tenths of the frames; no result below a half, or where the markers are less probable than an interval.
+Told below nine tenths of the frames; no result below a half, or where other dots may as well be the markers.
 """
 
 from __future__ import annotations
@@ -10,13 +10,10 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from torsight.core.errors import NoResultError
-from torsight.core.tracks import USUAL_SHARE
+from torsight.core.tracks import LEAST_SURE, USUAL_SHARE
 
 LEAST: Final = 0.5
 """Share of the frames below which a command ends with exit code 4, by the contract."""
-CREDIBLE: Final = 0.95
-"""Probability that the dots taken are the markers below which there is no result: that of all intervals that are given.
-"""
 WHY: Final = {
     "hand": "something lies over a marker",
     "sticks": "the sticks are too close to each other",
@@ -56,15 +53,15 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
 
 
 def unsure_markers(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return what to tell where other dots may be the markers, or inner and outer ones exchanged, by ``track.json``."""
+    """Return what to tell where nothing tells which dots, or which ends of a stick, are which, by ``track.json``."""
     sure = _sure(account)
-    if sure >= CREDIBLE:
+    if sure >= LEAST_SURE:
         return None
     return NoResultError(
-        "which dots are the markers is not known well enough for an angle",
+        "other dots may as well be the markers",
         where=where,
         value=f"those that were taken are the right ones with a probability of {100.0 * sure:.0f} %",
-        limit=f"{100.0 * CREDIBLE:.0f} % or more",
+        limit=f"{100.0 * LEAST_SURE:.0f} % or more",
         do=f"pick them with 'torsight markers {where}' and name its file with --markers, or cover all other dots",
     )
 
@@ -80,7 +77,7 @@ def gap_words(account: Mapping[str, Any]) -> str:
 
 def is_no_result(account: Mapping[str, Any]) -> bool:
     """Return whether a command ends without a result (exit code 4), as little as the angles rest on."""
-    return _share(account) < LEAST or _sure(account) < CREDIBLE
+    return _share(account) < LEAST or _sure(account) < LEAST_SURE
 
 
 def _sure(account: Mapping[str, Any]) -> float:

@@ -50,8 +50,8 @@ def track(
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
 
-    Ends with exit code 4 where less than half of the frames have an angle, or where which dots are the markers is not
-    known to 95 %; what there is is written all the same.
+    Ends with exit code 4 where less than half of the frames have an angle, or where nothing tells which dots are the
+    markers; what there is is written all the same.
 
     Example: torsight track film.mp4 --out out
     """

@@ -15,6 +15,12 @@ MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 """The order of the four markers wherever an axis has length four."""
 USUAL_SHARE: Final = 0.9
 """Share of the frames that a track without a warning shows, by the contract."""
+LEAST_SURE: Final = 0.55
+"""Probability that the markers taken are the right ones below which a film has no result.
+
+Where nothing tells two couples apart the likelier one has 0.50 to 0.51; of films with 0.6 to 0.95 all are right
+(benchmarks/tracking/decoys.py).
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -36,8 +42,8 @@ class MarkerTracks(Shown):
     size_px : (int, int)
         Width and height of the picture.
     choice_rad2 : float
-        Variance of the angle by what is not known of which dots are the markers, and which of a stick's is the inner
-        one: the angles that others would give, each by its probability. One error of all frames.
+        Variance of the angle where it is not known which dots are the markers, or which of a stick's is the inner one:
+        the angles that others would give, each by its probability. One error of all frames.
     """
 
     frame: Ints

@@ -73,14 +73,14 @@ def _rival_markers(result: TrackResult) -> list[str]:
         words.append(
             f"Other dots look like the sticks' markers, and neither the picture nor the motion rules them out: "
             f"{_in_words(markers['taken'])} were taken ({markers['taken']['probability']:.0%}); it may be {others}. "
-            "The angles are wrong if so, and their sigma holds that. track.png shows both; pick the markers with "
+            "The angles are wrong if so. track.png shows both; pick the markers with "
             "'torsight markers', or cover the other dots while filming."
         )
     opposite = markers.get("opposite_probability", 0.0)
     if opposite > 1.0 - SURE:
         words.append(
             f"Which of a stick's dots is the inner one does not show, as little as the stick turns: with a probability "
-            f"of {opposite:.0%} all angles are off by 180 degrees, and their sigma holds that. Pick the markers with "
+            f"of {opposite:.0%} all angles are off by 180 degrees. Pick the markers with "
             "'torsight markers', or let the stick turn further."
         )
     return words
