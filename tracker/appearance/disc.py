@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, lending, shared
 from torsight.core.units import Floats, Ints
 
 Record = Any
@@ -54,7 +54,7 @@ _NODE_3, _WEIGHT_3 = np.polynomial.legendre.leggauss(3)
 _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
 
 
-@lending
+@shared
 def disc_point(x: float, y: float, shape: Record) -> tuple[float, float, float, float]:
     """Return D and its slopes along x, y and the edge's width, the mean over one pixel at an offset from the centre."""
     e, f, radius, edge = shape.stretch[0], shape.stretch[1], shape.radius, shape.edge

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, copy_to, internal, lending
+from torsight.core.compiled import compiled, copy_to, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
@@ -83,7 +83,7 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
     return math.hypot(point[0] - a[0] - along * ux, point[1] - a[1] - along * uy)
 
 
-@lending
+@shared
 def covers(scene: Scene, stick: int, point: Point, index: int) -> bool:
     """Return whether a stick, as it is seen or expected, reaches into the window of another's marker at a place."""
     i = 2 * stick
@@ -115,7 +115,7 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     return SIGMAS * off / (_LENGTH_PX + share * own.length)  # type: ignore[no-any-return]
 
 
-@lending
+@shared
 def circle_sigma_px(away_px: float, varies: float) -> float:
     """Return the standard deviation of the distance from the axis of a marker that is usually so far ``away_px``.
 
@@ -124,13 +124,13 @@ def circle_sigma_px(away_px: float, varies: float) -> float:
     return ((_OFF_CIRCLE + varies) * away_px + OFF_CIRCLE_PX) / SIGMAS
 
 
-@lending
+@shared
 def own_circle_sigma_px(own: Record, end: int) -> float:
     """Return the same of a marker of a stick; ``own`` is a STICK."""
     return circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0)
 
 
-@lending
+@shared
 def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
     """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
 
@@ -166,7 +166,7 @@ def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expe
     return found, freedom
 
 
-@lending
+@shared
 def sure_misfit(rig: Record, a: Point, b: Point) -> float:
     """Return by how many standard deviations the base has turned since the moving stick was seen elsewhere.
 
@@ -175,7 +175,7 @@ def sure_misfit(rig: Record, a: Point, b: Point) -> float:
     return turned(math.atan2(b[1] - a[1], b[0] - a[0]), rig.last_rad) / SURE_RAD
 
 
-@lending
+@shared
 def further(off_px: float, other_px: float) -> bool:
     """Return whether one marker is clearly further from its prediction than the other of its stick."""
     return off_px > 2.0 * other_px + 0.5
@@ -348,7 +348,7 @@ def goes_with_picture(scene: Scene, shift: Floats) -> bool:
 # --- the moving stick -----------------------------------------------------------------------------------------------
 
 
-@lending
+@shared
 def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
     """Return whether a place lies within some radii of a dot of the base; ``more_px`` where that is not seen."""
     i = 2 - 2 * scene.rig[0].moving
