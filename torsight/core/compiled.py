@@ -44,6 +44,8 @@ F = TypeVar("F", bound=Callable[..., object])
 
 _KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Without what would let C call each function: nothing does, and it is made and optimised like the function itself."""
+_INTERNAL: Final = {**_KEPT, "no_cpython_wrapper": True}
+"""Without what would let Python call it, too."""
 _UNCOUNTED: Final[dict[str, Any]] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
 """With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
 
@@ -110,7 +112,7 @@ def compiled(function: F) -> F:
 
 def internal(function: F, **options: Any) -> F:
     """Compile as :func:`compiled` a function that only compiled code calls; ``options`` are numba's."""
-    made = _prepared(njit(**_KEPT | options, no_cpython_wrapper=True)(function))
+    made = _prepared(njit(**_INTERNAL | options)(function))
     if isinstance(made, CPUDispatcher):
         made.__class__ = _Internal
     return cast("F", made)
