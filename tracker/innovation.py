@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from torsight.core.compiled import lending
+from torsight.core.compiled import shared
 
 SIGMAS: Final = 3.0
 """Standard deviations of a normal variable that are allowed: 99.73 % of what is right passes."""
@@ -20,7 +20,7 @@ _LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06, 21.85)
 """Quantiles of χ² with one to seven degrees of freedom for the same probability."""
 
 
-@lending
+@shared
 def passes(chi_squared: float, freedom: int) -> bool:
     """Return whether what was found is what was predicted; False for what is not finite."""
     return bool(chi_squared <= _LIMITS[freedom - 1])

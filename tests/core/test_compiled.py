@@ -15,7 +15,17 @@ import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from torsight.core.compiled import FOLDERS, LOADING, compiled, drop_outdated, inlined, internal, lending, sources
+from torsight.core.compiled import (
+    FOLDERS,
+    LOADING,
+    compiled,
+    drop_outdated,
+    inlined,
+    internal,
+    lending,
+    shared,
+    sources,
+)
 
 IMPORT = "from torsight.core.compiled import compiled"
 PACKAGES = ("calibration", "sync", "torsight", "tracker")
@@ -69,7 +79,7 @@ def scaled(x: float, power: int) -> float:
     return x**power
 
 
-@pytest.mark.parametrize("decorate", [compiled, internal, lending, inlined])
+@pytest.mark.parametrize("decorate", [compiled, internal, lending, shared, inlined])
 def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(
     decorate: Callable[..., Dispatcher], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,10 +95,13 @@ def test_a_number_that_a_caller_writes_out_compiles_nothing_anew(
     assert len(inner.signatures) == 1
 
 
-def test_what_only_compiled_code_calls_tells_python_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("decorate", [internal, lending])
+def test_what_only_compiled_code_calls_tells_python_so(
+    decorate: Callable[..., Dispatcher], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
     with pytest.raises(TypeError, match="scaled is there for compiled callers"):
-        internal(scaled)(2.0, 3)
+        decorate(scaled)(2.0, 3)
 
 
 USER = """
@@ -101,9 +114,9 @@ print(wave(0.0) if len(sys.argv) > 1 else "")
 SOLVER = """
 import math
 import numpy as np
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, shared
 
-@lending
+@shared
 def wave(x):
     return math.sin(x) * abs(complex(x, 1.0))
 

@@ -7,7 +7,7 @@ changed since the code on the disk was made, and throws all of it away if so. A 
 that imports from here.
 
 What lets Python call a function takes its tuples of records apart, one by one: for those that only compiled code calls
-(:func:`internal`) it is not made, which took a twelfth of all compiling.
+(:func:`internal`, :func:`lending`) it is not made, which took a tenth of all compiling.
 
 Called with a number that is written out, a function is compiled for its type: numba would compile it again for each
 such number, which took a tenth of all compiling.
@@ -37,7 +37,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 from numpy.typing import NDArray
 
-__all__ = ["compiled", "copy_to", "inlined", "internal", "lending", "njit"]
+__all__ = ["compiled", "copy_to", "inlined", "internal", "lending", "njit", "shared"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -46,7 +46,7 @@ _KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "nu
 """Without what would let C call each function: nothing does, and it is made and optimised like the function itself."""
 _INTERNAL: Final = {**_KEPT, "no_cpython_wrapper": True}
 """Without what would let Python call it, too."""
-_UNCOUNTED: Final = {**_KEPT, "_nrt": False} if hasattr(DefaultOptions, "_nrt") else _KEPT
+_UNCOUNTED: Final[dict[str, Any]] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
 """With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
 
 
@@ -75,7 +75,9 @@ class _Internal(CPUDispatcher):
 
     def __call__(self, *_: object, **__: object) -> None:
         """Say so."""
-        raise TypeError(f"{self.py_func.__name__} is there for compiled callers: @compiled lets Python call it, too")
+        raise TypeError(
+            f"{self.py_func.__name__} is there for compiled callers: @compiled and @shared let Python call it, too"
+        )
 
 
 def _prepared(function: Any) -> Any:
@@ -108,26 +110,31 @@ def compiled(function: F) -> F:
     return cast("F", _prepared(njit(**_KEPT)(function)))
 
 
-def internal(function: F) -> F:
-    """Compile as :func:`compiled` a function that only compiled code calls."""
-    made = _prepared(njit(**_INTERNAL)(function))
+def internal(function: F, **options: Any) -> F:
+    """Compile as :func:`compiled` a function that only compiled code calls; ``options`` are numba's."""
+    made = _prepared(njit(**_INTERNAL | options)(function))
     if isinstance(made, CPUDispatcher):
         made.__class__ = _Internal
     return cast("F", made)
 
 
 def lending(function: F) -> F:
-    """Compile as :func:`compiled` a function that makes no array and keeps none: its callers lend it theirs.
+    """Compile as :func:`internal` a function that makes no array and keeps none: its callers lend it theirs.
 
     References to them are not counted. Counting is an atomic instruction at every call and every field of a tuple of
     arrays: it took two thirds of the stepping's time (benchmarks/actuator/speed.py).
     """
-    return cast("F", _prepared(njit(**_UNCOUNTED)(function)))
+    return internal(function, **_UNCOUNTED)
+
+
+def shared(function: F) -> F:
+    """Compile as :func:`lending` a function that Python calls, too."""
+    return cast("F", _prepared(njit(**_KEPT | _UNCOUNTED)(function)))
 
 
 def inlined(function: F) -> F:
     """Compile a small function, one that makes no array, into its callers."""
-    return cast("F", _prepared(njit(forceinline=True, **_UNCOUNTED)(function)))
+    return cast("F", _prepared(njit(forceinline=True, **_KEPT | _UNCOUNTED)(function)))
 
 
 @inlined

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, lending, shared
 from torsight.core.units import Floats, Ints
 
 Record = Any
@@ -42,6 +42,8 @@ COLUMNS: Final = 7
 _STEP_1, _STEP_3 = 1.5976, 0.07056
 """The falling normal step 1 − Φ(z) as a logistic curve with a cubic term, to 2e-4 (Bowling and
 others, J. Ind. Eng. Manag. 2, 2009, p. 114)."""
+_RIM_PX, _RIM = 0.75, 4.0
+"""How far from the rim D still changes: half a pixel's diagonal, and this many widths of the edge."""
 _SHARP_PX: Final = 0.35
 """Edge below which the mean over a pixel needs the finer set of points."""
 _SOFT_PX: Final = 1.0
@@ -52,12 +54,12 @@ _NODE_3, _WEIGHT_3 = np.polynomial.legendre.leggauss(3)
 _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
 
 
-@lending
+@shared
 def disc_point(x: float, y: float, shape: Record) -> tuple[float, float, float, float]:
     """Return D and its slopes along x, y and the edge's width, the mean over one pixel at an offset from the centre."""
     e, f, radius, edge = shape.stretch[0], shape.stretch[1], shape.radius, shape.edge
     away = math.hypot((1.0 - e) * x - f * y, -f * x + (1.0 + e) * y) - radius
-    if abs(away) >= 0.75 + 4.0 * edge:
+    if abs(away) >= _RIM_PX + _RIM * edge:
         return (1.0 if away < 0.0 else 0.0), 0.0, 0.0, 0.0
     nodes, weights, wide = _NODE_3, _WEIGHT_3, edge
     if edge < _SHARP_PX:
@@ -93,8 +95,15 @@ def smeared_point(
     if count == 1:
         inside, along_x, along_y, _ = disc_point(x, y, shape)
         return inside, along_x, along_y
+    # Only places as near as this show anything of the dot, however it is stretched.
+    reach = (shape.radius + _RIM_PX + _RIM * shape.edge) / (1.0 - math.hypot(shape.stretch[0], shape.stretch[1]))
+    length = math.hypot(smear_x, smear_y)
+    across, along = (x * smear_y - y * smear_x) / length, (x * smear_x + y * smear_y) / length
+    if abs(across) >= reach:
+        return 0.0, 0.0, 0.0
+    middle, places = along / length * count + 0.5 * (count - 1), math.sqrt(reach**2 - across**2) / length * count
     inside = along_x = along_y = 0.0
-    for k in range(count):
+    for k in range(max(0, math.floor(middle - places)), min(count, math.ceil(middle + places) + 1)):
         share = (k + 0.5) / count - 0.5
         d, dx, dy, _ = disc_point(x - share * smear_x, y - share * smear_y, shape)
         inside += d

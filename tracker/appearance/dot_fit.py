@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled
+from torsight.core.compiled import compiled, copy_to, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, SHAPE, Record, disc_point
+from tracker.appearance.lucas_kanade import eliminate, inner, take_away
 
 EDGE_PX: Final = 0.5
 """Edge width at the start of a fit: standard deviation of the blur of a good lens."""
@@ -97,80 +98,113 @@ def fit_dot(
     if found is None:
         return None
     x, y, radius, edge, across, diagonal = found.values.tolist()
-    light, step = found.linear[:2].tolist()
-    if light <= 0 or step * (1.0 if light_dot else -1.0) <= 0:
+    if found.light <= 0 or found.step * (1.0 if light_dot else -1.0) <= 0:
         return None
-    window_px, residual = window_for(radius, edge, room_px), math.sqrt(found.square / len(found.left))
-    contrast = step / max(light, 1.0)
-    return Dot(x, y, radius, edge, (across, diagonal), contrast, window_px, light, residual, found.explained)
+    window_px, residual = window_for(radius, edge, room_px), math.sqrt(found.square / found.pixels)
+    contrast = found.step / max(found.light, 1.0)
+    return Dot(x, y, radius, edge, (across, diagonal), contrast, window_px, found.light, residual, found.explained)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Trial:
-    """A dot in a window: its ``values`` x, y, radius, edge and stretch (6,), and how it fits.
+class _Fit:
+    """A dot fitted in a window: its ``values`` x, y, radius, edge and stretch (6,), and how it fits.
 
-    ``linear`` (4,) are light, step and two slopes of the light that fit best; ``left`` (n,) is what they leave,
-    ``slopes`` (k, n) its derivatives, ``spread`` the window's sum of squares and ``square`` that of what is left.
+    ``light`` and ``step`` are grey levels, ``square`` the sum of squares of what is left in ``pixels`` pixels,
+    ``explained`` the share of the window's variance that the dot explains.
     """
 
     values: Floats
-    linear: Floats
-    left: Floats
-    slopes: Floats
-    spread: float
+    light: float
+    step: float
     square: float
-
-    @classmethod
-    def of(cls, window: Floats, values: Floats, free: int, spread: float) -> _Trial:
-        """Solve the linear part for a given shape (variable projection); the first ``free`` values are to be fitted."""
-        shape, rows = np.zeros(1, SHAPE), np.empty((11, window.shape[1]))
-        shape["radius"], shape["edge"], shape["stretch"] = values[2], values[3], values[4:6]
-        fill_rows(window, values, shape[0], rows)
-        plain, wanted = rows[:4], rows[4 : 5 + free]
-        weights = np.asarray(np.linalg.solve(plain @ plain.T, plain @ wanted.T), np.float64)
-        left = wanted - weights.T @ plain
-        return cls(values, weights[:, 0], left[0], weights[1, 0] * left[1:], spread, float(left[0] @ left[0]))
-
-    @property
-    def explained(self) -> float:
-        """Share of the window's variance that the dot explains."""
-        return 1.0 - self.square / max(self.spread, 1e-12 * len(self.left))
-
-    def normal(self) -> tuple[Floats, Floats]:
-        """Return the normal equations of the next step: (k, k), and (k,)."""
-        return self.slopes @ self.slopes.T, self.slopes @ self.left
+    pixels: int
+    explained: float
 
 
-def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Trial | None:
-    """Fit the first ``free`` values in one window by Levenberg and Marquardt.
-
-    None where that is hopeless, or the window leaves the picture.
-    """
+def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Fit | None:
+    """Fit the first ``free`` values in one window; None where that is hopeless, or the window leaves the picture."""
     window = _cut(luma, start[0], start[1], window_px)
     if window is None:
         return None
-    spread = float(np.sum((window[2] - window[2].mean()) ** 2))
-    found, damping = _Trial.of(window, start, free, spread), 1e-3
-    normal, gradient = found.normal()
-    for step in range(_ROUNDS):
-        if found.explained < (_DOUBTFUL if step < _LOOK else _HOPELESS):
-            return None
-        damped = normal.copy()
-        # Where a value changes nothing its step is nought.
-        damped.ravel()[:: free + 1] += damping * normal.diagonal() + 1e-9
-        delta = np.linalg.solve(damped, gradient)
-        values = found.values.copy()
-        values[:free] += np.clip(delta, -0.3 * radius_px, 0.3 * radius_px)
-        values[3] = max(values[3], _SHARPEST_PX)
-        trial = _Trial.of(window, values, free, spread) if _is_sane(values, found.values, start, radius_px) else None
-        if trial is None or trial.square > found.square:
-            damping = 10.0 * max(damping, 1e-4)
-            continue
-        found, damping = trial, 0.2 * damping
-        normal, gradient = found.normal()
-        if np.abs(delta).max() < _SMALL_PX:
-            break
-    return found
+    pixels, values = window.shape[1], start.copy()
+    spread = max(float(np.sum((window[2] - window[2].mean()) ** 2)), 1e-12 * pixels)
+    light, step, square = settle(window, values, np.zeros(1, SHAPE)[0], free, radius_px, spread)
+    return _Fit(values, light, step, square, pixels, 1.0 - square / spread) if math.isfinite(square) else None
+
+
+@compiled
+def settle(
+    window: Floats, values: Floats, shape: Record, free: int, radius_px: float, spread: float
+) -> tuple[float, float, float]:
+    """Fit the first ``free`` of a dot's six values, in their place, by Levenberg and Marquardt.
+
+    Return light, step, and the square of what is left of ``spread``: infinite where the fit is hopeless.
+    """
+    rows, products, weights = np.empty((11, window.shape[1])), np.empty((4, 4)), np.empty((4, 1 + free))
+    normal, damped = np.empty((free, free)), np.empty((free, free))
+    gradient, delta = np.empty(free), np.empty((free, 1))
+    start, trial, damping = values.copy(), values.copy(), 1e-3
+    square = misfit(window, values, shape, rows, products, weights)
+    light, step = weights[0, 0], weights[1, 0]
+    fill_normal(rows, step, normal, gradient)
+    for count in range(_ROUNDS):
+        if not 1.0 - square / spread >= (_DOUBTFUL if count < _LOOK else _HOPELESS):
+            return light, step, math.inf
+        for i in range(free):
+            for j in range(free):
+                damped[i, j] = normal[i, j]
+            # Where a value changes nothing its step is nought.
+            damped[i, i] += damping * normal[i, i] + 1e-9
+            delta[i, 0] = gradient[i]
+        for i in range(free):
+            eliminate(damped, delta, i)
+        largest_px = 0.0
+        for i in range(free):
+            trial[i] = values[i] + min(max(delta[i, 0], -0.3 * radius_px), 0.3 * radius_px)
+            largest_px = max(largest_px, abs(delta[i, 0]))
+        trial[3] = max(trial[3], _SHARPEST_PX)
+        if is_sane(trial, values, start, radius_px):
+            left = misfit(window, trial, shape, rows, products, weights)
+            if left <= square:
+                copy_to(values, trial)
+                square, damping, light, step = left, 0.2 * damping, weights[0, 0], weights[1, 0]
+                fill_normal(rows, step, normal, gradient)
+                if largest_px < _SMALL_PX:
+                    break
+                continue
+        damping = 10.0 * max(damping, 1e-4)
+    return light, step, square
+
+
+@lending
+def misfit(window: Floats, values: Floats, shape: Record, rows: Floats, products: Floats, weights: Floats) -> float:
+    """Return the square that a shape leaves, its linear part solved for (variable projection).
+
+    ``rows`` (11, n) then hold what is left of the brightness, and of the slopes, from the fifth; the first column of
+    ``weights`` light, step and slopes of the light.
+    """
+    shape.radius, shape.edge, shape.stretch[0], shape.stretch[1] = values[2], values[3], values[4], values[5]
+    fill_rows(window, values, shape, rows)
+    for m in range(4):
+        for k in range(4):
+            products[m, k] = inner(rows[m], rows[k])
+        for k in range(weights.shape[1]):
+            weights[m, k] = inner(rows[m], rows[4 + k])
+    for m in range(4):
+        eliminate(products, weights, m)
+    for k in range(weights.shape[1]):
+        for m in range(4):
+            take_away(rows[4 + k], rows[m], weights[m, k])
+    return inner(rows[4], rows[4])
+
+
+@lending
+def fill_normal(rows: Floats, step: float, normal: Floats, gradient: Floats) -> None:
+    """Fill the normal equations of the next step."""
+    for i in range(len(gradient)):
+        gradient[i] = step * inner(rows[5 + i], rows[4])
+        for j in range(i + 1):
+            normal[i, j] = normal[j, i] = step * step * inner(rows[5 + i], rows[5 + j])
 
 
 def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats | None:
@@ -184,7 +218,7 @@ def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) ->
     return np.array([x[inside], y[inside], luma[y[inside], x[inside]]], dtype=np.float64)
 
 
-@compiled
+@lending
 def fill_rows(window: Floats, found: Floats, shape: Record, rows: Floats) -> None:
     """Fill the columns of the linear part (light, step, slope), the brightness, and the slopes of D by the six values.
 
@@ -199,11 +233,11 @@ def fill_rows(window: Floats, found: Floats, shape: Record, rows: Floats) -> Non
         rows[9, i], rows[10, i] = -(dx * along_x - dy * along_y), -(dy * along_x + dx * along_y)
 
 
-def _is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
+@lending
+def is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
     """Return whether values may still be those of the dot at the start."""
-    return bool(
-        np.isfinite(trial).all()
-        and math.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
+    return (
+        math.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px
         and _SHARPEST_PX <= trial[3] < 0.6 * max(now[2], 3.0)
         and math.hypot(trial[4], trial[5]) < MOST_STRETCH

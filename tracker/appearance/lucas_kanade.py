@@ -78,15 +78,18 @@ def eliminate(a: Floats, b: Floats, i: int) -> None:
             best = k
     for j in range(n):
         a[i, j], a[best, j] = a[best, j], a[i, j]
+    for j in range(b.shape[1]):
         b[i, j], b[best, j] = b[best, j], b[i, j]
     pivot = a[i, i]
     for j in range(n):
         a[i, j] /= pivot
+    for j in range(b.shape[1]):
         b[i, j] /= pivot
     for k in range(n):
         factor = 0.0 if k == i else a[k, i]
         for j in range(n):
             a[k, j] -= factor * a[i, j]
+        for j in range(b.shape[1]):
             b[k, j] -= factor * b[i, j]
 
 

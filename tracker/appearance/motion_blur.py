@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, internal, lending
+from torsight.core.compiled import compiled, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record, fill_beside, smear_count, smeared_point, window_pixels
 from tracker.appearance.lucas_kanade import (
@@ -81,7 +81,7 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
     rig.shutter_share = best_share(rig.shutter_cost)
 
 
-@lending
+@shared
 def best_share(cost: Floats) -> float:
     """Return the share of least cost, between the ones that were tried."""
     at = int(np.argmin(cost))

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, copy_to, internal, lending
+from torsight.core.compiled import compiled, copy_to, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
@@ -45,7 +45,7 @@ def at(scene: Scene, index: int) -> Point:
     return reading.predicted[0], reading.predicted[1]
 
 
-@lending
+@shared
 def circle_sigma_px(away_px: float, varies: float) -> float:
     """Return the standard deviation of the distance from the axis of a marker that is usually so far ``away_px``.
 
@@ -54,13 +54,13 @@ def circle_sigma_px(away_px: float, varies: float) -> float:
     return ((OFF_CIRCLE + varies) * away_px + OFF_CIRCLE_PX) / SIGMAS
 
 
-@lending
+@shared
 def own_circle_sigma_px(own: Record, end: int) -> float:
     """Return the same of a marker of a stick; ``own`` is a STICK."""
     return circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0)
 
 
-@lending
+@shared
 def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
     """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
 
@@ -123,7 +123,7 @@ def circles_off(scene: Scene, out: Floats) -> bool:
     return True
 
 
-@lending
+@shared
 def roll_of(scene: Scene, a: Point, b: Point) -> float:
     """Return by how much a base with its markers at two places says that the picture is turned."""
     start_rad = scene.sticks[1 - scene.rig[0].moving].start_rad

@@ -6,7 +6,7 @@ It stops where a stick that should be seen was not found where it was predicted,
 
 from __future__ import annotations
 
-from torsight.core.compiled import compiled, copy_to, internal, lending
+from torsight.core.compiled import compiled, copy_to, internal, shared
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.camera_state import KNOWN, find_shift, seen
 from tracker.follow.judgement import covers, judge_base, judge_moving, judge_pair, note_covered
@@ -21,7 +21,7 @@ START, FIRST, SECOND, DONE = range(4)
 once they are known) has to be looked for; and where it ends."""
 
 
-@lending
+@shared
 def stick_at(scene: Scene, stage: int) -> int:
     """Return the stick that is judged at a stage; −1 where there is none."""
     moving = scene.rig[0].moving

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, copy_to, internal, lending
+from torsight.core.compiled import compiled, copy_to, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
@@ -73,7 +73,7 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
     return math.hypot(point[0] - a[0] - along * ux, point[1] - a[1] - along * uy)
 
 
-@lending
+@shared
 def covers(scene: Scene, stick: int, point: Point, index: int) -> bool:
     """Return whether a stick, as it is seen or expected, reaches into the window of another's marker at a place."""
     i = 2 * stick
@@ -128,7 +128,7 @@ def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expe
     return found, freedom
 
 
-@lending
+@shared
 def sure_misfit(rig: Record, a: Point, b: Point) -> float:
     """Return by how many standard deviations the base has turned since the moving stick was seen elsewhere.
 
@@ -137,7 +137,7 @@ def sure_misfit(rig: Record, a: Point, b: Point) -> float:
     return turned(math.atan2(b[1] - a[1], b[0] - a[0]), rig.last_rad) / SURE_RAD
 
 
-@lending
+@shared
 def further(off_px: float, other_px: float) -> bool:
     """Return whether one marker is clearly further from its prediction than the other of its stick."""
     return off_px > 2.0 * other_px + 0.5
@@ -248,7 +248,7 @@ def _gone(scene: Scene, index: int) -> bool:
 # --- the moving stick -----------------------------------------------------------------------------------------------
 
 
-@lending
+@shared
 def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
     """Return whether a place lies within some radii of a dot of the base; ``more_px`` where that is not seen."""
     i = 2 - 2 * scene.rig[0].moving

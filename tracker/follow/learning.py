@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, copy_to, inlined, internal, lending
+from torsight.core.compiled import compiled, copy_to, inlined, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
@@ -164,7 +164,7 @@ def _note_stick(scene: Scene, stick: int) -> None:
         rig.offset[0], rig.offset[1] = 0.5 * (off[0, 0] + off[1, 0]) - dx, 0.5 * (off[0, 1] + off[1, 1]) - dy
 
 
-@lending
+@shared
 def write_row(readings: Record, row: Record) -> None:
     """Write what is noted of a frame (see :mod:`tracker.rows`); of markers that are not seen nothing but why."""
     for index in range(len(readings)):

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, internal, lending
+from torsight.core.compiled import compiled, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.follow.rotation_axis import direction_from, folded, on_circle
@@ -18,7 +18,7 @@ REST, STEADY, AVERAGED, CURVED = range(4)
 """The ways to predict: at rest, steady, averaged over three steps, curved."""
 
 
-@lending
+@shared
 def is_base(rig: Record, stick: int) -> bool:
     """Return whether a stick is known to be the base."""
     return rig.moving >= 0 and stick != rig.moving  # type: ignore[no-any-return]

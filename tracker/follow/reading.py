@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from torsight.core.compiled import compiled, lending
+from torsight.core.compiled import compiled, lending, shared
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Luma, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
@@ -30,7 +30,7 @@ _ALWAYS: Final = 0.015
 """A residual below this share of the step hides nothing: it is rounding for a step of 20 grey levels."""
 
 
-@lending
+@shared
 def share_of_step(value: float, step: float) -> float:
     """Return the logarithm of a residual's share of the step."""
     return math.log(max(value, 1e-3) / max(abs(step), 1.0))

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, internal, lending
+from torsight.core.compiled import compiled, internal, lending, shared
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
 from tracker.innovation import SIGMAS
@@ -51,7 +51,7 @@ def folded(angle: float) -> float:
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
-@lending
+@shared
 def turned(one: float, other: float) -> float:
     """Return the size of the angle between two directions."""
     return abs(folded(one - other))
@@ -91,7 +91,7 @@ def carry_axis(axis: Record, turn: complex, step: complex) -> None:
     solve_axis(axis)
 
 
-@lending
+@shared
 def axis_weight(axis: Record) -> float:
     """Return how well the axis is known: over how many markers, each with an error of its own, its place is a mean."""
     turned_frames = 2.0 * axis.frames - 2.0 * abs(axis.unit) ** 2 / max(axis.frames, 1.0)
@@ -112,19 +112,19 @@ def solve_axis(axis: Record) -> None:
             axis.arm[end, 0], axis.arm[end, 1] = arm.real, arm.imag
 
 
-@lending
+@shared
 def arm_px(axis: Record, end: int) -> float:
     """Return the distance of the inner (0) or outer (1) marker from the axis."""
     return math.hypot(axis.arm[end, 0], axis.arm[end, 1])
 
 
-@lending
+@shared
 def direction_from(axis: Record, x: float, y: float, end: int) -> float:
     """Return the stick's direction when one of its markers is at a place."""
     return math.atan2(y - axis.centre[1], x - axis.centre[0]) - math.atan2(axis.arm[end, 1], axis.arm[end, 0])
 
 
-@lending
+@shared
 def on_circle(axis: Record, direction_rad: float, end: int) -> Point:
     """Return where a marker is when the stick points in a direction."""
     cos, sin, qx, qy = math.cos(direction_rad), math.sin(direction_rad), axis.arm[end, 0], axis.arm[end, 1]

@@ -96,11 +96,11 @@ from torsight.actuator.stepping.kernel_roots import (
     transform_at_rest,
 )
 from torsight.actuator.stepping.samples import Samples
-from torsight.core.compiled import compiled, inlined, lending
+from torsight.core.compiled import compiled, inlined, shared
 from torsight.core.units import Floats
 
 
-@lending
+@shared
 def _wound_for(x: float, limit: float, p: Scalars, tables: Floats) -> float:
     """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
     if loading_torque(x, p, tables) <= limit:
@@ -119,7 +119,7 @@ def _wound_for(x: float, limit: float, p: Scalars, tables: Floats) -> float:
     return wound
 
 
-@lending
+@shared
 def _wind_home(
     wound: Floats, theta_start: float, first: int, scale: float, springs: NDArray[np.void], tables: Floats
 ) -> None:
@@ -152,7 +152,7 @@ def _recoverable(wound: float, left: Floats, p: Scalars, tables: Floats) -> floa
     return max(0.0, whole * left[0] - left[1])
 
 
-@lending
+@shared
 def _start_half_cycle(
     who: int, theta_a: float, scale: float, left: Floats, own: float, state: State, springs: NDArray[np.void],
     tables: Floats
@@ -195,7 +195,7 @@ def _copy(state: State) -> None:
             state.saved_w[i, j] = state.w[i, j]
 
 
-@lending
+@shared
 def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tables: Floats) -> None:
     """Take a new reference state when heating turns into cooling or back.
 
@@ -227,7 +227,7 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
     g[CHANGED] = 0.0
 
 
-@lending
+@shared
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
 
@@ -312,7 +312,7 @@ def _new_state(sections: int) -> State:
     return State(c, q, g, w, q.copy(), w.copy(), np.empty(2))
 
 
-@lending
+@shared
 def step_through(
     out: Floats, state: State, samples: Samples, recoverable: Floats, springs: NDArray[np.void], tables: Floats,
     sections: Floats, theta_start: float

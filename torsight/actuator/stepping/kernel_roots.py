@@ -57,7 +57,7 @@ from torsight.actuator.stepping.kernel_laws import (
     table_and_slope,
     window_place,
 )
-from torsight.core.compiled import inlined, lending
+from torsight.core.compiled import inlined, lending, shared
 from torsight.core.units import Floats
 
 # 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
@@ -110,7 +110,7 @@ def slide(
     return b
 
 
-@lending
+@shared
 def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
 
@@ -242,7 +242,7 @@ def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Floa
     return transformed(heating, g[XI_0_P], done) - xi
 
 
-@lending
+@shared
 def crosstalk(theta: float, c: Floats, g: Floats, o: Scalars, tables: Floats) -> float:
     """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
     base = cold_torque(theta, c[WOUND], o, tables)

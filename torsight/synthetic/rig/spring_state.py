@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.core.compiled import lending
+from torsight.core.compiled import lending, shared
 from torsight.core.units import Floats
 from torsight.synthetic.effects.hidden import STIFFENING_FORMS
 from torsight.synthetic.effects.random_laws import SLOTS
@@ -48,7 +48,7 @@ TORQUE_TOLERANCE_NM: Final = 1e-12
 _LN_100: Final = math.log(100.0)
 
 
-@lending
+@shared
 def loading(c: Constants, theta: float) -> float:
     """Return the martensite loading curve, N·m: two slopes, and where the rig has one a third, a bend or a law."""
     if theta <= c.theta_cr:
@@ -74,7 +74,7 @@ def third_slope(c: Constants) -> float:
     return c.stiff / ONSET_SCALE_RAD if c.stiff_form == LOADING else 0.0
 
 
-@lending
+@shared
 def unwound_from(c: Constants, theta: float, tau: float) -> float:
     """Return the angle from which cold martensite was unwound that carries ``tau``; ``theta`` on its loading curve."""
     if tau >= loading(c, theta):

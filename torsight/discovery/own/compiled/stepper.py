@@ -22,7 +22,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from scipy.integrate import RK45
 
 from torsight.core.compiled import compiled as kept
-from torsight.core.compiled import copy_to, lending, njit
+from torsight.core.compiled import copy_to, njit, shared
 from torsight.core.units import Floats
 from torsight.discovery.own.compiled.functions import compiled, curve_at, fill
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
@@ -207,7 +207,7 @@ _ERROR: Final = RK45.E
 """The pair's coefficients: stages and the solution of order 5, their times, and the difference between both orders."""
 
 
-@lending
+@shared
 def _set_inputs(t: float, driven: Any) -> None:
     """Fill in the inputs at a time; ``driven``: times of the row before and after, their inputs, and room."""
     begin, end, before, after, u = driven
@@ -216,7 +216,7 @@ def _set_inputs(t: float, driven: Any) -> None:
         u[i] = before[i] + share * (after[i] - before[i])
 
 
-@lending
+@shared
 def _step(rhs: Any, t: float, h: float, x: Floats, along: Any, slopes: Floats, new: Floats) -> None:
     """Fill the slopes of a step but the first, which is that at its beginning, and the state after it."""
     driven, given = along
@@ -231,7 +231,7 @@ def _step(rhs: Any, t: float, h: float, x: Floats, along: Any, slopes: Floats, n
         rhs(at, new, driven[4], given, slopes[stage])
 
 
-@lending
+@shared
 def _size(h: float, x: Floats, new: Floats, slopes: Floats, rtol: float) -> float:
     """Return the error of a step as a multiple of what is allowed."""
     total = 0.0
@@ -244,7 +244,7 @@ def _size(h: float, x: Floats, new: Floats, slopes: Floats, rtol: float) -> floa
     return float(np.sqrt(total / len(x)))
 
 
-@lending
+@shared
 def _happened(before: Floats, now: Floats, directions: Floats) -> int:
     """Return the first event whose function has passed zero the way that counts, −1 for none."""
     for k in range(len(before)):
@@ -255,7 +255,7 @@ def _happened(before: Floats, now: Floats, directions: Floats) -> int:
     return -1
 
 
-@lending
+@shared
 def _begins(anew: Floats, x: Floats) -> bool:
     """Fill in the states that begin anew in a row; return whether there are any."""
     begins = False
@@ -265,7 +265,7 @@ def _begins(anew: Floats, x: Floats) -> bool:
     return begins
 
 
-@lending
+@shared
 def _jumps(before: Floats, now: Floats) -> bool:
     """Return whether an input is another one now."""
     changed = False
