@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
 from torsight.core.errors import InputError
-from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
+from torsight.core.records import ClockMap, SyncedTable, TemperatureLog, clock_sigma_s
 from torsight.core.tracks import StickAngles
 from torsight.core.units import Flags, Floats, Ints
 
@@ -56,6 +56,7 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
         heat_a=None if log.heat_a is None else log.heat_a[row] & covered,
         heat_b=None if log.heat_b is None else log.heat_b[row] & covered,
         extra={name: values for name, values in extra.items() if name not in ("angle_deg", "angle_sigma_deg")},
+        clock_sigma_s=clock_sigma_s(clock.method, clock.offset_ci95_s),
     )
 
 

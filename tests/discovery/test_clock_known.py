@@ -1,7 +1,9 @@
-"""Clocks that a shared event has put together: an offset between them is no longer an explanation at hand."""
+"""Clocks that were put together beforehand: an offset within what that left open is no effect that is missing."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,27 +12,51 @@ import pytest
 
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from
-from torsight.cli.clock_known import clock_sigma_s
 from torsight.core.errors import InputError
 from torsight.core.files.storage import write_json
+from torsight.core.files.tables import read_merged
+from torsight.core.records import SyncedTable
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.noise import Scales, Stretches, information
+from torsight.discovery.model_fit import fit_model
 from torsight.discovery.settings import Settings
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.rig_values import declared_from
 
 
+def rig_record(effects: dict[str, Any], ramps_s: Sequence[float] = (300.0, 300.0)) -> SyncedTable:
+    """Return a record of half-cycles of a rig with these effects, A and B in turn."""
+    half_cycles = [
+        {"spring": "ab"[k % 2], "peak_c": 75.0, "ramp_s": ramp_s, "heat_s": ramp_s + 20.0, "cool_s": 250.0}
+        for k, ramp_s in enumerate(ramps_s)
+    ]
+    scene = {"motion": {"kind": "rig"}, "protocol": {"half_cycle": half_cycles}, "effects": effects}
+    return make_record(scene, seed=5, sigma_deg=0.15).table
+
+
+def test_clocks_that_are_off_within_what_sync_left_open_lack_no_effect() -> None:
+    model = ActuatorModel(actuator_from(declared_from({}, where="test").to_toml(), where="test"))
+    table = rig_record({}, ramps_s=(300.0, 100.0, 100.0, 300.0))
+    late = {
+        name: np.interp(table.time_s - 2.0, table.time_s, getattr(table, name)) for name in ("temp_a_c", "temp_b_c")
+    }
+    clean, taken_as_exact, left_open = (
+        fit_model(model, model.prepare(replace(table, **changes)))
+        for changes in ({}, late, {**late, "clock_sigma_s": 1.0})
+    )
+    assert taken_as_exact.rmse_deg > 1.5 * clean.rmse_deg
+    assert left_open.rmse_deg < 1.1 * clean.rmse_deg
+    assert left_open.estimates["clock_offset_s"].value > 0.5
+    # No value of the model makes up for it.
+    off = abs(left_open.values["tau_c_mnm"] - clean.values["tau_c_mnm"])
+    assert off < clean.estimates["tau_c_mnm"].sigma
+
+
 def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None:
     spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
-    half_cycles = [{"spring": s, "peak_c": 75.0, "ramp_s": 300.0, "heat_s": 320.0, "cool_s": 250.0} for s in "ab"]
-    scene = {
-        "motion": {"kind": "rig"},
-        "protocol": {"half_cycle": half_cycles},
-        "effects": {"sensor_lag": {"lag_s": 3.0}},
-    }
-    drive = ActuatorModel(spec).prepare(make_record(scene, seed=5, sigma_deg=0.15).table)
-    free, known = (ActuatorProblem(drive, spec, clock_sigma_s=sigma_s) for sigma_s in (None, 0.05))
+    drive = ActuatorModel(spec).prepare(rig_record({"sensor_lag": {"lag_s": 3.0}}))
+    free, known = (ActuatorProblem(replace(drive, clock_sigma_s=sigma_s), spec) for sigma_s in (None, 0.05))
     assert "clock_offset" in [candidate.id for candidate in free.candidates]
     assert "clock_offset" not in [candidate.id for candidate in known.candidates]
     weights = [information(Stretches.of(p), Scales(0.1, 0.1, 4.0), p.sigma) for p in (free, known)]
@@ -43,6 +69,15 @@ def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None
     assert offset_s[0] > 1.5
     assert offset_s[1] < 0.5 * offset_s[0]
     assert fits[1].cost > fits[0].cost + Settings().apart
+
+
+def merged(folder: Path) -> Path:
+    """Return a table of two rows."""
+    path = folder / "merged.csv"
+    path.write_text(
+        "time_s,angle_deg,angle_sigma_deg,temp_a_c,temp_b_c\n0,1,0.1,23,23\n1,1,0.1,24,23\n", encoding="utf-8"
+    )
+    return path
 
 
 @pytest.mark.parametrize(
@@ -60,11 +95,11 @@ def test_how_well_the_clocks_are_known_stands_beside_the_table(
 ) -> None:
     if content is not None:
         write_json(tmp_path / "sync.json", content)
-    found = clock_sigma_s(tmp_path / "merged.csv")
+    found = read_merged(merged(tmp_path)).clock_sigma_s
     assert found is None if expected is None else np.isclose(found or 0.0, expected)
 
 
 def test_a_sync_file_without_its_interval_is_named(tmp_path: Path) -> None:
     write_json(tmp_path / "sync.json", {"method": "shared event: 6 of 6", "offset_s": 7.0})
     with pytest.raises(InputError, match="no interval"):
-        clock_sigma_s(tmp_path / "merged.csv")
+        read_merged(merged(tmp_path))

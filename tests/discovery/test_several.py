@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,8 @@ def spec() -> ActuatorSpec:
 @pytest.fixture(scope="module")
 def problem(tables: list[SyncedTable], spec: ActuatorSpec) -> SeveralRecords:
     model = ActuatorModel(spec)
-    return SeveralRecords.of([model.prepare(table) for table in tables], spec, clock_sigmas_s=[None, 0.1])
+    known = [replace(table, clock_sigma_s=sigma_s) for table, sigma_s in zip(tables, (None, 0.1), strict=True)]
+    return SeveralRecords.of([model.prepare(table) for table in known], spec)
 
 
 @contextmanager

@@ -124,6 +124,8 @@ class Drive:
         The temperatures as logged.
     turns : int
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
+    clock_sigma_s : float or None
+        As of the record; None for a log alone.
     part_of : (Drive, (n,) float64) or None
         The drive of which this one has some rows, and which; None for all of them.
     """
@@ -144,6 +146,7 @@ class Drive:
     known: Flags
     sensors: Sensors
     turns: int = 0
+    clock_sigma_s: float | None = None
     part_of: tuple[Drive, Floats] | None = None
 
     def __len__(self) -> int:
@@ -207,7 +210,8 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     angle = np.where(drive.known & ~wrong_frames(angle, sigma), angle - ahead_rad, np.nan)
     temps = (drive.temp_a_c, drive.temp_b_c)
     cycles = begun_with_a_jump(drive.cycles, drive.time_s, angle, temps)
-    return replace(drive, angle_rad=angle, angle_sigma_rad=sigma, turns=turns, cycles=cycles)
+    known_s = table.clock_sigma_s
+    return replace(drive, angle_rad=angle, angle_sigma_rad=sigma, turns=turns, cycles=cycles, clock_sigma_s=known_s)
 
 
 def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:

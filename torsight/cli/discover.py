@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.clock_known import clock_sigma_s
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile, Seed
 from torsight.core.errors import ConfigError, InputError
@@ -99,13 +98,11 @@ def discover_to_folder(
     require_one_rig(merged)
     spec = read_actuator(actuator)
     records, names = [read_merged(path) for path in merged], [str(path) for path in merged]
-    sigmas_s = [clock_sigma_s(path) for path in merged]
     if len(records) == 1:
-        where, known_s = names[0], sigmas_s[0]
-        report = find(records[0], spec, seed=seed, clock_sigma_s=known_s, progress=progress, where=where)
+        report = find(records[0], spec, seed=seed, progress=progress, where=names[0])
         _write(report, out)
         return report
-    joint = discover_together(records, spec, names=names, clock_sigmas_s=sigmas_s, seed=seed, progress=progress)
+    joint = discover_together(records, spec, names=names, seed=seed, progress=progress)
     _write(joint, out)
     for k, record in enumerate(joint.records[1:], start=1):
         write_table(out / curves_name(k), record.curves)

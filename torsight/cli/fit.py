@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.clock_known import clock_sigma_s
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile
 from torsight.core.errors import TorsightError
@@ -85,8 +84,7 @@ def fit_to_folder(
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])
     model = ActuatorModel(read_actuator(actuator), effects)
     drive = model.prepare(read_merged(merged), where=str(merged))
-    sigma_s = clock_sigma_s(merged)
-    result = fit_model(model, drive, clock_sigma_s=sigma_s, progress=progress, where=str(merged))
+    result = fit_model(model, drive, progress=progress, where=str(merged))
     write_json(out / "fit.json", result.to_json())
     account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
     fitted = fitted_model(result.model, result.values, drive, account=account, doubt=result.doubt)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -11,12 +12,26 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
 from torsight.core.frozen import Frozen
+from torsight.core.parameter import REACH
 from torsight.core.units import DEG, PPM, Flags, Floats
 from torsight.core.words.plausible import SPRING_C
 from torsight.core.words.shown import Shown, draw_series, share, span
 
 GIVEN_OFFSET: Final = "given offset"
 """How the ``method`` of a clock map begins whose offset was given and not found."""
+_LEAST_CLOCK_S: Final = 0.05
+"""An event that both recorders saw is read to a frame of one, 0.03 s at 30 per second, and a row of the other."""
+
+
+def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
+    """Return how well an offset is known, by its method and its 95 % interval; None where nothing says how well.
+
+    An offset that was given is a claim like any other.
+    """
+    low, high = interval_s
+    if method.startswith(GIVEN_OFFSET) or not math.isfinite(high - low):
+        return None
+    return max((high - low) / (2.0 * REACH), _LEAST_CLOCK_S)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -153,6 +168,8 @@ class SyncedTable(Frozen, Shown):
         Heating switches, where the log has them.
     extra : mapping of str to (n,) array
         Further columns, kept under their own names.
+    clock_sigma_s : float or None
+        Standard deviation of what is left between the clocks; None where nothing says how well they were put together.
     """
 
     time_s: Floats
@@ -163,6 +180,7 @@ class SyncedTable(Frozen, Shown):
     heat_a: Flags | None = None
     heat_b: Flags | None = None
     extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
+    clock_sigma_s: float | None = None
 
     def __post_init__(self) -> None:
         Frozen.__post_init__(self)

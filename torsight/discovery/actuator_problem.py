@@ -59,9 +59,6 @@ class ActuatorProblem(OptionalMembers):
         Of the temperature noise that is drawn to see what it does to the angle.
     resolution : float
         In degrees.
-    clock_sigma_s : float or None
-        How well the clocks were put together beforehand: their offset is then a value like the characterised ones, no
-        effect that may be missing. None: they were not, or nothing says how well.
     forms : tuple of LawForm
         Measured laws that are candidates, too.
     history : History
@@ -74,7 +71,6 @@ class ActuatorProblem(OptionalMembers):
     spec: ActuatorSpec
     seed: int = 0
     resolution: float = RESOLUTION_DEG
-    clock_sigma_s: float | None = None
     forms: tuple[LawForm, ...] = ()
     history: History = field(default_factory=History)
     phase_law: PhaseLaw = "liang_rogers"
@@ -107,12 +103,15 @@ class ActuatorProblem(OptionalMembers):
         """Return the clocks' offset with its prior: none, to within what is known of it."""
         if parameter.name != CLOCK_OFFSET.parameters[0].name:
             return parameter
-        return replace(parameter, value=0.0, sigma=self.clock_sigma_s)
+        return replace(parameter, value=0.0, sigma=self.drive.clock_sigma_s)
 
     @cached_property
     def always(self) -> tuple[Effect, ...]:
-        """What every fit of this record has beside the characterised values."""
-        return (*always_fitted(), *(() if self.clock_sigma_s is None else (CLOCK_OFFSET,)))
+        """What every fit of this record has beside the characterised values.
+
+        Where it is known how well the clocks were put together, their offset is no effect that may be missing.
+        """
+        return (*always_fitted(), *(() if self.drive.clock_sigma_s is None else (CLOCK_OFFSET,)))
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -127,7 +126,7 @@ class ActuatorProblem(OptionalMembers):
         """Places and variables at which a law may be missing."""
         found = laws_of(self.drive, self.model().nominal()["tau_c_mnm"])
         # Where the clocks were put together beforehand, their course is no open question.
-        return found if self.clock_sigma_s is None else tuple(law for law in found if law.id != "clock_time_s")
+        return found if self.drive.clock_sigma_s is None else tuple(law for law in found if law.id != "clock_time_s")
 
     def with_laws(self, forms: Sequence[LawForm]) -> ActuatorProblem:
         """Return the problem with these forms of laws among its candidates."""

@@ -51,7 +51,6 @@ def discover(
     spec: ActuatorSpec,
     *,
     seed: int = 0,
-    clock_sigma_s: float | None = None,
     progress: Progress = silent,
     where: str = "record",
 ) -> DiscoveryReport:
@@ -65,9 +64,6 @@ def discover(
         Characterised values with their uncertainties.
     seed : int
         Of every random draw: the same table, spec and seed give the same report.
-    clock_sigma_s : float or None
-        Standard deviation of what is left between the two clocks where they were put together beforehand: the offset
-        is then fitted with every model. None where nothing says how well they were: an offset is an effect then.
     progress : Progress
         Called with how far the work is.
     where : str
@@ -81,7 +77,7 @@ def discover(
     model = ActuatorModel(spec)
     drive = model.prepare(table, where=where)
     require_motion(model, drive, where=where)
-    problem = ActuatorProblem(drive, spec, seed=seed, clock_sigma_s=clock_sigma_s)
+    problem = ActuatorProblem(drive, spec, seed=seed)
     findings = find_missing(problem, seed=seed, progress=progress).found
     return _report(problem, findings, seed=seed, progress=progress)
 

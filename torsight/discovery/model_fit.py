@@ -29,7 +29,6 @@ def fit_model(
     model: ActuatorModel,
     drive: Drive,
     *,
-    clock_sigma_s: float | None = None,
     progress: Progress = silent,
     where: str = "record",
 ) -> FitResult:
@@ -44,8 +43,6 @@ def fit_model(
         Plain or with effects.
     drive : Drive
         From ``model.prepare``.
-    clock_sigma_s : float or None
-        Standard deviation of what is left between the two clocks; as of :func:`torsight.discovery.discover`.
     progress : Progress
         Called with how far the work is.
     where : str
@@ -63,7 +60,6 @@ def fit_model(
     problem = ActuatorProblem(
         drive,
         model.spec,
-        clock_sigma_s=clock_sigma_s,
         forms=forms,
         phase_law=model.phase_law,
         theta_l_deg=model.theta_l_deg,

@@ -98,7 +98,6 @@ def discover_together(
     spec: ActuatorSpec,
     *,
     names: Sequence[str] | None = None,
-    clock_sigmas_s: Sequence[float | None] | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> JointReport:
@@ -112,8 +111,6 @@ def discover_together(
         Characterised values of the one actuator, with their uncertainties.
     names : sequence of str, optional
         Names of the records in messages and in the answer.
-    clock_sigmas_s : sequence of float or None, optional
-        For each record the standard deviation of what is left between its clocks; see :func:`discover`.
     seed : int
         Of every random draw.
     progress : Progress
@@ -133,8 +130,7 @@ def discover_together(
         drive = model.prepare(table, where=name)
         require_motion(model, drive, where=name)
         drives.append(drive)
-    sigmas_s = clock_sigmas_s or [None] * len(drives)
-    problem = SeveralRecords.of(drives, spec, clock_sigmas_s=sigmas_s, seed=seed)
+    problem = SeveralRecords.of(drives, spec, seed=seed)
     findings = find_missing(problem, seed=seed, progress=progress).found
     return _report(problem, findings, told, seed=seed, progress=progress)
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.storage import first_row, number_column, read_table, write_table
-from torsight.core.records import SyncedTable, merged_columns
+from torsight.core.files.storage import first_row, number_column, read_json, read_table, write_table
+from torsight.core.records import SyncedTable, clock_sigma_s, merged_columns
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.plausible import MOST_TURNED_DEG, require_stamps, require_units
@@ -171,12 +171,14 @@ def write_merged(path: AnyPath, table: SyncedTable) -> None:
 
 
 def read_merged(path: AnyPath) -> SyncedTable:
-    """Read ``merged.csv``; unknown columns are kept in ``extra``.
+    """Read ``merged.csv``, and from ``sync.json`` beside it how well the clocks are known.
+
+    Unknown columns are kept in ``extra``.
 
     Raises
     ------
     InputError
-        When a column is missing, or the times do not increase.
+        When a column is missing, the times do not increase, or ``sync.json`` lacks the offset's interval.
     """
     path = Path(path)
     frame = read_table(path, required=_MERGED)
@@ -191,4 +193,19 @@ def read_merged(path: AnyPath) -> SyncedTable:
         temp_a_c=frame["temp_a_c"].to_numpy(np.float64),
         temp_b_c=frame["temp_b_c"].to_numpy(np.float64),
         **switches_and_extra(frame, known=_MERGED, where=str(path)),
+        clock_sigma_s=_clock_sigma_s(path.parent / "sync.json"),
     )
+
+
+def _clock_sigma_s(path: Path) -> float | None:
+    """Return how well the clocks are known by ``sync.json``; None where there is none."""
+    if not path.is_file():
+        return None
+    content = read_json(path)
+    try:
+        low, high = (float(end) for end in content["offset_s"]["ci95"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or take it away"
+        ) from error
+    return clock_sigma_s(str(content.get("method", "")), (low, high))

@@ -56,9 +56,7 @@ class SeveralRecords(OptionalMembers):
     forms: tuple[LawForm, ...] = ()
 
     @classmethod
-    def of(
-        cls, drives: Sequence[Drive], spec: ActuatorSpec, *, clock_sigmas_s: Sequence[float | None], seed: int = 0
-    ) -> SeveralRecords:
+    def of(cls, drives: Sequence[Drive], spec: ActuatorSpec, *, seed: int = 0) -> SeveralRecords:
         """Return the problem of prepared records.
 
         Parameters
@@ -67,18 +65,17 @@ class SeveralRecords(OptionalMembers):
             In the order in which they were recorded.
         spec : ActuatorSpec
             Of the one actuator.
-        clock_sigmas_s : sequence of float or None
-            For each record how well its clocks were put together; see :class:`ActuatorProblem`.
         seed : int
             Of the temperature noise that is drawn.
         """
         parts, cycles = [], (0, 0)
-        if any(sigma_s is not None for sigma_s in clock_sigmas_s):
+        if any(drive.clock_sigma_s is not None for drive in drives):
             # Beside records whose clocks were put together, an offset in another one is no effect of the rig, either.
-            clock_sigmas_s = [CLOCK_OFFSET.parameters[0].upper if s is None else s for s in clock_sigmas_s]
-        for k, (drive, sigma_s) in enumerate(zip(drives, clock_sigmas_s, strict=True)):
+            widest_s = CLOCK_OFFSET.parameters[0].upper
+            drives = [replace(one, clock_sigma_s=one.clock_sigma_s or widest_s) for one in drives]
+        for k, drive in enumerate(drives):
             history = History(cycles=cycles)
-            parts.append(ActuatorProblem(drive, spec, seed=seed + k, clock_sigma_s=sigma_s, history=history))
+            parts.append(ActuatorProblem(drive, spec, seed=seed + k, history=history))
             springs = drive.cycles.springs
             cycles = cycles[0] + springs.count(0), cycles[1] + springs.count(1)
         return cls(tuple(parts))

@@ -234,10 +234,10 @@ class _Planner:
                 angle_sigma_rad=np.full(len(drive), sigma_rad),
                 temp_sigma_c=np.full(len(drive), float(np.median(own.temp_sigma_c))),
                 noise_c=own.noise_c,
+                clock_sigma_s=own.clock_sigma_s,
             ),
             self._problem.spec,
             seed=self._problem.seed,
-            clock_sigma_s=self._problem.clock_sigma_s,
         )
         # A model is never quite right under temperatures that it was not fitted to: no finer than the resolution.
         least, tau = self._problem.resolution, self._field.likelihood.correlation_samples
