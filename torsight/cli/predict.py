@@ -17,6 +17,7 @@ from torsight.core.files.storage import write_table
 from torsight.core.units import DEG
 
 if TYPE_CHECKING:
+    from torsight.actuator.effects import Effect
     from torsight.actuator.model import ActuatorModel
 
 _MOST_TOLD: Final = 3
@@ -67,14 +68,16 @@ def predict(
         found = predict_with_sigma(
             fitted, log, start_angle_rad=start_angle * DEG, where=str(temperature), progress=progress
         )
-    own = _acting(fitted.model)
+    alternatives = [(other.model, share) for other, share in fitted.alternatives()]
+    always = _in_all([fitted.model, *(model for model, _ in alternatives)])
+    own = _acting(fitted.model, always)
     # The same law by other means is no other explanation to people.
     others = [
-        (other.model, share) for other, share in fitted.alternatives() if _acting(other.model).keys() ^ own.keys()
+        (acting, share) for other, share in alternatives if (acting := _acting(other, always)).keys() ^ own.keys()
     ]
     others.sort(key=lambda other: -other[1])
     if others:
-        told = [f"{_named(_acting(other))} ({100.0 * share:.0f} %)" for other, share in others[:_MOST_TOLD]]
+        told = [f"{_named(acting)} ({100.0 * share:.0f} %)" for acting, share in others[:_MOST_TOLD]]
         more = [f"{len(others) - _MOST_TOLD} more"] if len(others) > _MOST_TOLD else []
         say(
             f"the record's explanation may be another one than {_named(own)}: {', '.join(told + more)}; "
@@ -83,11 +86,17 @@ def predict(
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)
 
 
-def _acting(model: ActuatorModel) -> dict[str, str]:
-    """Return by their law what acts in predictions, beside what every fit has: the ids of its effects and laws."""
+def _in_all(models: Sequence[ActuatorModel]) -> list[Effect]:
+    """Return what every fit has: of the record, if its clocks were put together, their offset as well."""
     from torsight.actuator.effects import always_fitted
 
-    own = (effect for effect in model.chosen if effect not in always_fitted() and not effect.is_clock)
+    clocks = (effect for effect in models[0].chosen if effect.is_clock)
+    return [*always_fitted(), *(clock for clock in clocks if all(clock in model.chosen for model in models))]
+
+
+def _acting(model: ActuatorModel, always: Sequence[Effect]) -> dict[str, str]:
+    """Return by their law what acts in a model, beside what every fit has: the ids of its effects and laws."""
+    own = (effect for effect in model.chosen if effect not in always)
     return {(*effect.laws, effect.id)[0]: effect.id for effect in own} | {form.id: form.id for form in model.laws}
 
 
