@@ -20,6 +20,7 @@ from tracker.appearance.lucas_kanade import (
     Point,
     inner,
     invert,
+    least,
     products,
     take_away,
     take_values,
@@ -75,16 +76,16 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
         return
     costs = np.log(costs + 1e-3)
     weight = _RATE if math.hypot(path[0], path[1]) > _LONG_PX else 0.5 * _RATE
-    least = costs.min()
+    lowest = costs[least(costs)]
     for i in range(len(costs)):
-        rig.shutter_cost[i] += weight * (min(costs[i] - least, 2.0) - rig.shutter_cost[i])
+        rig.shutter_cost[i] += weight * (min(costs[i] - lowest, 2.0) - rig.shutter_cost[i])
     rig.shutter_share = best_share(rig.shutter_cost)
 
 
 @shared
 def best_share(cost: Floats) -> float:
     """Return the share of least cost, between the ones that were tried."""
-    at = int(np.argmin(cost))
+    at = least(cost)
     if cost[0] - cost[at] < _CLEAR:
         return 0.0
     if at == len(SHARES) - 1:

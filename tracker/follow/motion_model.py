@@ -9,6 +9,7 @@ import numpy as np
 from torsight.core.compiled import compiled, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
+from tracker.appearance.lucas_kanade import least
 from tracker.follow.rotation_axis import direction_from, folded, on_circle
 from tracker.follow.state import Scene
 
@@ -62,7 +63,7 @@ def predict(scene: Scene, time_s: float) -> None:
         reading.predicted[0], reading.predicted[1] = marker.x, marker.y
         reading.path[:] = 0.0
         if not is_base(rig, index // 2) and marker.count > 0:
-            way = STEADY if marker.lost > 0 else int(np.argmin(marker.miss))
+            way = STEADY if marker.lost > 0 else least(marker.miss)
             place = ways(marker, time_s)[way]
             reading.predicted[0], reading.predicted[1] = place[0] + rig.shift[0], place[1] + rig.shift[1]
     for stick in range(len(scene.sticks)):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, internal
 from torsight.core.units import Floats
-from tracker.appearance.lucas_kanade import eliminate
+from tracker.appearance.lucas_kanade import eliminate, inner, unit
 from tracker.patches.warps import project
 
 
@@ -58,24 +58,36 @@ def in_part(warp: Floats, rim: Floats, part: Part) -> bool:
     return True
 
 
+@internal
+def without(warp: Floats, change: Floats) -> Floats:
+    """Return W D⁻¹, scaled: its transpose X solves Dᵀ X = Wᵀ.
+
+    Numba's own inverse imports all of scipy.linalg, a tenth of a second of CPU at the start.
+    """
+    left, right, out = change.T.copy(), warp.T.copy(), np.empty((3, 3))
+    for i in range(3):
+        eliminate(left, right, i)
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = right[j, i] / right[2, 2]
+    return out
+
+
 @compiled
 def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tuple[bool, Floats]:
     """Return whether a step leads somewhere, and the warp after it: W D⁻¹."""
     gain, count = found[GAIN], len(template.generators)
     if abs(gain) * template.spread < _LEAST_SPREAD:
         return False, warp
-    change = np.eye(3)
+    change = unit(3)
     for k in range(count):
         delta = found[len(found) - count + k] / gain
         if not abs(delta) < _FARTHEST * template.half_px:
             return False, warp
-        change += delta * template.generators[k]
-    # Numba's own inverse imports all of scipy.linalg, a tenth of a second of CPU at the start.
-    inverse = np.eye(3)
-    for i in range(3):
-        eliminate(change, inverse, i)
-    after = np.dot(warp, inverse)
-    after /= after[2, 2]
+        for i in range(3):
+            for j in range(3):
+                change[i, j] += delta * template.generators[k, i, j]
+    after = without(warp, change)
     return in_part(after, template.rim, part), after
 
 
@@ -100,7 +112,10 @@ def sample(part: Part, warp: Floats, points: Floats) -> Floats:
 @compiled
 def largest_step(before: Floats, after: Floats, rim: Floats) -> float:
     """Return how far a step moves the rim at most, px."""
-    return float(np.abs(project(after, rim) - project(before, rim)).max())
+    old, new, largest_px = project(before, rim), project(after, rim), 0.0
+    for i in range(old.shape[1]):
+        largest_px = max(largest_px, abs(new[0, i] - old[0, i]), abs(new[1, i] - old[1, i]))
+    return largest_px
 
 
 @compiled
@@ -111,9 +126,11 @@ def align_warp(
 
     Returned are whether the steps led somewhere, the size of the last one, the warp before it, and the one after it.
     """
-    moved, before = np.inf, warp
+    moved, before, found = np.inf, warp, np.empty(len(template.inverse))
     for _ in range(rounds):
-        found = np.dot(template.inverse, sample(part, warp, template.points))
+        seen = sample(part, warp, template.points)
+        for i in range(len(found)):
+            found[i] = inner(template.inverse[i], seen)
         good, after = step_warp(found, warp, template, part)
         if not good:
             return False, moved, warp, after

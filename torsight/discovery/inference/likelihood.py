@@ -189,11 +189,15 @@ def discrepancy(square: Floats, floor: Floats, count: Floats, least: float) -> f
     every sample counts. Fisher's scoring, s² ← Σ w (r² − n²) / Σ w with w = c / (n² + s²)², between ends at which the
     likelihood rises and falls; where it leads out of them, to their middle.
     """
-    low = max(least, 1e-9 * float(np.mean(floor)))
+    # Means and extremes by loops: numba's own take half a second to compile.
+    high, mean = 0.0, 0.0
+    for i in range(len(square)):
+        high, mean = max(high, square[i]), mean + floor[i] / len(floor)
+    low = max(least, 1e-9 * mean)
     if not _scored(low, square, floor, count) > low:
         return least
     # Where the size is that of the largest residual, every sample asks for less.
-    high = float(np.max(square)) + 1e-30
+    high += 1e-30
     size = np.sqrt(low * high)
     while high > low * (1.0 + _SIZE):
         found = _scored(size, square, floor, count)

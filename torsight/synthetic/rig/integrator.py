@@ -177,7 +177,8 @@ def integrate(
     motion = np.array([start[0], 0.0, 0.0, 0.0])
     temps_c, felt_c, rates_k_s, before_c = start[1:].copy(), np.zeros(4), np.zeros(2), start[1:].copy()
     feel(pair, temps_c, rates_k_s, -1, felt_c)
-    lagged_c = np.column_stack((temps_c[:2], temps_c[:2]))
+    lagged_c = np.empty((2, 2))
+    lagged_c[0], lagged_c[1] = temps_c[0], temps_c[1]
     before_xi, pace = np.ones(2), np.zeros(2)
     current, reading, work, furthest = np.zeros(2), np.zeros(2), np.zeros((3, 3)), np.zeros(2)
     integral, since_s, active, sliding, before = 0.0, 0.0, -1, 0, 0
@@ -195,11 +196,11 @@ def integrate(
             theta = winding(pair[active], active, motion[PHI])
             lead(pair[active], springs[active], theta, temps_c[active], reference_c[k], furthest)
             current[active], integral = control(c, reference_c[k] - reading[active], integral, sample_s)
-        out[k, :2] = motion[PHI], motion[SPEED]
+        out[k, 0], out[k, 1] = motion[PHI], motion[SPEED]
         copy_to(out[k, 2:5], temps_c)
         copy_to(out[k, 5:7], reading)
         copy_to(out[k, 7:9], current)
-        out[k, 9:] = s[0, XI], s[1, XI], c.bristle * motion[BRISTLE]
+        out[k, 9], out[k, 10], out[k, 11] = s[0, XI], s[1, XI], c.bristle * motion[BRISTLE]
         for _ in range(substeps):
             copy_to(before_c, temps_c)
             heat_step(c, temps_c, current, work, step_s)
