@@ -27,6 +27,7 @@ from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
+from torsight.core.words.plausible import LATEST_S
 from torsight.core.words.shown import Shown
 
 _EXACT: Final = 1e-6
@@ -103,13 +104,37 @@ def find_clock(
     light: LightEvents | None = None,
 ) -> Found:
     """Return the clock map and the log with its restarts in place; see :func:`estimate_clock`."""
+    if given_drift_ppm is None:
+        return _find(angles, reading, given_offset_s=given_offset_s, light=light, drift_known=False)
+    # On a film whose times run as the log's do no drift is left, and the offset at film time 0 is the same.
+    pace = 1.0 + given_drift_ppm * PPM
+    found = _find(
+        replace(angles, time_s=pace * angles.time_s),
+        reading,
+        given_offset_s=given_offset_s,
+        light=None if light is None else light.at_pace(pace),
+        drift_known=True,
+    )
+    exact = (given_drift_ppm, given_drift_ppm)
+    return replace(found, clock=replace(found.clock, drift_ppm=given_drift_ppm, drift_ci95_ppm=exact))
+
+
+def _find(
+    angles: StickAngles,
+    reading: LogReading,
+    *,
+    given_offset_s: float | None,
+    light: LightEvents | None,
+    drift_known: bool,
+) -> Found:
+    """Return clock and log; where the drift is known it has been taken out of the film's times."""
+    prior = None if given_offset_s is None and not drift_known else _given(given_offset_s, drift_known=drift_known)
     if light is not None and given_offset_s is None:
-        return _from_led(angles, reading, light, given_drift_ppm)
-    prior = None if given_offset_s is None else _given(given_offset_s, given_drift_ppm)
+        return _from_led(angles, reading, light, prior)
     weighed = weigh_restarts(angles, reading, prior=prior)
-    if given_offset_s is not None and given_drift_ppm is not None:
-        exact = (given_offset_s, given_offset_s), (given_drift_ppm, given_drift_ppm)
-        clock = ClockMap(given_offset_s, given_drift_ppm, *exact, f"{GIVEN_OFFSET} and drift", _restart_notes(weighed))
+    if given_offset_s is not None and drift_known:
+        exact = (given_offset_s, given_offset_s), (0.0, 0.0)
+        clock = ClockMap(given_offset_s, 0.0, *exact, f"{GIVEN_OFFSET} and drift", _restart_notes(weighed))
         return Found(clock, weighed.reading)
     likelihood = weighed.likelihood
     if likelihood is None:
@@ -121,24 +146,22 @@ def find_clock(
         return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, GIVEN_OFFSET, notes), weighed.reading)
     if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
-    mixture = likelihood.mixture
-    if given_drift_ppm is not None:
-        mixture = tuple(gaussian.with_drift(given_drift_ppm) for gaussian in mixture)
     method = f"{GIVEN_OFFSET}; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
-    clock = clock_of(mixture, middle_s=likelihood.middle_s, method=method)
+    clock = clock_of(likelihood.mixture, middle_s=likelihood.middle_s, method=method)
     clock = replace(clock, notes=(*_notes(likelihood, clock), *_restart_notes(weighed)))
     return Found(clock if given_offset_s is not None else _coarse(clock, reading.coarse_s), weighed.reading)
 
 
-def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, given_drift_ppm: float | None) -> Found:
-    """Let the light decide; the motion only chooses where several shifts pair as many of its events."""
+def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prior: Gaussian | None) -> Found:
+    """Let the light decide; the motion only chooses where several shifts pair as many of its events.
+
+    A ``prior`` is that of a drift that is known.
+    """
     weighed = WeighedRestarts(None, reading)
     if unknown_gaps(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
-        weighed = weigh_restarts(angles, reading, prior=None)
-    weighed, match = _paired(angles, weighed, reading, light)
-    gaussian = match.gaussian
-    if given_drift_ppm is not None:
-        gaussian = gaussian.with_drift(given_drift_ppm)
+        weighed = weigh_restarts(angles, reading, prior=prior)
+    weighed, match = _paired(angles, weighed, reading, light, prior)
+    gaussian = match.gaussian if prior is None else match.gaussian.without_drift()
     if len(gaussian.mean) > len(("offset", "drift")):
         weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
     notes = list(_restart_notes(weighed))
@@ -159,13 +182,13 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, give
 
 
 def _paired(
-    angles: StickAngles, weighed: WeighedRestarts, reading: LogReading, light: LightEvents
+    angles: StickAngles, weighed: WeighedRestarts, reading: LogReading, light: LightEvents, prior: Gaussian | None
 ) -> tuple[WeighedRestarts, LedMatch]:
     """Return the LED's match, with rows behind a restart where the motion has them or, if more pair, the light."""
     moved = _joined_by_led(angles, reading, light)
     other = None if moved is None else match_led(light, angles.time_s, moved.log, gaps=unknown_gaps(moved))
     try:
-        match = _led_with_motion(angles, weighed, light)
+        match = _led_with_motion(angles, weighed, light, prior)
     except NoResultError:
         if moved is None or other is None:
             raise
@@ -175,12 +198,14 @@ def _paired(
     return weighed, match
 
 
-def _led_with_motion(angles: StickAngles, weighed: WeighedRestarts, light: LightEvents) -> LedMatch:
+def _led_with_motion(
+    angles: StickAngles, weighed: WeighedRestarts, light: LightEvents, prior: Gaussian | None
+) -> LedMatch:
     log, gaps = weighed.reading.log, unknown_gaps(weighed.reading)
     match = match_led(light, angles.time_s, log, gaps=gaps)
     if not match.rivals:
         return match
-    motion = weighed.likelihood or weigh_restarts(angles, weighed.reading, prior=None).likelihood
+    motion = weighed.likelihood or weigh_restarts(angles, weighed.reading, prior=prior).likelihood
     if motion is None:
         return match
     low, high = clock_of(motion.mixture, middle_s=motion.middle_s).offset_ci95_s
@@ -207,9 +232,12 @@ def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
     )
 
 
-def _given(offset_s: float, drift_ppm: float | None) -> Gaussian:
-    drift_sigma = PRIORS.drift_sigma_ppm if drift_ppm is None else _EXACT
-    return Gaussian(np.array([offset_s, (drift_ppm or 0.0) * PPM]), np.diag([_EXACT**2, (drift_sigma * PPM) ** 2]), 0.0)
+def _given(offset_s: float | None, *, drift_known: bool) -> Gaussian:
+    """Return what is known about an offset, or None, and about the drift that is left."""
+    offset_sigma_s = LATEST_S if offset_s is None else _EXACT
+    drift_sigma_ppm = _EXACT if drift_known else PRIORS.drift_sigma_ppm
+    covariance = np.diag(np.square([offset_sigma_s, drift_sigma_ppm * PPM]))
+    return Gaussian(np.array([offset_s or 0.0, 0.0]), covariance, 0.0)
 
 
 def _coarse(clock: ClockMap, step_s: float) -> ClockMap:

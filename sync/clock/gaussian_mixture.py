@@ -46,11 +46,11 @@ class Gaussian:
             log_weight=self.log_weight - 0.5 * (away**2 / total + float(np.log(2.0 * np.pi * total))),
         )
 
-    def with_drift(self, drift_ppm: float) -> Gaussian:
-        """Return the Gaussian with a drift that is known."""
+    def without_drift(self) -> Gaussian:
+        """Return the Gaussian where there is known to be no drift."""
         row = np.zeros(len(self.mean))
         row[1] = 1.0
-        return self.updated(row, drift_ppm * PPM, 0.0)
+        return self.updated(row, 0.0, 0.0)
 
     def moved(self, by_s: float) -> Gaussian:
         """Return the same Gaussian with its offset at an instant ``by_s`` later on the film."""

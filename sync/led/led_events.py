@@ -34,6 +34,11 @@ class LightEvents(Shown):
     goes_on: Flags
     since_s: Floats | None = None
 
+    def at_pace(self, pace: float) -> LightEvents:
+        """Return the same changes on a clock that runs ``pace`` times as fast."""
+        since_s = None if self.since_s is None else pace * self.since_s
+        return LightEvents(pace * self.time_s, self.goes_on, since_s)
+
     def facts(self) -> dict[str, str]:
         """Return how many changes there are, and when."""
         return {"changes": str(len(self.time_s)), "time": span(self.time_s, "s")}

@@ -168,7 +168,11 @@ def test_an_event_that_both_see_is_known_to_a_frame_and_a_row(tmp_path: Path) ->
     finding, content = clock_told(log, {"led": [10, 10]}, rate_fps=25.0)
     assert "shared event" in finding.text
     # Each change falls into an interval of a row (0.5 s) and a frame (0.04 s), whose stamps err by a millisecond.
-    assert 0.0 < content["offset_ci95_s"] <= 0.5 * (0.5 + 0.04) + 2.0 * PRIORS.led_jitter_s
+    most_s = 0.5 * (0.5 + 0.04) + 2.0 * PRIORS.led_jitter_s
+    assert 0.0 < content["offset_ci95_s"] <= most_s
+    _, drifting = clock_told(log, {"led": [10, 10], "drift_ppm": 5000.0}, rate_fps=25.0)
+    assert 0.0 < drifting["offset_ci95_s"] <= most_s
+    assert drifting["drift_ci95_ppm"] == 0.0
 
 
 def test_what_a_new_folder_lacks_is_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -91,6 +91,24 @@ def test_given_values_are_taken():
     assert clock.offset_ci95_s == (1.25, 1.25)
 
 
+RESONATOR_PPM = 2000.0
+"""A ceramic resonator, as many boards that log have, may be off by 5000 ppm."""
+
+
+@pytest.mark.parametrize("light", [False, True])
+def test_the_offset_is_found_at_a_drift_that_is_given(light):
+    pair = make_pair(
+        5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05, offset_s=37.3, drift_ppm=RESONATOR_PPM
+    )
+    angles, log = records(pair)
+    events = light_of(pair) if light else None
+    clock = estimate_clock(angles, log, given_drift_ppm=RESONATOR_PPM, light=events)
+    assert (clock.drift_ppm, clock.drift_ci95_ppm) == (RESONATOR_PPM, (RESONATOR_PPM, RESONATOR_PPM))
+    assert covers(clock.offset_ci95_s, 37.3, widen=2.3)
+    # Stops and corners, or the light, pin it: within some frames.
+    assert abs(clock.offset_s - 37.3) < 0.15
+
+
 def test_a_given_offset_stays_and_a_lag_of_the_sensor_is_not_taken_for_drift():
     rig = replace(FAST, lag_s=2.4)
     pair = make_pair(1, rig=rig, cycles=fast_programme(1), film_fps=15.0, log_step_s=0.05, offset_s=-217.0)
@@ -233,9 +251,9 @@ def test_a_light_that_fits_nothing():
         find_clock(angles, LogReading(log), light=nonsense)
 
 
-@pytest.mark.parametrize("away_s", [0.0, 45.0])
-def test_restart_during_a_rest_is_settled_by_the_motion(away_s):
-    pair = make_pair(2, offset_s=77.0)
+@pytest.mark.parametrize(("away_s", "drift_ppm"), [(0.0, None), (45.0, None), (45.0, -RESONATOR_PPM)])
+def test_restart_during_a_rest_is_settled_by_the_motion(away_s, drift_ppm):
+    pair = make_pair(2, offset_s=77.0, drift_ppm=drift_ppm or 0.0)
     angles, log = records(pair)
     at_s = pair.switch_true_s[4, 0] - 80.0
     film = log.time_s - 77.0
@@ -246,7 +264,7 @@ def test_restart_during_a_rest_is_settled_by_the_motion(away_s):
     joined[index:] -= joined[index] - joined[index - 1] - 0.25
     short = TemperatureLog(joined, log.temp_a_c[keep], log.temp_b_c[keep])
     reading = LogReading(short, restarts=(Restart(index, 0.0, 0.25, float("inf")),))
-    found = find_clock(angles, reading)
+    found = find_clock(angles, reading, given_drift_ppm=drift_ppm)
     assert covers(found.clock.offset_ci95_s, 77.0, widen=2.3)
     (restart,) = found.reading.restarts
     error_s = found.reading.log.time_s[index] - true_s[index]

@@ -8,7 +8,7 @@ and step, the sensor's lag and an event that both see count as they do in a run.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -25,7 +25,7 @@ from torsight.cli.checkup.rig import limits_of
 from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.records import ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
-from torsight.core.units import DEG, Floats
+from torsight.core.units import DEG, PPM, Floats
 from torsight.core.words.wording import number
 
 _ADVICE: Final = (
@@ -65,12 +65,15 @@ def predict_clock(
         text = f"the offset is given ({number(float(offset_s))} s) and taken as exact."
         return [Finding("clock", "fine", text)], {"offset_s": float(offset_s), "offset_ci95_s": 0.0}
     limits = None if spec is None else limits_of(spec)
+    # What is made up is on the film's clock.
+    on_film = replace(reading.log, time_s=reading.log.time_s / (1.0 + (drift_ppm or 0.0) * PPM))
     try:
         if angles is None:
             if spec is None or limits is None:
                 return [], {}
-            angles = made_up_film(driven_by(reading, spec, limits, where="log"), spec, filming)
-        light = _made_up_light(reading.log, angles.time_s) if {"led", "led_events"} & set(settings) else None
+            drive = driven_by(replace(reading, log=on_film), spec, limits, where="log")
+            angles = made_up_film(drive, spec, filming)
+        light = _made_up_light(on_film, angles.time_s) if {"led", "led_events"} & set(settings) else None
         clock = find_clock(angles, reading, given_drift_ppm=drift_ppm, light=light).clock
     except NoResultError as error:
         return [
