@@ -68,6 +68,25 @@ def test_values_of_another_integrator_come_back():
         assert abs(estimate.value - true[name]) < 4.5 * estimate.sigma
 
 
+def test_what_is_left_is_held_against_the_noise_of_the_inputs():
+    made, _, drive, good = rig_fit()
+    assert good.variance_ratio < 4.0
+    assert not good.attention
+    spec = declared(made)
+    # Read 6 °C too low, as exact: there are values with which the model moves, and none with which it fits.
+    wrong = {name: spec.values[name] - 6.0 for name in ("A_s_c", "A_f_c")}
+    model = ActuatorModel(ActuatorSpec({**spec.values, **wrong}))
+    bad = fit_model(model, drive)
+    noise_deg = good.rmse_deg / np.sqrt(good.variance_ratio)
+    assert bad.variance_ratio > 0.1 * (bad.rmse_deg / noise_deg) ** 2 > 4.0
+    (words,) = bad.attention
+    assert bad.notes[0] == words
+    assert words.startswith("This record is not explained: what is left is ")
+    assert "'torsight discover' names" in words
+    assert not bad.explains_nothing
+    assert bad.to_json()["residual"]["variance_ratio"] == bad.variance_ratio
+
+
 def test_json_has_the_keys_of_the_contract():
     content = rig_fit()[3].to_json()
     for key in (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.fit_result import FitResult, notes_of_fit, quiet, require_motion
+from torsight.actuator.fit_result import FitResult, misfit, notes_of_fit, quiet, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.errors import require_kind
@@ -84,9 +84,15 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
     variance = found.likelihood.variance(found.residual)
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
-    white = (residual / row_sigma)[counted]
     silent_about = quiet(fit.parameters, sigma)
-    ratio, rows = float(np.mean(white**2)), correlation_time([white])
+    rows = correlation_time([(residual / row_sigma)[counted]])
+    # The variance holds the discrepancy that was fitted: what is left is held against the inputs' noise alone.
+    count = found.likelihood.count
+    noise = float(count @ found.likelihood.noise**2)
+    ratio = float(count @ found.residual**2) / max(noise, 1e-30)
+    rmse_deg = errors_of(problem, found, None).rmse_train_deg
+    floor_deg = float(np.sqrt(noise / count.sum()))
+    attention = tuple(words for words in (misfit(drive, rmse_deg, ratio, floor_deg),) if words)
     return FitResult(
         model=model,
         values=values,
@@ -98,12 +104,13 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
         sigma_rad=row_sigma,
         correlation_rows=rows,
         variance_ratio=ratio,
-        rmse_deg=errors_of(problem, found, None).rmse_train_deg,
+        rmse_deg=rmse_deg,
         r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
         cycle=fitted_cycle(drive, simulation, values),
         converged=known.settled,
         silent_about=silent_about,
-        notes=notes_of_fit(model, silent_about, ratio, rows),
+        notes=(*attention, *notes_of_fit(model, silent_about, ratio, rows)),
+        attention=attention,
     )
 
 
