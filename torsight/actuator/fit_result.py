@@ -214,15 +214,21 @@ def middle_deg(drive: Drive) -> float:
     return sum(extent(drive.angle_rad)) / (2.0 * DEG)
 
 
-def quiet(parameters: Sequence[Parameter], sigma: Floats) -> tuple[str, ...]:
+def quiet(parameters: Sequence[Parameter], values: Mapping[str, float], sigma: Floats) -> tuple[str, ...]:
     """Return the names of the parameters about which the record says nothing that was not known.
 
-    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything.
+    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything. Of a value that is
+    moved by more than what it was uncertain by the record does say something, however uncertain it stays.
     """
     return tuple(
         parameter.name
         for parameter, own in zip(parameters, sigma.tolist(), strict=True)
-        if np.isnan(own) or (parameter.sigma is not None and own > _SILENT * parameter.sigma)
+        if np.isnan(own)
+        or (
+            parameter.sigma is not None
+            and own > _SILENT * parameter.sigma
+            and abs(values[parameter.name] - parameter.value) <= parameter.sigma
+        )
     )
 
 

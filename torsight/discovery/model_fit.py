@@ -19,7 +19,14 @@ from torsight.core.series import correlation_time, share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.discover import errors_of, fixed_values, own_parameters
+from torsight.discovery.discover import (
+    characterised,
+    contradiction,
+    errors_of,
+    fixed_values,
+    own_parameters,
+    pulls_of,
+)
 from torsight.discovery.inference.explanation import Explanation, covariance, estimates
 from torsight.discovery.own.find import KnownFit, fit_known
 
@@ -84,7 +91,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
     variance = found.likelihood.variance(found.residual)
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
-    silent_about = quiet(fit.parameters, sigma)
+    silent_about = quiet(fit.parameters, fit.values, sigma)
     rows = correlation_time([(residual / row_sigma)[counted]])
     # The variance holds the discrepancy that was fitted: what is left is held against the inputs' noise alone.
     count = found.likelihood.count
@@ -92,7 +99,8 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     ratio = float(count @ found.residual**2) / max(noise, 1e-30)
     rmse_deg = errors_of(problem, found, None).rmse_train_deg
     floor_deg = float(np.sqrt(noise / count.sum()))
-    attention = tuple(words for words in (misfit(drive, rmse_deg, ratio, floor_deg),) if words)
+    pulled = contradiction(characterised(problem.spec, pulls_of(problem, found)))
+    attention = tuple(words for words in (misfit(drive, rmse_deg, ratio, floor_deg), pulled) if words)
     return FitResult(
         model=model,
         values=values,
