@@ -21,6 +21,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.tables import read_merged
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
+from torsight.discovery.discover import CONTRADICTED_SIGMAS
 from torsight.discovery.prediction import predict_with_sigma
 from torsight.synthetic.experiment import make_record
 
@@ -66,6 +67,40 @@ def test_values_of_another_integrator_come_back():
     for name in declared(rig_record()).uncertainty:
         estimate = result.estimates[name]
         assert abs(estimate.value - true[name]) < 4.5 * estimate.sigma
+
+
+def test_what_is_left_is_held_against_the_noise_of_the_inputs():
+    made, _, drive, good = rig_fit()
+    assert good.variance_ratio < 4.0
+    assert not good.attention
+    spec = declared(made)
+    # Read 6 °C too low, as exact: there are values with which the model moves, and none with which it fits.
+    wrong = {name: spec.values[name] - 6.0 for name in ("A_s_c", "A_f_c")}
+    model = ActuatorModel(ActuatorSpec({**spec.values, **wrong}))
+    bad = fit_model(model, drive)
+    noise_deg = good.rmse_deg / np.sqrt(good.variance_ratio)
+    assert bad.variance_ratio > 0.1 * (bad.rmse_deg / noise_deg) ** 2 > 4.0
+    (words,) = bad.attention
+    assert bad.notes[0] == words
+    assert words.startswith("This record is not explained: what is left is ")
+    assert "'torsight discover' names" in words
+    assert not bad.explains_nothing
+    assert bad.to_json()["residual"]["variance_ratio"] == bad.variance_ratio
+
+
+def test_a_characterised_value_that_the_fit_pulls_far_off_is_named():
+    made, _, drive, good = rig_fit()
+    spec = declared(made)
+    wrong = ActuatorSpec({**spec.values, "theta_p_deg": 900.0}, spec.uncertainty)
+    model = ActuatorModel(wrong)
+    bad = fit_model(model, drive)
+    off = {name: (bad.values[name] - wrong.values[name]) / sigma for name, sigma in spec.uncertainty.items()}
+    far = [name for name, sigmas in off.items() if abs(sigmas) > CONTRADICTED_SIGMAS]
+    assert far
+    (words,) = (note for note in bad.attention if note.startswith("The record contradicts characterised values: "))
+    assert [name for name in spec.uncertainty if f"{name} " in words] == far
+    assert not any(abs(off[name]) > 1.0 for name in bad.silent_about if name in off)
+    assert not any("contradicts" in note for note in good.notes)
 
 
 def test_json_has_the_keys_of_the_contract():

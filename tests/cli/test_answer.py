@@ -69,6 +69,22 @@ def test_the_result_is_what_the_file_holds(world: Path, tmp_path: Path, capsys: 
     assert "friction torque" in told
 
 
+@pytest.mark.parametrize("wrong", [("per_k = 32.0", "per_k = 7.0"), ("tau_c_mnm = 0.8", "tau_c_mnm = 790.0")])
+def test_a_fit_that_explains_nothing_is_no_result(
+    world: Path, tmp_path: Path, wrong: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    actuator = tmp_path / "actuator.toml"
+    actuator.write_text((world / "actuator.toml").read_text().replace(*wrong))
+    words = ("fit", str(world / "merged.csv"), "--actuator", str(actuator), "--out", str(tmp_path))
+    answer, told = answer_of(*words, capsys=capsys)
+    assert answer["exit_code"] == 4
+    assert answer["result"]["r2"] <= 0.0
+    assert set(answer["files"]) == {"fit.json", "model.json"}
+    assert all(Path(path).is_file() for path in answer["files"].values())
+    assert "no better than a constant angle" in told
+    assert "the model turns by 0°" in told
+
+
 def test_a_fit_says_which_model_it_takes_the_place_of(
     world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,6 +26,7 @@ from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import estimate as estimate_words
+from torsight.core.words.wording import number, unexplained
 
 _SILENT: Final = 0.9
 """Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
@@ -63,7 +64,8 @@ class FitResult(Frozen, Shown):
     correlation_rows : float
         Correlation time of the whitened residual.
     variance_ratio : float
-        Variance of the whitened residual (1: the record's noise explains it).
+        Mean square of what is left over that which readings and temperatures account for, each independent reading
+        counted once (1: the record's noise explains it); its root is what is left in noise floors.
     rmse_deg, r2 : float
         Over the rows that counted.
     cycle : Cycle
@@ -74,6 +76,8 @@ class FitResult(Frozen, Shown):
         Parameters about which the record says nothing that was not known.
     notes : tuple of str
         What a person should know.
+    attention : tuple of str
+        Those of the notes, the first ones, that say what is wrong with the fit.
     """
 
     model: ActuatorModel
@@ -92,6 +96,12 @@ class FitResult(Frozen, Shown):
     converged: bool
     silent_about: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    attention: tuple[str, ...] = ()
+
+    @property
+    def explains_nothing(self) -> bool:
+        """Whether the model is no better than a constant angle."""
+        return not self.r2 > 0.0
 
     @property
     def doubt(self) -> Doubt:
@@ -138,6 +148,7 @@ class FitResult(Frozen, Shown):
                 "rows": int(np.isfinite(self.residual_rad).sum()),
             },
             "notes": list(self.notes),
+            "attention": list(self.attention),
         }
 
 
@@ -203,23 +214,61 @@ def middle_deg(drive: Drive) -> float:
     return sum(extent(drive.angle_rad)) / (2.0 * DEG)
 
 
-def quiet(parameters: Sequence[Parameter], sigma: Floats) -> tuple[str, ...]:
+def quiet(parameters: Sequence[Parameter], values: Mapping[str, float], sigma: Floats) -> tuple[str, ...]:
     """Return the names of the parameters about which the record says nothing that was not known.
 
-    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything.
+    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything. Of a value that is
+    moved by more than what it was uncertain by the record does say something, however uncertain it stays.
     """
     return tuple(
         parameter.name
         for parameter, own in zip(parameters, sigma.tolist(), strict=True)
-        if np.isnan(own) or (parameter.sigma is not None and own > _SILENT * parameter.sigma)
+        if np.isnan(own)
+        or (
+            parameter.sigma is not None
+            and own > _SILENT * parameter.sigma
+            and abs(values[parameter.name] - parameter.value) <= parameter.sigma
+        )
+    )
+
+
+def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str:
+    """Return what to say where a fit leaves far more than the noise, by its mean square over the noise's; else nothing.
+
+    ``floor_deg`` is what readings and temperatures account for, root mean square.
+    """
+    doubt = unexplained(float(np.sqrt(ratio)))
+    if not doubt:
+        return ""
+    low, high = extent(drive.angle_rad[drive.measured])
+    share = 100.0 * rmse_deg * DEG / (high - low)
+    return (
+        f"{doubt} The error is {number(rmse_deg)}° rms, {number(share, 2)} % of the stroke, and the noise of angle and "
+        f"temperatures makes {number(floor_deg, 2)}°: 'torsight discover' names what the model lacks; where the error "
+        "is a large part of the stroke, check the actuator file first"
+    )
+
+
+def nothing_explained(result: FitResult, *, where: str) -> NoResultError:
+    """Return what to tell of a fit that explains nothing of the record ``where`` names."""
+    fitted_rad = result.simulation.angle_rad
+    read_rad = fitted_rad + result.residual_rad
+    turned_deg, read_deg = (float(np.ptp(one[np.isfinite(one)])) / DEG for one in (fitted_rad, read_rad))
+    return NoResultError(
+        "the fitted model is no better than a constant angle",
+        where=where,
+        value=f"R² {number(result.r2, 2)}: the model turns by {turned_deg:.0f}°, the actuator by {read_deg:.0f}°",
+        limit="R² above 0",
+        do="check values and units in the actuator file (tau_c_mnm in mN·m, C_A_mpa_per_k and C_M_mpa_per_k in MPa/K, "
+        "moduli in GPa), and give those that are not well known an [uncertainty]: without one they are exact",
     )
 
 
 def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, rows: float) -> tuple[str, ...]:
-    """Return what a person should know of a fit that leaves so many times the noise's variance, so correlated."""
+    """Return what else a person should know of a fit that leaves so many times the noise's variance, so correlated."""
     uncertain = (
-        f"the residual is {np.sqrt(ratio):.1f} times what the noise of angle and temperatures makes, and one in "
-        f"{rows:.0f} rows of it counts as independent; the intervals allow for both"
+        f"the residual is {number(float(np.sqrt(ratio)), 2)} times what the noise of angle and temperatures makes, and "
+        f"one in {rows:.0f} rows of it counts as independent; the intervals allow for both"
     )
     notes = [_SCALE_NOTE, uncertain]
     scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}

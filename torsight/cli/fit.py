@@ -10,7 +10,7 @@ import typer
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile
-from torsight.core.errors import TorsightError
+from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import write_json
 from torsight.core.files.tables import read_merged
@@ -41,8 +41,12 @@ def fit(
 ) -> Answer:
     """Fit the friction torque, with the characterised values' uncertainties as priors.
 
+    Ends with exit code 4 where the fitted model is no better than a constant angle; its files are written all the same.
+
     Example: torsight fit out/merged.csv --actuator actuator.toml --out out
     """
+    from torsight.actuator.quantities import in_symbols
+
     held = _held(out / "model.json")
     with progress_bar() as progress:
         result = fit_to_folder(merged, actuator, out=out, effects=tuple(effect or ()), progress=progress)
@@ -56,7 +60,10 @@ def fit(
             f"note: {out / 'model.json'} held a model with {listed(lost)}; it now holds this fit's, which 'torsight "
             "predict' will use: for the other one discover again, and fit into another --out folder"
         )
-    return Answer(result.to_json(), files=(out / "fit.json", out / "model.json"))
+    for doubt in result.attention:
+        say(f"attention: {in_symbols(doubt)}")
+    code = NoResultError.exit_code if result.explains_nothing else 0
+    return Answer(result.to_json(), files=(out / "fit.json", out / "model.json"), exit_code=code)
 
 
 def _held(path: Path) -> list[str]:
@@ -75,7 +82,8 @@ def _held(path: Path) -> list[str]:
 def fit_to_folder(
     merged: Path, actuator: Path, *, out: Path, effects: tuple[str, ...] = (), progress: Progress = silent
 ) -> FitResult:
-    """Fit a merged record and write ``fit.json`` and ``model.json``."""
+    """Fit a merged record and write ``fit.json`` and ``model.json``; say where the fit explains nothing."""
+    from torsight.actuator.fit_result import nothing_explained
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
@@ -89,4 +97,6 @@ def fit_to_folder(
     account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
     fitted = fitted_model(result.model, result.values, drive, account=account, doubt=result.doubt)
     write_model(out / "model.json", fitted)
+    if result.explains_nothing:
+        say(f"torsight: {nothing_explained(result, where=str(merged))}")
     return result

@@ -261,6 +261,15 @@ def pulls_of(problem: Problem, explanation: Explanation) -> tuple[Pull, ...]:
     return tuple(Pull(p.name, p.value, values[p.name], p.sigma) for p in problem.parameters if p.sigma is not None)
 
 
+def contradiction(pulls: Sequence[Pull]) -> str:
+    """Return the sentence that names the characterised values that a fit has pulled too far; else nothing."""
+    far = [pull for pull in pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
+    if not far:
+        return ""
+    listed = ", ".join(f"{p.name} {p.nominal:g} → {p.value:.4g} ({p.sigmas:+.1f} σ)" for p in far)
+    return f"The record contradicts characterised values: {listed}; check the actuator file"
+
+
 def characterised(spec: ActuatorSpec, pulls: tuple[Pull, ...]) -> tuple[Pull, ...]:
     """Return the pulls of values that stand in the actuator file."""
     return tuple(pull for pull in pulls if pull.name in spec.values)
@@ -346,10 +355,8 @@ def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pul
             "The record holds one half-cycle only: nothing could be held out, so the answer rests on the gain alone; "
             "record at least two half-cycles, better two rates and an incomplete heating"
         )
-    far = [pull for pull in pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
-    if far:
-        listed = ", ".join(f"{p.name} {p.nominal:g} → {p.value:.4g} ({p.sigmas:+.1f} σ)" for p in far)
-        notes.append(f"The record contradicts characterised values: {listed}; check the actuator file")
+    if contradicted := contradiction(pulls):
+        notes.append(contradicted)
     if doubt := unexplained(findings.decision.over_floor):
         notes.append(doubt)
     if findings.decision.chosen.members:

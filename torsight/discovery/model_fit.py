@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.fit_result import FitResult, notes_of_fit, quiet, require_motion
+from torsight.actuator.fit_result import FitResult, misfit, notes_of_fit, quiet, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.errors import require_kind
@@ -19,7 +19,14 @@ from torsight.core.series import correlation_time, share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.discover import errors_of, fixed_values, own_parameters
+from torsight.discovery.discover import (
+    characterised,
+    contradiction,
+    errors_of,
+    fixed_values,
+    own_parameters,
+    pulls_of,
+)
 from torsight.discovery.inference.explanation import Explanation, covariance, estimates
 from torsight.discovery.own.find import KnownFit, fit_known
 
@@ -80,9 +87,16 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     residual = np.where(counted, drive.angle_rad - simulation.angle_rad, np.nan)
     variance = found.likelihood.variance(found.residual)
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
-    white = (residual / row_sigma)[counted]
-    silent_about = quiet(fit.parameters, sigma)
-    ratio, rows = float(np.mean(white**2)), correlation_time([white])
+    silent_about = quiet(fit.parameters, fit.values, sigma)
+    rows = correlation_time([(residual / row_sigma)[counted]])
+    # The variance holds the discrepancy that was fitted: what is left is held against the inputs' noise alone.
+    count = found.likelihood.count
+    noise = float(count @ found.likelihood.noise**2)
+    ratio = float(count @ found.residual**2) / max(noise, 1e-30)
+    rmse_deg = errors_of(problem, found, None).rmse_train_deg
+    floor_deg = float(np.sqrt(noise / count.sum()))
+    pulled = contradiction(characterised(problem.spec, pulls_of(problem, found)))
+    attention = tuple(words for words in (misfit(drive, rmse_deg, ratio, floor_deg), pulled) if words)
     return FitResult(
         model=model,
         values=values,
@@ -94,12 +108,13 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
         sigma_rad=row_sigma,
         correlation_rows=rows,
         variance_ratio=ratio,
-        rmse_deg=errors_of(problem, found, None).rmse_train_deg,
+        rmse_deg=rmse_deg,
         r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
         cycle=fitted_cycle(drive, simulation, values),
         converged=known.settled,
         silent_about=silent_about,
-        notes=notes_of_fit(model, silent_about, ratio, rows),
+        notes=(*attention, *notes_of_fit(model, silent_about, ratio, rows)),
+        attention=attention,
     )
 
 

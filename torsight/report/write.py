@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +18,7 @@ from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import write_text
 from torsight.core.progress import Progress, silent
 from torsight.core.words.colours import LIGHT
-from torsight.core.words.wording import verdict_sentence
+from torsight.core.words.wording import unexplained, verdict_sentence
 from torsight.discovery.measured_law import read_laws
 from torsight.report.figures import evidence, measured, motion, planned, residuals
 from torsight.report.figures.export import FOLDER, NAMES, data_link, write_figures
@@ -167,7 +168,9 @@ def headline(results: RunResults) -> str:
     if results.discovery is not None:
         return verdict_sentence(results.discovery)
     if results.fit is not None:
-        return "The plain model was fitted; what it lacks was not asked yet."
+        ratio = (results.fit.get("residual") or {}).get("variance_ratio")
+        doubt = unexplained(math.sqrt(ratio)) if ratio is not None else ""
+        return f"{doubt} The plain model was fitted; what it lacks was not asked yet.".strip()
     if results.merged is not None or results.angle is not None:
         return "The motion was measured; no model was fitted yet."
     return "Nothing was measured yet."

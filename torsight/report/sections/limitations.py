@@ -26,7 +26,10 @@ def doubts(results: RunResults) -> list[Markup]:
         for key in ("notes", "warnings", "not_sure"):
             extra = (document or {}).get(key) or []
             found += [extra] if isinstance(extra, str) else [in_words(one) for one in extra]
-    return [with_symbols(one) for one in dict.fromkeys(as_sentence(one) for one in found if one.strip())]
+    # Where a discovery has answered, it says itself what its model leaves.
+    settled = (results.fit or {}).get("attention") or () if results.discovery is not None else ()
+    told = (as_sentence(one) for one in found if one.strip() and one not in settled)
+    return [with_symbols(one) for one in dict.fromkeys(told)]
 
 
 def as_sentence(words: str) -> str:
