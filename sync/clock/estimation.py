@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from sync.clock.clock_priors import PRIORS
+from sync.clock.film_pace import require_seconds
 from sync.clock.gaussian_mixture import Gaussian, clock_of
 from sync.clock.lag_likelihood import SHORT_LAG_S
 from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
@@ -27,7 +28,7 @@ from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
-from torsight.core.words.plausible import LATEST_S
+from torsight.core.words.plausible import LATEST_S, require_turns
 from torsight.core.words.shown import Shown
 
 _EXACT: Final = 1e-6
@@ -84,7 +85,8 @@ def estimate_clock(
     Raises
     ------
     InputError
-        When there are light events but no heating switch in the log.
+        When there are light events but no heating switch in the log; when the angles are folded into one turn, or the
+        film's times are minutes.
     NoResultError
         When the offset is not given and nothing in the files tells it.
     """
@@ -104,6 +106,8 @@ def find_clock(
     light: LightEvents | None = None,
 ) -> Found:
     """Return the clock map and the log with its restarts in place; see :func:`estimate_clock`."""
+    sure_rad = np.where(angles.valid & angles.branch_certain, angles.angle_rad, np.nan)
+    require_turns(sure_rad, angles.time_s, where="angles")
     if given_drift_ppm is None:
         return _find(angles, reading, given_offset_s=given_offset_s, light=light, drift_known=False)
     # On a film whose times run as the log's do no drift is left, and the offset at film time 0 is the same.
@@ -137,6 +141,8 @@ def _find(
         clock = ClockMap(given_offset_s, 0.0, *exact, f"{GIVEN_OFFSET} and drift", _restart_notes(weighed))
         return Found(clock, weighed.reading)
     likelihood = weighed.likelihood
+    if given_offset_s is None:
+        require_seconds(angles, weighed.reading.log, likelihood)
     if likelihood is None:
         if given_offset_s is None:
             raise _unknown(angles, reading.log)

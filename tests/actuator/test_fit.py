@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
+from tests.docs.documented import documented_names
 from torsight.actuator import fit_model
 from torsight.actuator.fit_result import require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
@@ -105,6 +106,7 @@ def test_a_characterised_value_that_the_fit_pulls_far_off_is_named():
 
 def test_json_has_the_keys_of_the_contract():
     content = rig_fit()[3].to_json()
+    assert set(documented_names("fit.json")) <= set(content)
     for key in (
         "parameters",
         "rmse_deg",

@@ -25,6 +25,14 @@ def test_every_command_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(app.registered_commands) == len(COMMANDS)
 
 
+def test_the_package_runs_as_the_command_does() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "torsight", "sync", "--angle", "a.csv"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("Usage: torsight sync")
+
+
 @pytest.mark.parametrize(
     "words",
     [

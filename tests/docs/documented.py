@@ -46,3 +46,11 @@ def _is_whole(words: str) -> bool:
     """Return whether a command can be given as it stands, with every argument."""
     _, *arguments = words.split()
     return len(arguments) > 1 and "…" not in words and not any(word.isupper() for word in arguments)
+
+
+def documented_names(file: str) -> list[str]:
+    """Return the columns or keys that the page on running lists for a file."""
+    text = (DOCS / "running.md").read_text(encoding="utf-8")
+    table = re.split(r"\n\n(?!\|)", text.partition(f"\n`{file}`")[2].partition("| --- | --- |")[2])[0]
+    first = "".join(row.split("|")[1] for row in table.splitlines() if row.startswith("|"))
+    return re.findall(r"`(\w+)`", first)

@@ -13,14 +13,18 @@ import sys
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 import typer
 from sphinx.util.inventory import InventoryFile
 
 from tests.core.test_paths import PACKAGES, public_functions
-from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, command_reference, commands, named
+from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, command_reference, commands, documented_names, named
 from torsight.actuator.effects import ActsOn, load_effects
 from torsight.cli.main import COMMANDS, app
+from torsight.core.files.tables import angle_columns, marker_columns
+from torsight.core.records import SyncedTable, merged_columns
+from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 
 NOTEBOOKS = {
     # The friction torque is 0.855 mN·m there; a fit knows it to 0.02.
@@ -124,3 +128,15 @@ def test_the_page_on_the_report_explains_every_number_of_its_picture() -> None:
     marks = runpy.run_path(str(DOCS / "make_pictures.py"))["MARKS"]
     text = (DOCS / "report.md").read_text(encoding="utf-8").partition("pictures/report.png")[2].partition("\n## ")[0]
     assert [int(number) for number in re.findall(r"^(\d+)\. ", text, re.MULTILINE)] == [*range(1, len(marks) + 1)]
+
+
+def test_the_page_on_running_lists_the_columns_of_the_tables() -> None:
+    frame, time_s, known = np.arange(2), np.array([0.0, 0.5]), np.ones(2, np.bool_)
+    angles = StickAngles(frame, time_s, time_s, time_s, known, known)
+    assert documented_names("angle.csv") == list(angle_columns(angles))
+    four = np.ones((2, 4), np.bool_)
+    tracks = MarkerTracks(frame, time_s, np.zeros((2, 4, 2)), np.zeros((2, 4, 2, 2)), four, (9, 9))
+    columns = [name.replace(MARKERS[0], "m") for name in marker_columns(tracks, np.zeros((2, 4, 3)))]
+    assert set(documented_names("markers.csv")) == {name for name in columns if not name.startswith(MARKERS[1:])}
+    merged = SyncedTable(time_s, time_s, time_s, time_s, time_s, heat_a=known, heat_b=known)
+    assert documented_names("merged.csv") == list(merged_columns(merged))

@@ -48,6 +48,21 @@ def run(pair, out, **settings):
     return sync_to_folder(pair / "angle.csv", pair / "temps.csv", settings=settings, out=out)
 
 
+@pytest.mark.parametrize(
+    ("column", "damage", "said"),
+    [
+        ("angle_deg", lambda deg: (deg + 180.0) % 360.0 - 180.0, r"folded into one turn.*a step of 3[56]\d°"),
+        ("time_s", lambda time_s: time_s / 60.0, r"in minutes.*times 60 times as large they fit"),
+    ],
+)
+def test_angles_and_film_times_in_another_unit_are_refused(pair, tmp_path, column, damage, said):
+    table = pd.read_csv(pair / "angle.csv")
+    table[column] = damage(table[column])
+    table.to_csv(tmp_path / "angle.csv", index=False)
+    with pytest.raises(InputError, match=said):
+        sync_to_folder(tmp_path / "angle.csv", pair / "temps.csv", settings={}, out=tmp_path / "out")
+
+
 def as_an_instrument_writes_it(pair, path):
     """Write the log in other words and units: a preamble, channels by number, milliseconds, °F."""
     log = pd.read_csv(pair / "temps.csv")

@@ -24,6 +24,7 @@ from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
+from torsight.core.words.plausible import require_turns
 from torsight.core.words.shown import Shown, draw_series
 from torsight.core.words.wording import estimate as estimate_words
 from torsight.core.words.wording import number, unexplained
@@ -170,16 +171,7 @@ def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
             limit=f"{least / DEG:.2f}° or more",
             do="heat a spring through its transformation, and check that the markers of the moving stick are tracked",
         )
-    # Between two rows, with none lost, no disk turns by more than half a turn and stays within one.
-    steps = np.nan_to_num(np.abs(np.diff(np.where(certain, drive.angle_rad, np.nan))))
-    if np.ptp(angle) <= 2.0 * np.pi and (most := float(np.max(steps))) > np.pi:
-        raise InputError(
-            "the angle seems to be folded into one turn",
-            where=f"{where}, column angle_deg, after {drive.time_s[int(np.argmax(steps))]:g} s",
-            value=f"a step of {most / DEG:.0f}°",
-            limit="180° from one row to the next",
-            do="count the turns on: numpy.unwrap(angle_deg, period=360)",
-        )
+    require_turns(np.where(certain, drive.angle_rad, np.nan), drive.time_s, where=where)
     moved, against = _moved_and_against(drive)
     if against > moved:
         raise InputError(

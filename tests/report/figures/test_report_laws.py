@@ -116,6 +116,14 @@ def test_a_law_that_is_monotone_within_its_sigma_rises_or_falls() -> None:
     assert said == "the reading's error is zero over time, between 1.00 and 6.00 s, within its 95 % interval"
 
 
+def test_a_law_that_is_one_constant_depends_on_nothing() -> None:
+    cycles = [1.0, 2.0, 3.0, 4.0]
+    said = sentence("temperature", "time_s", cycles, [-0.56] * 4, [1e-6] * 4, unit="s", shared=0.05)
+    assert said == "the lead of the temperature log's clock is −0.560 s and constant within its 95 % interval"
+    said = sentence("friction", "cycle", cycles, [0.07] * 4, [0.01] * 4)
+    assert said == "friction torque is 10 % higher and constant within its 95 % interval"
+
+
 def test_a_law_that_rises_and_falls_is_said_by_its_highest_place() -> None:
     said = sentence(
         "temperature", "temp_active_c", [20, 40, 60, 80], [0.0, 1.0, 3.0, 1.0], [0.2] * 4, unit="°C", spring="a"

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.units import Floats
+from torsight.core.units import DEG, Floats
 
 LATEST_S: Final = 1e11
 """A larger stamp is no number of seconds: milliseconds of the calendar have 13 digits."""
@@ -52,6 +52,24 @@ def require_stamps(time_s: Floats, *, where: str) -> None:
     span_s = float(np.ptp(time_s))
     if span_s > MOST_ROWS_APART_S:
         raise InputError("lasts too long", where=where, value=f"{span_s:g} s", limit="three years", do=_SECONDS)
+
+
+def require_turns(angle_rad: Floats, time_s: Floats, *, where: str) -> None:
+    """Refuse angles (n,), rad, that are folded into one turn; NaN where one, or its whole turn, is not known.
+
+    Between two rows, with none lost, no disk turns by more than half a turn and stays within one.
+    """
+    known = angle_rad[np.isfinite(angle_rad)]
+    steps = np.nan_to_num(np.abs(np.diff(angle_rad)))
+    if len(known) < 2 or np.ptp(known) > 2.0 * np.pi or (most := float(np.max(steps))) <= np.pi:
+        return
+    raise InputError(
+        "the angle seems to be folded into one turn",
+        where=f"{where}, column angle_deg, after {time_s[int(np.argmax(steps))]:g} s",
+        value=f"a step of {most / DEG:.0f}°",
+        limit="180° from one row to the next",
+        do="count the turns on: numpy.unwrap(angle_deg, period=360)",
+    )
 
 
 def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str) -> None:

@@ -132,6 +132,9 @@ def _of_two(law: MeasuredLaw) -> str:
 
 def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) -> str:
     rises, falls = known.ways
+    level = None if rises or falls else _level(known, law.unit, whole)
+    if level is not None:
+        return f"{what} {level} and constant within its 95 % interval"
     driver = law.driver_values[law.covered]
     unit = _UNITS.get(law.driver, "")
     counts = law.driver == "cycle"
@@ -141,7 +144,8 @@ def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) ->
         if law.driver != _USUAL:
             range_ = f"over {variable_name(law.driver)}, {range_}"
     if not rises and not falls:
-        return f"{what} {_level(law, known, whole)} {range_}, within its 95 % interval"
+        nothing = "is what the plain model has" if whole is not None else "is zero"
+        return f"{what} {nothing} {range_}, within its 95 % interval"
     if rises != falls:
         curve = known.monotone(rising=rises)
         size = _size(float(curve[0]), float(curve[-1]), law.unit, whole)
@@ -161,14 +165,14 @@ def _size(first: float, last: float, unit: str, whole: float | None) -> str:
     return f"{number(abs(last - first))}{_spaced(unit)}"
 
 
-def _level(law: MeasuredLaw, known: OnNodes, whole: float | None) -> str:
-    """Return the one value of a law that does not change."""
+def _level(known: OnNodes, unit: str, whole: float | None) -> str | None:
+    """Return the one value of a law that does not change; None where that is none."""
     mean, sigma = float(np.mean(known.values)), float(np.sqrt(max(float(np.mean(known.covariance)), 0.0)))
     if abs(mean) <= REACH * sigma:
-        return "is what the plain model has" if whole is not None else "is zero"
+        return None
     if whole is not None:
-        return f"is {_size(0.0, mean, law.unit, whole)} {'higher' if mean > 0.0 else 'lower'} throughout"
-    return f"is {number(mean)}{_spaced(law.unit)} throughout"
+        return f"is {_size(0.0, mean, unit, whole)} {'higher' if mean > 0.0 else 'lower'}"
+    return f"is {number(mean)}{_spaced(unit)}"
 
 
 def _alternating(law: MeasuredLaw, known: OnNodes, whole: float | None) -> str:
