@@ -11,7 +11,7 @@ import operator
 import re
 from collections.abc import Callable, Iterator
 from types import CellType, CodeType, FunctionType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numba.core import types
@@ -48,8 +48,22 @@ def reason_in(told: str) -> str:
     return f"{reason} (line {places[-1]})" if places else reason
 
 
-def compiled(function: Callable[..., Any], *, within: tuple[CodeType, ...] = ()) -> Any:
-    """Return a function compiled, together with the plain functions that it calls by name."""
+_OUTSIDE: Final[dict[str, Any]] = {"nogil": True, "no_cfunc_wrapper": True}
+_INSIDE: Final = {**_OUTSIDE, "no_cpython_wrapper": True}
+"""For what only compiled code calls. What would let Python and C call it took half of the compiler's time, as
+parameters come by name."""
+
+
+def inside(function: Callable[..., Any]) -> Any:
+    """Compile a function of our own that only compiled code calls."""
+    return njit(**_INSIDE)(function)
+
+
+def compiled(function: Callable[..., Any], *, inner: bool = True, within: tuple[CodeType, ...] = ()) -> Any:
+    """Return a function compiled, together with the plain functions that it calls by name.
+
+    An ``inner`` one is called by compiled code alone.
+    """
     if hasattr(function, "py_func"):
         return function
     if not isinstance(function, FunctionType):
@@ -59,13 +73,14 @@ def compiled(function: Callable[..., Any], *, within: tuple[CodeType, ...] = ())
     if code in within or "print" in names:
         raise CannotCompileError(f"'{function.__name__}' calls itself, or prints")
 
-    def inner(value: Any) -> Any:
+    def each(value: Any) -> Any:
         return compiled(value, within=(*within, code)) if isinstance(value, FunctionType) else value
 
-    known = {name: inner(value) for name, value in function.__globals__.items() if name in names}
+    known = {name: each(value) for name, value in function.__globals__.items() if name in names}
     known["__builtins__"] = function.__globals__["__builtins__"]
-    cells = tuple(CellType(inner(cell.cell_contents)) for cell in function.__closure__ or ())
-    return njit(nogil=True)(FunctionType(code, known, function.__name__, function.__defaults__, cells))
+    cells = tuple(CellType(each(cell.cell_contents)) for cell in function.__closure__ or ())
+    made = FunctionType(code, known, function.__name__, function.__defaults__, cells)
+    return njit(**(_INSIDE if inner else _OUTSIDE))(made)
 
 
 def _names(code: CodeType) -> Iterator[str]:

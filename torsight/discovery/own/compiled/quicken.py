@@ -72,7 +72,7 @@ def _compiled(predict: Predict) -> tuple[Predict | None, str]:
 
     try:
         if not isinstance(predict, Ode):
-            return CompiledPredict(predict, compiled(predict)), ""
+            return CompiledPredict(predict, compiled(predict, inner=False)), ""
         wanted = predict.stepper is None and predict.solver.method == Solver.method
         return (predict.compiled(), "") if wanted else (None, "")
     except CannotCompileError as error:

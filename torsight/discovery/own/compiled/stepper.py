@@ -24,7 +24,7 @@ from scipy.integrate import RK45
 from torsight.core.compiled import compiled as kept
 from torsight.core.compiled import copy_to, njit, shared
 from torsight.core.units import Floats
-from torsight.discovery.own.compiled.functions import compiled, curve_at, fill
+from torsight.discovery.own.compiled.functions import compiled, curve_at, fill, inside
 from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model.values import Curve, kind_of
 
@@ -112,15 +112,15 @@ class Stepper:
             u_of, p_of = _named(inputs, numbers, laws)
             rhs, when, then = self.rhs, self.when, self.then
 
-            @_compiled_for(_AT_POINT, nogil=True)
+            @_compiled_for(_AT_POINT, nogil=True, no_cpython_wrapper=True)
             def slopes(t: float, x: Floats, u: Floats, given: Any, out: Floats) -> None:
                 fill(out, rhs(t, x, u_of(u), p_of(given)))
 
-            @_compiled_for(_AT_POINT, nogil=True)
+            @_compiled_for(_AT_POINT, nogil=True, no_cpython_wrapper=True)
             def events(t: float, x: Floats, u: Floats, given: Any, out: Floats) -> None:
                 when(t, x, u_of(u), p_of(given), out)
 
-            @_compiled_for(_JUMP, nogil=True)
+            @_compiled_for(_JUMP, nogil=True, no_cpython_wrapper=True)
             def jumps(which: int, t: float, x: Floats, u: Floats, given: Any, out: Floats) -> None:
                 then(which, t, x, u_of(u), p_of(given), out)
 
@@ -136,24 +136,24 @@ def _named(inputs: tuple[str, ...], numbers: tuple[str, ...], laws: tuple[str, .
     for k in range(len(laws)):
         curves = _with_law(curves, k)
 
-    @njit
+    @inside
     def u_of(u: Floats) -> Any:
         return u_kind(*_tuple_of(u, inputs_count))
 
-    @njit
+    @inside
     def p_of(given: Any) -> Any:
         return p_kind(*(_tuple_of(given[0], count) + curves(given)))
 
     return u_of, p_of
 
 
-@njit
+@inside
 def _no_laws(given: Any) -> Any:  # noqa: ARG001 - called as those with laws are
     return ()
 
 
 def _with_law(others: Any, k: int) -> Any:
-    @njit
+    @inside
     def laws(given: Any) -> Any:
         _, packed, counts = given
         law: Any = _curve_at(packed[k, 0, : counts[k]], packed[k, 1, : counts[k]], packed[k, 2])
@@ -171,18 +171,18 @@ def stepper_of(rhs: Callable[..., Any], events: Sequence[tuple[Any, Any, int]]) 
     return Stepper(compiled(rhs), when, then, np.array([float(one) for *_, one in events]))
 
 
-@njit(nogil=True)
+@inside
 def _nothing(t: float, x: Floats, u: Any, p: Any, out: Floats) -> None:
     pass
 
 
-@njit(nogil=True)
+@inside
 def _stays(which: int, t: float, x: Floats, u: Any, p: Any, new: Floats) -> None:
     pass
 
 
 def _with_event(others: Any, k: int, happens: Any) -> Any:
-    @njit(nogil=True)
+    @inside
     def when(t: float, x: Floats, u: Any, p: Any, out: Floats) -> None:
         others(t, x, u, p, out)
         out[k] = happens(t, x, u, p)
@@ -191,7 +191,7 @@ def _with_event(others: Any, k: int, happens: Any) -> Any:
 
 
 def _with_jump(others: Any, k: int, does: Any) -> Any:
-    @njit(nogil=True)
+    @inside
     def then(which: int, t: float, x: Floats, u: Any, p: Any, new: Floats) -> None:
         if which == k:
             fill(new, does(t, x, u, p))
