@@ -17,6 +17,7 @@ from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import Check, Finding, refusal
+from torsight.cli.checkup.pulses import PLENTY, ripple_c
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
 from torsight.cli.checkup.separable import Separable, separable
 from torsight.core.errors import TorsightError
@@ -24,7 +25,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import usual_step
 from torsight.core.units import DEG
-from torsight.core.words.wording import counted, effect_name, listed
+from torsight.core.words.wording import counted, effect_name, listed, number
 
 _NOISY_C: Final = 0.3
 """Noise of a reading from which the sensors should be shielded: more than that for which it is known what the
@@ -75,6 +76,7 @@ def check_log(
         "restarts": len(check.reading.restarts),
     }
     _look_at_rows(check, usual)
+    _look_at_pulses(check, check.reading)
     return check
 
 
@@ -90,6 +92,21 @@ def _look_at_rows(check: LogCheck, usual_s: float) -> None:
     if not check.content["heating_switches"]:
         text = "has no heating switches (heat_a, heat_b): which spring is driven is read from the temperatures."
         check.findings.append(Finding("log", "fine", text))
+
+
+def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
+    more_c = ripple_c(reading)
+    check.content["ripple_c"] = more_c
+    if not more_c:
+        return
+    springs = listed(
+        [f"{number(size_c, 2)} °C more than at rest while {name.upper()} is heated" for name, size_c in more_c.items()]
+    )
+    text = (
+        f"the readings scatter by {springs}: with a heater that is switched on and off the wire follows the peaks "
+        "between readings, and they are too few to show them."
+    )
+    check.findings.append(Finding("log", "limits", text, f"log {PLENTY} readings per pulse, or pulse faster"))
 
 
 def check_programme(
