@@ -67,6 +67,20 @@ def test_at_rest_the_residual_is_that_of_rests(log) -> None:
     assert found.sigma_rad[speed_deg_s > 0.1] == pytest.approx(0.3 * DEG)
 
 
+def test_the_start_is_as_uncertain_as_a_reading_until_a_motion_has_forgotten_it(log) -> None:
+    """Both neighbours come to the angle at which the hot spring's torque alone says where the disk is."""
+    found, sure = (
+        predict_with_sigma(model_with(Doubt((), np.zeros((0, 0)), 0.0, reading_deg=reading)), log, start_angle_rad=2.0)
+        for reading in (0.08, 0.0)
+    )
+    moved = np.abs(found.angle_rad - 2.0) > 1e-9
+    assert int(np.argmax(moved)) > 50
+    before = np.arange(len(log)) < int(np.argmax(moved))
+    assert found.sigma_rad[before] == pytest.approx(0.08 * DEG, rel=1e-6)
+    assert sure.sigma_rad[before].max() < 1e-12
+    assert found.sigma_rad[int(np.argmin(found.angle_rad))] < 0.05 * DEG
+
+
 @pytest.mark.parametrize(("share", "counts"), [(0.5, np.sqrt(0.5)), (0.1, 1.0 / REACH)])
 def test_explanations_that_predict_something_else_widen_it_there(log, share: float, counts: float) -> None:
     """By their share, and as far as the interval of 95 % must reach to hold what one predicts that is credible."""
@@ -110,11 +124,20 @@ def test_a_value_stays_within_its_bounds_and_a_model_without_doubt_says_nothing(
 def test_the_file_keeps_it(tmp_path: Path, log) -> None:
     nominal = model_with(None).values
     late = Alternative(("sensor_lag",), {**nominal, "lag_s": 8.0, "lag_delay_share": 0.0})
-    model = model_with(Doubt(("tau_c_mnm", "A_s_c"), np.array([[4e-4, 1e-3], [1e-3, 0.09]]), 0.2, (late,), 0.1))
+    model = model_with(Doubt(("tau_c_mnm", "A_s_c"), np.array([[4e-4, 1e-3], [1e-3, 0.09]]), 0.2, (late,), 0.1, 0.3))
     write_model(tmp_path / "model.json", model)
     back = read_model(tmp_path / "model.json")
     one, other = (predict_with_sigma(each, log, start_angle_rad=START_RAD).sigma_rad for each in (model, back))
     assert other == pytest.approx(one, rel=1e-9)
+
+
+def test_an_earlier_file_takes_the_start_for_exact(tmp_path: Path, log) -> None:
+    write_model(tmp_path / "model.json", model_with(Doubt((), np.zeros((0, 0)), 0.1, reading_deg=0.3)))
+    content = json.loads((tmp_path / "model.json").read_text())
+    del content["doubt"]["reading_deg"]
+    (tmp_path / "model.json").write_text(json.dumps(content))
+    sigma_rad = predict_with_sigma(read_model(tmp_path / "model.json"), log, start_angle_rad=START_RAD).sigma_rad
+    assert sigma_rad[0] == pytest.approx(0.1 * DEG)
 
 
 def test_explanations_of_an_earlier_file_are_all_as_likely(tmp_path: Path) -> None:
@@ -162,6 +185,7 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
         ({"covariance": [[float("nan"), 0.0], [0.0, 1.0]]}, "no values"),
         ({"residual_deg": -1.0}, "'residual_deg'"),
         ({"rest_residual_deg": -1.0}, "'rest_residual_deg'"),
+        ({"reading_deg": -1.0}, "'reading_deg'"),
         ({"alternatives": [{"effects": ["sensor_leg"], "values": {}}]}, "sensor_leg"),
         ({"alternatives": [{"effects": ["sensor_lag"], "values": {}}]}, "lag_s"),
         ({"alternatives": [3]}, "alternatives"),

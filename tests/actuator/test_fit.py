@@ -271,6 +271,10 @@ def test_a_fitted_model_says_how_sure_its_predictions_are():
     found = predict_with_sigma(fitted, log, start_angle_rad=drive.start_angle_rad)
     assert np.nanmin(found.sigma_rad) >= 0.999 * result.rmse_deg * DEG
     assert result.doubt.names == result.free
+    # A row of the drive is a mean of readings; the angle at which a prediction starts is one of them.
+    given_deg = np.sqrt(np.nanmean(made.table.angle_sigma_rad**2)) / DEG
+    assert result.doubt.reading_deg == pytest.approx(given_deg, rel=0.02)
+    assert found.sigma_rad[0] > 0.98 * given_deg * DEG
 
 
 @pytest.mark.shared_data

@@ -61,6 +61,22 @@ def test_a_prediction_goes_on_in_the_turn_of_the_record(model: ActuatorModel, re
     np.testing.assert_allclose(plain, record.angle_rad, atol=1e-9)
 
 
+@pytest.mark.parametrize(("turns", "refused", "taken"), [(0, 600.0, 240.0), (0, -545.0, -185.0), (1, 910.0, 550.0)])
+def test_a_start_that_is_further_than_the_springs_are_wound_is_no_whole_turn(
+    model: ActuatorModel, record: SyncedTable, turns: int, refused: float, taken: float
+) -> None:
+    values = {parameter.name: parameter.value for parameter in model.parameters}
+    ahead = replace(record, angle_rad=record.angle_rad + 2.0 * np.pi * turns)
+    fitted = fitted_model(model, values, model.prepare(ahead))
+    log = TemperatureLog(record.time_s, record.temp_a_c, record.temp_b_c)
+    with pytest.raises(ConfigError, match="further than the springs are wound"):
+        fitted.predict(log, start_angle_rad=refused * DEG)
+    own = model.simulate(model.prepare_log(log, start_angle_rad=(taken - 360.0 * turns) * DEG), values)
+    predicted = fitted.predict(log, start_angle_rad=taken * DEG)
+    np.testing.assert_allclose(predicted.simulation.angle_rad, own.angle_rad, atol=1e-9)
+    assert predicted.angle_rad[0] == pytest.approx(taken * DEG)
+
+
 def test_what_wound_the_springs_at_home_holds_for_logs_that_start_there(
     model: ActuatorModel, record: SyncedTable
 ) -> None:

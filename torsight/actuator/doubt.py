@@ -51,6 +51,8 @@ class Doubt:
         The explanations that hold a part of the probability.
     rest_residual_deg : float or None
         The same at rest; None: as in motion.
+    reading_deg : float
+        Standard deviation of a single reading in the record of the fit: the angle at which a prediction starts is one.
     """
 
     names: tuple[str, ...]
@@ -58,6 +60,7 @@ class Doubt:
     residual_deg: float
     alternatives: tuple[Alternative, ...] = ()
     rest_residual_deg: float | None = None
+    reading_deg: float = 0.0
 
     @property
     def left_deg(self) -> tuple[float, float]:
@@ -79,6 +82,7 @@ class Doubt:
             "covariance": self.covariance.tolist(),
             "residual_deg": self.residual_deg,
             "rest_residual_deg": self.left_deg[1],
+            "reading_deg": self.reading_deg,
             "alternatives": [
                 {
                     "effects": list(a.effects),
@@ -132,6 +136,8 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
         rest_residual_deg=get_number(
             table, "rest_residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=left_deg
         ),
+        # Earlier files take the start for exact.
+        reading_deg=get_number(table, "reading_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=0.0),
         # Earlier files hold all of them as likely as the model's own.
         alternatives=tuple(_alternative(other, share=1.0 / (1 + len(others))) for other in others),
     )

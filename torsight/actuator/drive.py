@@ -165,6 +165,11 @@ class Drive:
         return np.isfinite(self.angle_rad) & self.known
 
     @property
+    def readings_of_a_row(self) -> int:
+        """How many readings a row's angle is the mean of, where none is missing."""
+        return _of_one_row(self.whole[0].sensors.rows)
+
+    @property
     def whole(self) -> tuple[Drive, Floats]:
         """Return the whole drive, in which the log is read at other times too, and which of its rows (n,) these are."""
         return self.part_of or (self, np.arange(float(len(self))))
@@ -340,12 +345,18 @@ def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:
     return np.arange(every // 2, n - every // 2, every)
 
 
+def _of_one_row(rows: Ints) -> int:
+    """Return how many rows of a record each kept one stands for: as many before it as after it."""
+    return 2 * (int(rows[1] - rows[0]) // 2) + 1
+
+
 def _block_means(time_s: Floats, angle: Floats, sigma: Floats, rows: Ints) -> tuple[Floats, Floats]:
     """Return the mean angle over the rows that each kept row stands for, and its sigma."""
     if len(rows) == len(time_s):
         return angle, sigma
     every = int(rows[1] - rows[0])
-    blocks = rows[:, None] + np.arange(-(every // 2), every // 2 + 1)[None, :]
+    half = _of_one_row(rows) // 2
+    blocks = rows[:, None] + np.arange(-half, half + 1)[None, :]
     inside = blocks < len(time_s)
     picked = angle[np.minimum(blocks, len(time_s) - 1)]
     noise = sigma[np.minimum(blocks, len(time_s) - 1)]

@@ -79,6 +79,8 @@ class FitResult(Frozen, Shown):
         What a person should know.
     attention : tuple of str
         Those of the notes, the first ones, that say what is wrong with the fit.
+    reading_deg : float
+        Standard deviation of a single reading of the angle.
     """
 
     model: ActuatorModel
@@ -98,6 +100,7 @@ class FitResult(Frozen, Shown):
     silent_about: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
     attention: tuple[str, ...] = ()
+    reading_deg: float = 0.0
 
     @property
     def explains_nothing(self) -> bool:
@@ -107,7 +110,7 @@ class FitResult(Frozen, Shown):
     @property
     def doubt(self) -> Doubt:
         """How far the fitted model may be wrong: given to ``fitted_model``, predictions say how sure they are."""
-        return Doubt(self.free, self.covariance, self.rmse_deg)
+        return Doubt(self.free, self.covariance, self.rmse_deg, reading_deg=self.reading_deg)
 
     def facts(self) -> dict[str, str]:
         """Return the error, whether the fit converged, and the free parameters."""

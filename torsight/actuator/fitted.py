@@ -145,7 +145,7 @@ class FittedModel(Frozen, Shown):
         Raises
         ------
         ConfigError
-            When the start is further away than a film can have counted, or than the springs are wound.
+            When the start is further than the springs are wound.
         InputError
             When the log cannot drive the model.
         """
@@ -190,32 +190,40 @@ class FittedModel(Frozen, Shown):
         return values
 
     def _turns_of(self, start_angle_rad: float, *, where: str) -> int:
-        """Return the whole turns nearest the record's that put the start where the springs can be.
+        """Return the whole turns by which a start's reading is ahead of the actuator's own angle.
 
-        A film begins within half a turn of zero whatever the actuator's own angle is, which lies within half of its
-        pre-deformation: its reading, or one that goes on from the record's, is ahead by no more turns than both hold.
+        A film begins within half a turn of zero whatever that angle is: such a reading may be ahead by any turns, and
+        those nearest the record's count that put the start where the springs can be at rest. A larger one goes on in
+        the record's turn, or is the actuator's own angle, which lies within half of its pre-deformation.
 
         Raises
         ------
         ConfigError
-            When it would be further ahead: then the angle is hardly in radians.
+            When it is neither.
         """
         values = self.model.spec.values
-        reach_rad = DEG * (values["theta_p_deg"] / 2.0 - values["theta_cr_deg"])
-        most = ceil((values["theta_p_deg"] / 2.0 + 180.0) / 360.0)
+        wound_rad = DEG * values["theta_p_deg"] / 2.0
+        reach_rad = wound_rad - DEG * values["theta_cr_deg"]
         off_rad = start_angle_rad - 2.0 * np.pi * self.turns
-        further = max(0, ceil((abs(off_rad) - reach_rad) / (2.0 * np.pi))) if isfinite(off_rad) else most + 1
-        turns = self.turns + (further if off_rad > 0.0 else -further)
-        if further > most and (abs(turns) > most or not isfinite(off_rad)):
-            limit_deg = 360.0 * (most + abs(self.turns)) + reach_rad / DEG
-            raise ConfigError(
-                "the start angle is more whole turns away than a film can have counted",
-                where=f"{where}, first row",
-                value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°".replace("-", "−"),
-                limit=f"−{limit_deg:g}° to {limit_deg:g}°",
-                do="give radians in Python: were these degrees? Files and commands take degrees",
-            )
-        return turns
+        if abs(start_angle_rad) <= np.pi:
+            further = max(0, ceil((abs(off_rad) - reach_rad) / (2.0 * np.pi)))
+            return self.turns + (further if off_rad > 0.0 else -further)
+        known = ((self.turns, off_rad), (0, start_angle_rad))
+        for most_rad in (reach_rad, wound_rad):
+            for turns, own_rad in known:
+                if abs(own_rad) < most_rad:
+                    return turns
+        wound_deg = wound_rad / DEG
+        middles_deg = [360.0 * turns for turns in dict.fromkeys((0, self.turns))]
+        limits = [f"more than {number(m - wound_deg)}° and less than {number(m + wound_deg)}°" for m in middles_deg]
+        raise ConfigError(
+            "the start angle is further than the springs are wound",
+            where=f"{where}, first row",
+            value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°".replace("-", "−"),
+            limit=" or ".join(limits),
+            do="give the angle as read at the first row, less whole turns that were counted before it, in degrees; in "
+            "Python in radians (were these degrees?)",
+        )
 
 
 def fitted_model(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import hypot
+from math import hypot, sqrt
 from typing import Any, Final, cast
 
 import numpy as np
@@ -89,7 +89,9 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     others = [(model_of(problem, other), part) for other, part in findings.decision.shared]
     of_time_deg = _of_time_deg(problem, chosen)
     motion_deg, rest_deg = (hypot(left_deg, of_time_deg) for left_deg in held_out_error_deg(findings))
-    doubt = doubt_of(chosen.fit.parameters, predictive_covariance(chosen), (motion_deg, rest_deg), others)
+    reading_deg = single_reading_deg(problem, chosen, findings.field.stretches)
+    left = (motion_deg, rest_deg)
+    doubt = doubt_of(chosen.fit.parameters, predictive_covariance(chosen), left, others, reading_deg=reading_deg)
     model = replace(model_of(problem, chosen), account=account, doubt=doubt)
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     floor = noise_floor(problem, chosen, findings.field.stretches)
@@ -159,11 +161,14 @@ def doubt_of(
     spread: Floats,
     left_deg: tuple[float, float],
     others: Sequence[tuple[FittedModel, float]],
+    *,
+    reading_deg: float,
 ) -> Doubt:
     """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
 
     ``spread`` (m, m) is the free parameters' covariance, ``left_deg`` what is left in motion and at rest, root mean
-    square; the others are further explanations, each with its part of the probability.
+    square; the others are further explanations, each with its part of the probability; ``reading_deg`` is the noise of
+    a single reading.
     """
     return Doubt(
         names=tuple(p.name for p in parameters),
@@ -173,6 +178,7 @@ def doubt_of(
         alternatives=tuple(
             Alternative(tuple(other.model.effects), other.values, other.model.laws, part) for other, part in others
         ),
+        reading_deg=reading_deg,
     )
 
 
@@ -218,16 +224,27 @@ def noise_floor(problem: ActuatorProblem, chosen: Explanation, stretches: Stretc
 
     A film's uncertainties are meant to be large enough; what a fit leaves may be less.
     """
-    drive, fit = problem.drive, chosen.fit
-    measured = np.isfinite(drive.angle_rad)
-    given = drive.angle_sigma_rad[measured] / DEG
-    reading = rms(given[np.isfinite(given)]) if np.isfinite(given).any() else 0.0
+    noise = _problem(chosen).input_noise(chosen.fit.values, chosen.fit.effects)
+    over_time = np.interp(problem.drive.time_s, problem.time_s, noise)
+    return float(np.hypot(_row_noise_deg(problem, chosen, stretches), rms(over_time)))
+
+
+def single_reading_deg(problem: ActuatorProblem, chosen: Explanation, stretches: Stretches) -> float:
+    """Return the standard deviation of a single reading of the angle; rows of a drive are means of several."""
+    return _row_noise_deg(problem, chosen, stretches) * sqrt(problem.drive.readings_of_a_row)
+
+
+def _row_noise_deg(problem: ActuatorProblem, chosen: Explanation, stretches: Stretches) -> float:
+    """Return the reading noise of a row: as the record gives it, or else as it shows it."""
+    drive = problem.drive
+    given = drive.angle_sigma_rad[np.isfinite(drive.angle_rad)] / DEG
+    # A sigma of half a turn and more says that the whole turn is not certain: that is no noise of a reading.
+    certain = given[given < 180.0]
+    reading = rms(certain) if len(certain) else 0.0
     if reading == 0.0:
-        residual = np.where(problem.valid, problem.observed - fit.solution.prediction, 0.0)
+        residual = np.where(problem.valid, problem.observed - chosen.fit.solution.prediction, 0.0)
         reading = reading_noise(problem, stretches, residual)
-    noise = _problem(chosen).input_noise(fit.values, fit.effects)
-    over_time = np.interp(drive.time_s, problem.time_s, noise)
-    return float(np.hypot(reading, rms(over_time)))
+    return reading
 
 
 def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: HeldOut | None) -> Errors:

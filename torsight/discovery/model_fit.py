@@ -26,8 +26,10 @@ from torsight.discovery.discover import (
     fixed_values,
     own_parameters,
     pulls_of,
+    single_reading_deg,
 )
 from torsight.discovery.inference.explanation import Explanation, covariance, estimates
+from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.own.find import KnownFit, fit_known
 
 
@@ -115,6 +117,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
         silent_about=silent_about,
         notes=(*attention, *notes_of_fit(model, silent_about, ratio, rows)),
         attention=attention,
+        reading_deg=single_reading_deg(problem, found, Stretches.of(problem)),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -68,12 +68,14 @@ def predict_with_sigma(
 ) -> PredictedAngle:
     """Predict a later temperature log and say, for every instant, how far to trust the prediction.
 
-    Four things make a prediction wrong, and their squares are added: what the model leaves on half-cycles that its fit
-    has not seen, in motion and at rest; what the values are uncertain by (the log is simulated one standard deviation
-    to either side along every axis of their uncertainty); how far other credible explanations of the record predict
-    something else, by their parts of the probability; and the noise of the log's temperatures, drawn: where an
-    incomplete heating ends, its error stays in the angle. Where explanations lie apart the angle has no normal
-    distribution: ±1.96 sigma hold at least 95 % of it then, and reach what each explanation predicts.
+    Five things make a prediction wrong, and their squares are added: the noise of the reading at which it starts, as
+    much as the record of the fit had (both neighbours are simulated: a motion may forget where it started); what the
+    model leaves on half-cycles that its fit has not seen, in motion and at rest; what the values are uncertain by (the
+    log is simulated one standard deviation to either side along every axis of their uncertainty); how far other
+    credible explanations of the record predict something else, by their parts of the probability; and the noise of the
+    log's temperatures, drawn: where an incomplete heating ends, its error stays in the angle. Where explanations lie
+    apart the angle has no normal distribution: ±1.96 sigma hold at least 95 % of it then, and reach what each
+    explanation predicts.
 
     Parameters
     ----------
@@ -143,8 +145,11 @@ def _inside(half: Floats, middle: Floats, sigma: Floats) -> Floats:
 
 
 def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:
-    """Give what values and temperatures may be: a model, a drive, and the share of the squared difference."""
+    """Give what values, start and temperatures may be: a model, a drive, and the share of the squared difference."""
     for sides in model.neighbours():
         yield from ((side, drive, 0.5) for side in sides)
+    if model.doubt is not None and model.doubt.reading_deg > 0.0:
+        for off_rad in (DEG * model.doubt.reading_deg, -DEG * model.doubt.reading_deg):
+            yield model, replace(drive, start_angle_rad=drive.start_angle_rad + off_rad), 0.5
     for errors in draw_errors(drive, seed=0, count=_DRAWS):
         yield model, with_errors(drive, errors.with_tops_c), 1.0 / _DRAWS

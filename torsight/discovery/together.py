@@ -24,7 +24,15 @@ from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
-from torsight.discovery.discover import decided, doubt_of, errors_of, held_out_error_deg, model_of, noise_floor
+from torsight.discovery.discover import (
+    decided,
+    doubt_of,
+    errors_of,
+    held_out_error_deg,
+    model_of,
+    noise_floor,
+    single_reading_deg,
+)
 from torsight.discovery.inference.engine import Findings
 from torsight.discovery.inference.explanation import Explanation, Field, predictive_covariance
 from torsight.discovery.inference.fitting import Fit, Fitter
@@ -208,7 +216,11 @@ def _report(
     others = [(model_of(problem.parts[last], single(problem, one, last)), part) for one, part in decision.shared]
     places = _places(problem, chosen.fit, last, [p.name for p in view.fit.parameters])
     doubt = doubt_of(
-        view.fit.parameters, predictive_covariance(chosen)[np.ix_(places, places)], held_out_error_deg(findings), others
+        view.fit.parameters,
+        predictive_covariance(chosen)[np.ix_(places, places)],
+        held_out_error_deg(findings),
+        others,
+        reading_deg=single_reading_deg(problem.parts[last], view, Stretches.of(problem.parts[last])),
     )
     return JointReport(
         **shared,
