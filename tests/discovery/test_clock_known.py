@@ -59,11 +59,9 @@ def test_a_late_sensor_is_not_taken_for_clocks_that_are_known_to_agree() -> None
     free, known = (ActuatorProblem(replace(drive, clock_sigma_s=sigma_s), spec) for sigma_s in (None, 0.05))
     assert "clock_offset" in [candidate.id for candidate in free.candidates]
     assert "clock_offset" not in [candidate.id for candidate in known.candidates]
-    weights = [information(Stretches.of(p), Scales(0.1, 0.1, 4.0), p.sigma) for p in (free, known)]
-    fits = [
-        Fitter(free, weights[0]).extend(Fitter(free, weights[0]).base(), "clock_offset"),
-        Fitter(known, weights[1]).base(),
-    ]
+    fitters = [Fitter(p, information(Stretches.of(p), Scales(0.1, 0.1, 4.0), p.sigma)) for p in (free, known)]
+    plain, left_open = (fitter.base() for fitter in fitters)
+    fits = [fitters[0].extend(plain, "clock_offset"), left_open]
     # More than half of the lag; the start of either spring, free within 10°, takes up a part of the rest.
     offset_s = [abs(fit.values["clock_offset_s"]) for fit in fits]
     assert offset_s[0] > 1.5

@@ -128,20 +128,16 @@ def _with_alternatives(sigma: Floats, apart: Floats, share: Floats) -> Floats:
     if not len(share):
         return sigma
     furthest = np.max(np.abs(apart), axis=0)
+    # The model's own prediction is one of them, nowhere apart, with the rest of the probability.
+    middles, parts = np.vstack([np.zeros(len(sigma)), apart]), np.array([1.0 - share.sum(), *share])
     low, high = np.zeros(len(sigma)), furthest + 2.0 * REACH * sigma
     wanted = 2.0 * ndtr(REACH) - 1.0
     for _ in range(_HALVINGS):
         half = 0.5 * (low + high)
-        held = (1.0 - share.sum()) * _inside(half, np.zeros(len(sigma)), sigma)
-        held += share @ _inside(half, apart, sigma)
+        held = parts @ (ndtr((half - middles) / sigma) - ndtr((-half - middles) / sigma))
         low, high = np.where(held < wanted, half, low), np.where(held < wanted, high, half)
     spread = np.maximum(share @ apart**2, (furthest / REACH) ** 2)
     return np.asarray(np.maximum(np.sqrt(sigma**2 + spread), high / REACH))
-
-
-def _inside(half: Floats, middle: Floats, sigma: Floats) -> Floats:
-    """Return the probability that a normal variable around a middle lies within ± half of zero."""
-    return np.asarray(ndtr((half - middle) / sigma) - ndtr((-half - middle) / sigma))
 
 
 def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:
