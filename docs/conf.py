@@ -19,6 +19,9 @@ from docutils.utils.math import MathError, latex2mathml
 from torsight import __version__
 from torsight.actuator.effects import Effect, load_effects
 from torsight.cli.main import app as command_line
+from torsight.core.lazy import collect_seldom
+
+collect_seldom()
 
 HERE = Path(__file__).parent
 

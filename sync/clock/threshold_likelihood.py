@@ -17,13 +17,12 @@ densities of temperature into densities of time and keeps the fit from hiding on
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 from scipy.special import logsumexp, softmax
 
 from sync.clock.clock_priors import PRIORS
@@ -43,6 +42,17 @@ _RATE_POWERS: Final = 3
 _RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
 """A rate comes from one cubic polynomial per stroke, through ten points for each of its coefficients. One of degree two
 or six moves the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
+
+
+def _rate_fit(at: Floats) -> tuple[Floats, Floats]:
+    """Return the powers of some places, and what makes the best coefficients of them from values there."""
+    powers = np.vander(at, _RATE_POWERS + 1, increasing=True)
+    return powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64)
+
+
+_RATE_AT: Final = np.linspace(-1.0, 1.0, _RATE_POINTS)
+_RATE_FIT: Final = _rate_fit(_RATE_AT)
+"""Where a polynomial's points lie on a stroke, and its fit where all of them are known: nearly always."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +109,16 @@ def _smooth_rate(signal: EvenSignal, at_s: Floats) -> tuple[Floats, Floats]:
     """Return the rate of a temperature at some instants of one stroke, and its sigma, from one polynomial."""
     first, last = float(at_s.min()), float(at_s.max())
     middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
-    unit = np.linspace(-1.0, 1.0, _RATE_POINTS)
-    value, _, known = signal.at(middle + half * unit)
+    value, _, known = signal.at(middle + half * _RATE_AT)
     if np.count_nonzero(known) < 2 * _RATE_POWERS:
         return signal.at(at_s)[1], np.full(len(at_s), signal.slope_sigma)
-    powers = np.vander(unit[known], _RATE_POWERS + 1, increasing=True)
-    coefficient, *_ = np.linalg.lstsq(powers, value[known], rcond=None)
+    powers, solver = _RATE_FIT if known.all() else _rate_fit(_RATE_AT[known])
+    coefficient = solver @ value[known]
     x = (at_s - middle) / half
     design = np.stack([k * x ** max(k - 1, 0) for k in range(_RATE_POWERS + 1)], axis=1) / half
     # As many points as there are steps of the signal carry noise of their own, each as large as a raw point's.
     independent = max(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
-    spread = np.linalg.inv(powers.T @ powers) * (np.count_nonzero(known) / independent) * signal.point_sigma**2
+    spread = solver @ solver.T * (np.count_nonzero(known) / independent) * signal.point_sigma**2
     # Across a corner no polynomial follows: such rates tell nothing.
     missed = rms(value[known] - powers @ coefficient)
     excess = np.sqrt(max(missed**2 - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
@@ -187,14 +196,21 @@ def _linear(
     scatter = crossings.scatter[np.ix_(keep, keep)]
     with_rate = _with_rate(crossings.kind[keep], rate, heating)
     # Heatings and coolings have nothing in common but the clock: each has a scatter of its own.
-    halves = [
-        [
-            _half(common, scatter + _cause(scatter_c) ** 2 * with_rate, jacobian, data, rows, scatter_c)
-            for scatter_c in SCATTERS_C[::every]
-        ]
-        for rows in (np.flatnonzero(heating), np.flatnonzero(~heating))
-        if len(rows)
-    ]
+    halves = []
+    for rows in (np.flatnonzero(heating), np.flatnonzero(~heating)):
+        if len(rows):
+            own, alike, going = (one[np.ix_(rows, rows)] for one in (common, scatter, with_rate))
+            halves.append(
+                [
+                    _half(
+                        own + scatter_c**2 * (alike + _cause(scatter_c) ** 2 * going),
+                        jacobian[rows],
+                        data[rows],
+                        scatter_c,
+                    )
+                    for scatter_c in SCATTERS_C[::every]
+                ]
+            )
     return _combined(halves, prior, log_weight=density)
 
 
@@ -222,36 +238,48 @@ class _Half:
     log_weight: float
 
 
-def _half(common: Floats, scatter: Floats, design: Floats, data: Floats, rows: Ints, scatter_c: float) -> _Half:
-    pick = np.ix_(rows, rows)
-    factor = cho_factor(common[pick] + scatter_c**2 * scatter[pick], lower=True)
-    solved = cho_solve(factor, np.column_stack([design[rows], data[rows]]))
-    log_det = len(rows) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor[0])).sum())
+def _half(covariance: Floats, design: Floats, data: Floats, scatter_c: float) -> _Half:
+    # LAPACK itself: what SciPy's own functions do around these small matrices takes as long as they do.
+    factor, solved, failed = dposv(covariance, np.column_stack([design, data]), lower=1)
+    if failed:
+        msg = "the covariance of crossings is not positive definite"
+        raise np.linalg.LinAlgError(msg)
+    log_det = len(data) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor)).sum())
     scatter_log_prior = float(np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2))
     return _Half(
-        information=design[rows].T @ solved[:, :-1],
-        right=-(design[rows].T @ solved[:, -1]),
-        square=float(data[rows] @ solved[:, -1]),
+        information=design.T @ solved[:, :-1],
+        right=-(design.T @ solved[:, -1]),
+        square=float(data @ solved[:, -1]),
         log_weight=scatter_log_prior - 0.5 * log_det,
     )
 
 
 def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight: float) -> list[Gaussian]:
     """Return the Gaussians for every pair of scatters."""
-    pairs = list(itertools.product(*halves))
     precision = np.linalg.inv(prior.covariance)
     pull = precision @ prior.mean
-    information = np.stack([sum((half.information for half in pair), start=precision) for pair in pairs])
-    right = np.stack([sum((half.right for half in pair), start=pull) for pair in pairs])
+    information = _summed(
+        np.asarray(precision, dtype=np.float64), [[one.information for one in half] for half in halves]
+    )
+    right = _summed(pull, [[one.right for one in half] for half in halves])
     covariance = np.linalg.inv(information)
     mean = np.einsum("kij,kj->ki", covariance, right)
-    square = np.array([sum(half.square for half in pair) for pair in pairs]) + float(prior.mean @ pull)
+    square = _summed(prior.mean @ pull, [[one.square for one in half] for half in halves])
     fit = square - np.einsum("ki,ki->k", mean, right)
     log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
-    weight = np.array([sum(half.log_weight for half in pair) for pair in pairs])
-    total = log_weight + weight - 0.5 * (fit + log_det)
+    weight = _summed(log_weight, [[one.log_weight for one in half] for half in halves])
+    total = weight - 0.5 * (fit + log_det)
     likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
     return [Gaussian(mean[k], covariance[k], float(total[k])) for k in likely]
+
+
+def _summed(start: Floats | float, halves: Sequence[Sequence[Floats | float]]) -> Floats:
+    """Return a value with one of each half added to it, for every choice."""
+    total = np.asarray(start)[np.newaxis]
+    for half in halves:
+        values = np.asarray(half)
+        total = (total[:, np.newaxis] + values).reshape(-1, *values.shape[1:])
+    return total
 
 
 def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
