@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtr, softmax
 
 from torsight.core.records import ClockMap
@@ -116,6 +115,9 @@ def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") 
 
 
 def _quantile(mean: Floats, sigma: Floats, weight: Floats, share: float) -> float:
+    # Nearly every command imports this module, and few look for a clock: scipy.optimize takes a fifth of their start.
+    from scipy.optimize import brentq
+
     matters = weight > np.exp(-NEGLIGIBLE_LOG)
     mean, sigma, weight = mean[matters], np.maximum(sigma[matters], 1e-12), weight[matters] / weight[matters].sum()
     low, high = float((mean - 9.0 * sigma).min()), float((mean + 9.0 * sigma).max())

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from sync.signals.heating_segments import HeatingSegment
 from sync.signals.sensor_response import lagged_decay, lagged_ramp
@@ -210,6 +209,8 @@ def cooling_start(
 
 def _decay(time_s: Floats, temp_c: Floats, segment: HeatingSegment) -> float | None:
     """Return the time constant of a cooling from its later part, where a lag shows no more."""
+    from scipy.optimize import minimize_scalar
+
     rise = segment.high_c - segment.low_c
     later = (temp_c < segment.low_c + 0.65 * rise) & (temp_c > segment.low_c + 0.12 * rise)
     x, y = time_s[later], temp_c[later]

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from torsight.core.parameter import Parameter
 from torsight.core.series import rms, usual_step
@@ -203,6 +202,9 @@ def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
 @functools.lru_cache(maxsize=256)
 def _spline(nodes: bytes) -> tuple[Floats, Floats]:
     """Return places (m,) between nodes, and the matrix (m, k) from the nodes' values to theirs."""
+    # Commands that have no law would import it, too, and scipy.optimize with it.
+    from scipy.interpolate import CubicSpline
+
     at = np.frombuffer(nodes)
     gaps = np.arange(_FINER * (len(at) - 1) + 1) / _FINER
     places = np.interp(gaps, np.arange(len(at)), at)
