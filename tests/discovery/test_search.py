@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from linear_cases import LENGTH, machine, noise, signals
 
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import actuator_from
 from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
-from torsight.discovery.inference.explanation import curvature_spread
+from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import Decision, decide
@@ -19,6 +22,8 @@ from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import LinearProblem
 from torsight.discovery.settings import Settings
+from torsight.synthetic.experiment import make_record
+from torsight.synthetic.rig.rig_values import declared_from
 
 
 def hidden_pair() -> LinearProblem:
@@ -53,6 +58,20 @@ def test_what_only_extends_an_answer_is_no_other_answer() -> None:
     # Each of the twenty beside either of the two has a little of the probability: together more than the rest.
     assert sum(p for members, p in decision.probability.items() if len(members) == 1) < settings.credible
     assert {decision.chosen.members, *(one.members for one in decision.rivals)} == {("coulomb",), ("twin",)}
+
+
+def test_two_springs_laws_and_the_law_of_both_say_what_any_two_of_them_say() -> None:
+    """Any two of the curves of spring A, of spring B and of both make up the third: no experiment tells them apart."""
+    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
+    record = make_record({"motion": {"kind": "rig"}}, seed=5, sigma_deg=0.15).table
+    problem = ActuatorProblem(ActuatorModel(spec).prepare(record), spec)
+    a, b, both = (f"temperature_{spring}temp_rate_c_s" for spring in ("a_", "b_", ""))
+    pairs = [places_of(problem, pair) for pair in ((a, b), (a, both), (both, b), ("sensor_lag", b))]
+    assert len(set(pairs)) == 1
+    alone = [places_of(problem, [one]) for one in (a, b, both)]
+    assert len(set(alone)) == 3
+    assert all(one < pairs[0] for one in alone)
+    assert places_of(problem, [a, "winding_b_winding_deg"]) not in pairs
 
 
 def test_what_its_extensions_hold_an_answer_holds() -> None:

@@ -123,15 +123,23 @@ class Field:
 
 
 def places_of(problem: Problem, members: Iterable[str]) -> Places:
-    """Return where a set acts: port, driver, spring and unit of a law, or of the law that an effect is a form of."""
+    """Return where a set acts: port, driver, unit and spring of a law, or of the law that an effect is a form of.
+
+    Two of one spring's, the other's and both springs' say what all three say.
+    """
     laws = {law.id: law for law in problem.laws}
     own = {candidate.id: candidate.laws for candidate in problem.candidates}
-
-    def place(name: str) -> str:
+    springs: dict[str, set[str]] = {}
+    for name in members:
         law = laws.get(name) or next((laws[other] for other in own.get(name, ()) if other in laws), None)
-        return name if law is None else f"{law.port} {law.driver} {law.spring} {law.unit}"
-
-    return frozenset(place(name) for name in members)
+        place = name if law is None else f"{law.port} {law.driver} {law.unit}"
+        springs.setdefault(place, set()).add("" if law is None else law.spring)
+    every = {"a", "b", "both"}
+    return frozenset(
+        f"{place} {spring}".strip()
+        for place, of in springs.items()
+        for spring in (of if len(of & every) < 2 else every)
+    )
 
 
 def covariance(explanation: Explanation) -> Floats:
