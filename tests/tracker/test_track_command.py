@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from films import Rig, write_film
+from flat_films import FlatFilm, Sprite, tag
 
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
 from tracker.frames.source import open_source
@@ -66,6 +67,54 @@ def failing(folder: Path, tmp_path: Path, **options: object) -> TorsightError:
     left = {name for name in OUTPUTS if (tmp_path / "out" / name).exists()}
     assert left == ({"track.png"} if isinstance(caught.value, NoResultError) else set())
     return caught.value
+
+
+def pair_of_tags(place: Path) -> tuple[FlatFilm, dict[str, Path]]:
+    """Film two sticks with tags, and a third tag that is none of theirs, from two sides; return what was filmed."""
+    sticks = [[Sprite(**tag("5X5_100", number, side_mm=40.0, along_mm=70.0))] for number in (3, 4)]
+    sticks[0].append(Sprite(**tag("5X5_100", 9, side_mm=30.0, along_mm=-60.0)))
+    films = [FlatFilm(*sticks, lambda t: 60.0 + 90.0 * t, frames=36, tilt_deg=tilt) for tilt in (0.0, 20.0)]
+    given: dict[str, Path] = {
+        "video": films[0].write(place / "left.mkv"),
+        "right": films[1].write(place / "right.mkv"),
+        "camera": place / "pair.toml",
+    }
+    (width, height), away_mm, turn = films[0].size, films[0].distance_mm, np.deg2rad(20.0)
+    lens = f"width = {width}\nheight = {height}\nfx_px = {away_mm}\nfy_px = {away_mm}\n"
+    lens += f"cx_px = {0.5 * (width - 1)}\ncy_px = {0.5 * (height - 1)}\n"
+    # The plane is turned about the picture's x axis, at one distance of its middle.
+    place_mm = away_mm * np.array([0.0, -np.sin(turn), 1.0 - np.cos(turn)])
+    given["camera"].write_text(
+        f"[intrinsics]\n{lens}[right.intrinsics]\n{lens}"
+        f"[right.from_left]\nrvec = [{-turn}, 0.0, 0.0]\ntvec_mm = {place_mm.tolist()}\n"
+    )
+    return films[0], given
+
+
+def test_tags_that_are_named_are_followed_in_both_films(tmp_path: Path) -> None:
+    from torsight.cli.track import track_to_folder
+
+    made, given = pair_of_tags(tmp_path)
+    markers = {"kind": "tag", "family": "5X5_100", "base_id": 3, "moving_id": 4}
+    angles = track_to_folder(given.pop("video"), **given, markers=markers, out=tmp_path / "out")
+    assert angles.valid.all()
+    np.testing.assert_allclose(np.rad2deg(angles.angle_rad), made.truth_deg, atol=0.3)
+
+
+def test_positions_of_texture_in_one_film_of_two(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "markers.toml"
+    path.write_text("kind = 'texture'\nbase = [[60, 60], [99, 99]]\nmoving = [[30, 30], [60, 90]]\n")
+    pair = tmp_path / "pair.toml"
+    lens = RIG.camera_toml().split("[pose]")[0]
+    pair.write_text(
+        lens
+        + lens.replace("[intrinsics]", "[right.intrinsics]")
+        + "[right.from_left]\nrvec = [0.0, 0.1, 0.0]\ntvec_mm = [-60.0, 0.0, 3.0]\n"
+    )
+    error = failing(folder, tmp_path, right=folder / "film.mkv", camera=pair, markers=path)
+    assert isinstance(error, ConfigError)
+    assert "the left film" in str(error)
+    assert "texture" in str(error)
 
 
 def test_markers_outside_the_picture(folder: Path, tmp_path: Path) -> None:

@@ -95,7 +95,7 @@ def track_to_folder(
     from torsight.markers.track_picture import keep_pictures, write_track_picture
     from tracker.angle.orient import orient
     from tracker.checkpoint import drop
-    from tracker.detect.marker_file import read_markers
+    from tracker.detect.marker_file import in_second_film, read_markers
     from tracker.quality.account import account
     from tracker.quality.track_warnings import doubts, doubts_of_tilt
     from tracker.track import track_film
@@ -104,6 +104,7 @@ def track_to_folder(
     require_apart([out / name for name in FILES], inputs)
     lens = None if camera is None else read_camera(camera)
     hints = None if markers is None else read_markers(markers)
+    right_hints = None if right is None else in_second_film(hints)
     remarks = _check_cameras(lens, where="--camera" if camera is None else str(camera), two=right is not None)
     source, second = _sources(video, right, lens, fps=fps, timestamps=timestamps)
     with only_writer(out):
@@ -114,8 +115,7 @@ def track_to_folder(
         if second is not None and lens is not None:
             from tracker.angle.stereo import orient_pair
 
-            # Positions that were given are of the left picture; in the right one the markers are found.
-            other = track_film(second, out=kept[1], resume=resume, progress=progress)
+            other = track_film(second, markers=right_hints, out=kept[1], resume=resume, progress=progress)
             known_mm = {} if hints is None else hints.length_mm
             orientation = orient_pair(result.tracks, other.tracks, lens, known_mm=known_mm)
         else:

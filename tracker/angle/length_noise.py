@@ -100,7 +100,7 @@ def witness(
     # Rest does not show how large an error may be, nor do a few frames.
     told = [spread for kind, spread in zip(kinds, spreads, strict=True) if kind.sum() >= _FEW_FRAMES]
     outlier[known] = np.abs(left) > max(8.0 * max(told), 6.0 * float(np.sqrt(np.median(variance[known]))))
-    scale, still = _scales(left**2, variance[known], use, moves[known])
+    scale, still = _scales(left**2 / variance[known], use, moves[known])
     return LengthWitness(float(np.mean(length[known][use])), residual, scale, still, outlier)
 
 
@@ -112,11 +112,11 @@ def _weights(moves: Flags) -> Floats:
     return np.where(moves, 1.0, min(1.0, _REST_SHARE * moving / max(resting, 1)))
 
 
-def _scales(square: Floats, variance: Floats, use: Flags, moves: Flags) -> tuple[float, float]:
-    """Return the errors' scale in motion and at rest, from squares of what is left of the length and their variance."""
+def _scales(square: Floats, use: Flags, moves: Flags) -> tuple[float, float]:
+    """Return the likeliest scale of errors in motion and at rest, from squares of what is left over each variance."""
 
     def over(part: Flags) -> float:
-        return float(np.sqrt(np.mean(square[part]) / np.mean(variance[part])))
+        return float(np.sqrt(np.mean(square[part])))
 
     motion, rest = use & moves, use & ~moves
     overall = over(use)

@@ -1,8 +1,9 @@
 """From angles within one turn to the whole angle, across gaps by the motion on both sides.
 
 Between two instants with known speeds v0 and v1, T apart, a motion whose acceleration never exceeds A covers
-(v0 + v1)/2 · T, give or take A · T²/4. A is what the film itself shows. Where only one whole number of turns lies in
-that range the turn is certain.
+(v0 + v1)/2 · T, give or take A · T²/4. A speed is the mean over a time S on its side, and at the rim of the gap it may
+be another by A · S/2: give or take A · S T/2 more. A is what the film itself shows. Where only one whole number of
+turns lies in that range the turn is certain.
 """
 
 from __future__ import annotations
@@ -78,6 +79,7 @@ def _turns(
         spread = limit * gap_s**2 / 2.0
     else:
         return turns, False
+    spread += limit * _SIDE_S * gap_s / 2.0
     miss = abs(step_rad + 2.0 * np.pi * turns - expected)
     spread += _SLACK_RAD
     return turns, miss <= spread < 2.0 * np.pi - miss

@@ -79,6 +79,27 @@ class MarkerHints(Frozen):
                 )
 
 
+def in_second_film(hints: MarkerHints | None) -> MarkerHints | None:
+    """Return what is told of the markers of a pair's right film: tags; positions are of the left film's picture.
+
+    Raises
+    ------
+    ConfigError
+        For sticks that are not found in a film by themselves: two with dots are, and two with tags.
+    """
+    if hints is None or set(hints.kinds) == {"dot"}:
+        return None
+    if set(hints.kinds) == {"tag"}:
+        return hints
+    raise ConfigError(
+        "positions are of the left film, and nothing tells where these markers are in the right one",
+        where=f"{hints.where}, kind",
+        value=hints.kind,
+        limit="dots on both sticks, or tags on both, for two films",
+        do="put dots or tags on both sticks, or track the left film alone",
+    )
+
+
 def read_markers(source: AnyPath | Mapping[str, Any]) -> MarkerHints:
     """Read what is told of the markers from a file or from a table that was read already.
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.follow.camera_state import TURN_RAD
 from tracker.follow.redetect import Region
-from tracker.patches.align import Look, Patch
-from tracker.patches.warps import Point
+from tracker.innovation import SIGMAS
+from tracker.patches.align import Look, Patch, cut_out
+from tracker.patches.warps import Point, place, project, similarity, size_of
 
 _TURN_DOUBT: Final = 4.0
 """How much worse a patch may show its turn than its place. Texture has 1 to 2.6, dots on paper have 6 to 9."""
@@ -120,14 +121,30 @@ class TurnedSearch:
         ]
         return sorted(found, key=lambda one: -one.score)[:_KEPT]
 
+    def near(self, luma: NDArray[np.uint8], end: int, warp: Floats, sigma_px: float) -> list[Floats]:
+        """Return the warps next to one, of a standard deviation, at which the first (0) or second point may be."""
+        more = math.ceil(SIGMAS * sigma_px / (size_of(warp) * _COARSE))
+        reach = self._half + more
+        rim = float(_COARSE * reach) * np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]])
+        (x, y), away = (round(value) for value in place(warp)), project(warp, rim) - np.array([place(warp)]).T
+        half = math.ceil(float(np.abs(away).max())) + 2
+        part = cv2.GaussianBlur(cut_out(luma, x, y, half), (0, 0), 0.5 * _COARSE)
+        step = np.diag([float(_COARSE), float(_COARSE), 1.0])
+        from_part = similarity(half - x, half - y) @ warp @ step @ similarity(-reach, -reach)
+        how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        small = cv2.warpPerspective(part, from_part, (2 * reach + 1, 2 * reach + 1), flags=how).astype(np.float32)
+        score = _likeness(small, self._templates[0][end])
+        return [
+            warp @ similarity(_COARSE * (column - more), _COARSE * (row - more))
+            for row, column in _peaks(score, self._half)
+            if score[row, column] > _LIKELY
+        ]
+
     def _joint(
         self, small: NDArray[np.float32], pair: tuple[NDArray[np.float32], NDArray[np.float32]], turn: float
     ) -> NDArray[np.float32]:
         """Return the mean correlation of both points, at the place of the first."""
-        one, two = (
-            np.nan_to_num(cv2.matchTemplate(small, template, cv2.TM_CCOEFF_NORMED), posinf=0.0, neginf=0.0)
-            for template in pair
-        )
+        one, two = (_likeness(small, template) for template in pair)
         two = np.maximum(cv2.dilate(two, np.ones((self._loose, self._loose), np.uint8)), 0.0)
         cos, sin = math.cos(turn), math.sin(turn)
         dx = round((cos * self._offset[0] - sin * self._offset[1]) / _COARSE)
@@ -138,6 +155,12 @@ class TurnedSearch:
         if y1 > y0 and x1 > x0:
             partner[y0:y1, x0:x1] = two[y0 + dy : y1 + dy, x0 + dx : x1 + dx]
         return np.asarray(0.5 * (one + partner), dtype=np.float32)
+
+
+def _likeness(small: NDArray[np.float32], template: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the correlation of a template with every place of a picture, 0 where nothing is."""
+    score = cv2.matchTemplate(small, template, cv2.TM_CCOEFF_NORMED)
+    return np.asarray(np.nan_to_num(score, posinf=0.0, neginf=0.0), dtype=np.float32)
 
 
 def _peaks(score: NDArray[np.float32], half: int, *, count: int = 2) -> list[tuple[int, int]]:

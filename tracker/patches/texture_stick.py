@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
-from tracker.follow.camera_state import SHAKE_PX, circle_misfit
+from tracker.follow.camera_state import SHAKE_PX, circle_misfit, circle_sigma_px
 from tracker.follow.judgement import further, rigid_misfit
 from tracker.follow.redetect import SELDOM, Prediction, jump_px
 from tracker.follow.rotation_axis import learn_axis, turned
@@ -134,13 +134,31 @@ class TextureStick(Kept):
         return "hidden" if fit.kept < KEPT else ""
 
     def _beside(self, luma: NDArray[np.uint8], lost: int, partner: Fit, why: str) -> tuple[Fit | None, str]:
-        """Look for one point where the other, and the turn of its patch, put it."""
-        sign = 1.0 if lost else -1.0
-        x, y = (np.array(place(partner.warp)) + sign * jacobian(partner.warp) @ self._offset).tolist()
-        guess = similarity(x, y, turn_rad=turn_of(partner.warp), scale=size_of(partner.warp))
-        fit = self._tracks[lost].patch.align(luma, guess)
+        """Look for one point where the other, and how its patch is turned and seen from aside, put it.
+
+        What the patch does not tell of that is as far off at the other end as the stick is long.
+        """
+        offset = self._offset if lost else -self._offset
+        seen = jacobian(partner.warp)
+        x, y = (np.array(place(partner.warp)) + seen @ offset).tolist()
+        guess = np.array([[*seen[0], x], [*seen[1], y], [0.0, 0.0, 1.0]])
+        track, own = self._tracks[lost], self._own[0]
+        fit = track.patch.align(luma, guess)
         reason = why if fit is None else self._judge(fit)
-        return (None, reason) if reason else (fit, "")
+        if not reason:
+            return fit, ""
+        # The base's direction is known.
+        if own["still"]:
+            return None, reason
+        slope = self._tracks[1 - lost].patch.slope(partner.warp, (offset[0], offset[1]))
+        variance = np.linalg.eigvalsh(slope @ partner.covariance @ slope.T)[-1]
+        circle_px = circle_sigma_px(self.length_px, own["longest"] / own["shortest"] - 1.0)
+        for warp in self._search.near(luma, lost, guess, math.hypot(circle_px, math.sqrt(variance))):
+            fit = track.patch.align(luma, warp)
+            # Of many places one is likely to look like the patch by half: the right one does as usual.
+            if fit is not None and not self._judge(fit) and fit.likeness > track.usual - AS_USUAL:
+                return fit, ""
+        return None, reason
 
     def _judge_together(self, fits: list[Fit | None], whys: list[str], ahead: Sequence[Point]) -> None:
         """Refuse what is not one rigid stick."""
@@ -153,7 +171,8 @@ class TextureStick(Kept):
                     whys[end] = "" if passes(off**2, 1) else "hidden"
             return
         a, b, lost = place(one.warp), place(two.warp), max(track.lost for track in self._tracks)
-        rigid = rigid_misfit(self._own[0], self._shift, a, b, lost, math.dist(*ahead))
+        own = self._as_seen(one, two) if lost else self._own[0]
+        rigid = rigid_misfit(own, self._shift, a, b, lost, math.dist(*ahead))
         if not (passes(*rigid) and self._turns_along(one, two)):
             # The one that fits less well than it usually does is the wrong one; of a pattern that is repeated, each
             # place of which fits as well, the one that is further from where it should be.
@@ -163,6 +182,18 @@ class TextureStick(Kept):
             for this, other in ((0, 1), (1, 0)):
                 right = further(away_px[other], away_px[this]) if alike else short[this] < short[other]
                 whys[this] = "" if right else "hidden"
+
+    def _as_seen(self, one: Fit, two: Fit) -> Any:
+        """Return what is known of the stick, with the length at which both patches say that it is seen now.
+
+        From one point to the other the picture of a plane changes by the mean of its changes at both, to second order.
+        """
+        own = self._own[0]
+        if own["still"] or any(math.isinf(track.patch.turn_doubt) for track in self._tracks):
+            return own
+        own = own.copy()
+        own["length"] = np.hypot(*(0.5 * (jacobian(one.warp) + jacobian(two.warp)) @ self._offset))
+        return own
 
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
         """Turn patches that do not show their turn as the line through both points is."""
@@ -213,9 +244,9 @@ class TextureStick(Kept):
             two, why = self._beside(luma, 1, one, "lost")
             if two is None or why or not self._turns_along(one, two):
                 continue
-            ends = [place(one.warp), place(two.warp)]
+            ends, seen = [place(one.warp), place(two.warp)], replace(expected, own=self._as_seen(one, two))
             if not any(self._at(ends, [place(fit.warp) for fit in pair]) for pair in found) and passes(
-                *expected.innovation(ends, lost=lost)
+                *seen.innovation(ends, lost=lost)
             ):
                 found.append((one, two))
         return found

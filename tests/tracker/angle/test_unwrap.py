@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -62,6 +63,18 @@ def test_dropped_frames_do_not_cost_a_turn() -> None:
     whole, certain = unwrap(time_s[kept], folded(true[kept]))
     assert certain.all()
     assert np.ptp(whole - true[kept]) < 1e-9
+
+
+@pytest.mark.parametrize("lost", range(30, 40))
+def test_a_frame_that_is_lost_as_the_stick_starts_costs_no_turn(lost: int) -> None:
+    # From rest to 19 degrees a frame: the speed before the gap is not that of the time before.
+    time_s = np.arange(90) / 30.0
+    share = np.clip((time_s - 1.0) / 0.25, 0.0, 1.0)
+    true = np.deg2rad(95.0) * share**2 * (3.0 - 2.0 * share)
+    seen = np.where(np.arange(90) == lost, np.nan, true)
+    whole, certain = unwrap(time_s, seen)
+    assert certain.all()
+    np.testing.assert_allclose(whole, seen)
 
 
 def test_nothing_known_is_nothing() -> None:

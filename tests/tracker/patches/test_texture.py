@@ -78,6 +78,23 @@ def test_a_lost_stick_is_found_again_by_its_turned_patch(step_deg: float, tmp_pa
     assert np.nanmax(np.abs(error)) < 0.3
 
 
+@pytest.mark.parametrize(("step_deg", "tilt_deg", "distance_mm"), [(32.0, 20.0, 350.0), (40.0, 25.0, 300.0)])
+def test_a_point_that_was_lost_is_found_beside_the_other_one_in_perspective(
+    step_deg: float, tilt_deg: float, distance_mm: float, tmp_path: Path
+) -> None:
+    # Six frames too fast for any flow; then 4 degrees from frame to frame, on a stick seen from near and from aside.
+    made = film(
+        angle_deg=lambda t: 70.0 + 120.0 * t + (step_deg - 4.0) * np.minimum(30.0 * t, 6.0),
+        tilt_deg=tilt_deg,
+        distance_mm=distance_mm,
+        frames=40,
+    )
+    _, result = tracked(made, tmp_path / "film.mkv")
+    assert result.tracks.valid[10:, 2:].all()
+    true = np.array([[made.on_stick(1, angle, along) for along in (INNER, OUTER)] for angle in made.truth_deg])
+    assert np.abs(result.tracks.position_px[10:, 2:] - true[10:]).max() < 0.4
+
+
 def protractor() -> Sprite:
     """Return a square with marks every ten degrees at two radii, of which each looks like all others."""
     picture = np.full((760, 760), 210.0, np.float32)
