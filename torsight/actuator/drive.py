@@ -101,7 +101,9 @@ class Drive:
     time_s : (n,) float64
         Increasing.
     temp_a_c, temp_b_c : (n,) float64
-        Conditioned temperatures as the sensors read them, finite.
+        Conditioned temperatures as the sensors read them, finite: of a ripple the peaks, which the wires follow.
+    peaks_a_c, peaks_b_c : (n,) float64
+        By how much those stand above the mean temperatures.
     rate_a_c_s, rate_b_c_s : (n,) float64
         Their slopes.
     temp_sigma_c : (n,) float64
@@ -136,6 +138,8 @@ class Drive:
     rate_a_c_s: Floats
     rate_b_c_s: Floats
     temp_sigma_c: Floats
+    peaks_a_c: Floats
+    peaks_b_c: Floats
     noise_c: float
     reading_s: float
     cycles: HalfCycles
@@ -177,8 +181,8 @@ class Drive:
     def at(self, rows: Ints) -> Drive:
         """Return the drive at some of its rows (m,)."""
         cycles = replace(self.cycles, active=self.cycles.active[rows], half=self.cycles.half[rows])
-        names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "angle_rad",
-                 "angle_sigma_rad", "known")  # fmt: skip
+        names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "peaks_a_c",
+                 "peaks_b_c", "angle_rad", "angle_sigma_rad", "known")  # fmt: skip
         rowwise = {name: getattr(self, name)[rows] for name in names}
         whole, places = self.whole
         return replace(self, cycles=cycles, part_of=(whole, places[rows]), **rowwise)
@@ -300,11 +304,13 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
     nothing = np.full(len(rows), np.nan)
     return Drive(
         time_s=time_s[rows],
-        temp_a_c=a.temp_c[rows],
-        temp_b_c=b.temp_c[rows],
+        temp_a_c=(a.temp_c + a.peaks_c)[rows],
+        temp_b_c=(b.temp_c + b.peaks_c)[rows],
         rate_a_c_s=a.rate_c_s[rows],
         rate_b_c_s=b.rate_c_s[rows],
         temp_sigma_c=by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows],
+        peaks_a_c=a.peaks_c[rows],
+        peaks_b_c=b.peaks_c[rows],
         noise_c=noise,
         reading_s=max(a.reading_s, b.reading_s),
         cycles=replace(cycles, active=cycles.active[rows], half=cycles.half[rows]),

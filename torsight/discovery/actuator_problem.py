@@ -30,7 +30,7 @@ from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import runs, scatter, usual_step
 from torsight.core.units import DEG, Flags, Floats, Ints
-from torsight.discovery.actuator.temperature_errors import draw_errors, top_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
 
 RESOLUTION_DEG: Final = 0.1
@@ -133,7 +133,7 @@ class ActuatorProblem(OptionalMembers):
         other = replace(self, forms=tuple(forms))
         # What depends on the record alone is not worked out again.
         samples = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
-        kept = (*samples, "drivers", "laws", "_smooth_drives", "_top_drives", "_thinned")
+        kept = (*samples, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_thinned")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -235,10 +235,11 @@ class ActuatorProblem(OptionalMembers):
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what one standard deviation of each error that many samples share does to the angle (n, k), degrees.
 
-        At a top an incomplete transformation ends: its error stays in the angle until the next heating. Tops whose
-        error moves the angle nowhere by a tenth of the resolution are left out: those of complete heatings.
+        At a top an incomplete transformation ends: its error stays in the angle until the next heating. The height of a
+        ripple's peaks is one for all heatings. Errors that move the angle nowhere by a tenth of the resolution are left
+        out: those of the tops of complete heatings.
         """
-        found = self._off_by(self._top_drives, values, effects)
+        found = self._off_by(self._lasting_drives, values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
@@ -265,8 +266,8 @@ class ActuatorProblem(OptionalMembers):
         return tuple(with_errors(self.drive, errors.smooth_c) for errors in drawn)
 
     @cached_property
-    def _top_drives(self) -> tuple[Drive, ...]:
-        return tuple(with_errors(self.drive, error_c) for error_c in top_errors(self.drive))
+    def _lasting_drives(self) -> tuple[Drive, ...]:
+        return tuple(with_errors(self.drive, error_c) for error_c in lasting_errors(self.drive))
 
 
 def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:

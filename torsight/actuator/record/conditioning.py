@@ -20,6 +20,7 @@ import numpy as np
 
 from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import SHORTEST, measure_noise, resolution
+from torsight.actuator.record.ripple import ripple_peaks
 from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
 from torsight.actuator.record.smoother import smoothed
 from torsight.core.series import usual_step
@@ -37,7 +38,7 @@ class Conditioned:
     """A temperature that may drive the model (n,): without noise, or the very input where its noise is negligible.
 
     With its slope, and one standard deviation of what noise is left; with the noise of a reading, and the seconds
-    between readings whose noise is independent.
+    between readings whose noise is independent; and with how far the peaks of its ripple stand above it.
     """
 
     temp_c: Floats
@@ -45,6 +46,7 @@ class Conditioned:
     sigma_c: Floats
     noise_c: float
     reading_s: float
+    peaks_c: Floats
 
 
 def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
@@ -58,6 +60,7 @@ def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
         return replace(found, temp_c=temp_c, sigma_c=np.full(len(temp_c), noise))
     # Noise that is alike over several rows counts as more of it.
     value, rate, sigma = found.temp_c, found.rate_c_s, found.sigma_c
+    found = replace(found, peaks_c=ripple_peaks(time_s, temp_c - value, readings.least_noise_c, readings.alike))
     level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
     return found
 
@@ -76,11 +79,12 @@ def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned
             piece = replace(readings, time_s=time_s[rows], temp_c=temp_c[rows])
             known_c[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
     value, sigma = between(time_s, known_c, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
+    peaks_c = ripple_peaks(time_s, temp_c - known_c, readings.least_noise_c, readings.alike)
     rate = np.asarray(np.gradient(value, wanted_s))
     if readings.noise_c > NEGLIGIBLE_C:
         alike = readings.interval_s / usual_step(wanted_s)
         level_holds(wanted_s, lines_c, readings.noise_c * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
-    return Conditioned(value, rate, sigma, readings.noise_c, readings.interval_s)
+    return Conditioned(value, rate, sigma, readings.noise_c, readings.interval_s, np.interp(wanted_s, time_s, peaks_c))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +93,8 @@ class Readings:
 
     Times and temperatures (m,) are means over short blocks of the log, ``sigma_c`` is what the noise of one counts as,
     correlation included. The noise of one reading is ``noise_c``; it is correlated over so many rows of the log
-    (``alike``), and independent in rows that are ``interval_s`` apart.
+    (``alike``), and independent in rows that are ``interval_s`` apart. With what the last digit makes it is
+    ``least_noise_c`` at least.
     """
 
     time_s: Floats
@@ -98,6 +103,7 @@ class Readings:
     alike: float
     interval_s: float
     sigma_c: float
+    least_noise_c: float = 0.0
 
     @classmethod
     def of(cls, time_s: Floats, temp_c: Floats) -> Readings:
@@ -112,11 +118,11 @@ class Readings:
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        return cls(times, means, noise, alike, alike * interval_s, sigma)
+        return cls(times, means, noise, alike, alike * interval_s, sigma, least)
 
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
         """Return the wire's temperature (n,) at the wanted times, behind a sensor of this time constant."""
-        return Conditioned(*self.smooth(wanted_s, lag_s), self.noise_c, self.interval_s)
+        return Conditioned(*self.smooth(wanted_s, lag_s), self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
 
     def smooth(self, wanted_s: Floats, lag_s: float) -> tuple[Floats, Floats, Floats]:
         """Return value, slope and sigma of the wire's temperature at the wanted times."""

@@ -1,9 +1,10 @@
 """Whether the readings of a spring ripple while it is heated: a heater that is switched on and off within seconds.
 
-The wire's transformation only advances while it is heated, so it follows the peaks of such a ripple, which the
-preparation of a log takes for noise unless there are many readings to a pulse. What a reading differs from its
-neighbours by is compared between heatings and rests: noise and the last digit are the same in both. Where the
-temperature merely bends, differences of readings that are further apart are larger; those of pulses go up and down.
+The wire's transformation only advances while it is heated, so it follows the peaks of such a ripple. How high they are
+the preparation of a log knows to half of it only (:mod:`torsight.actuator.record.ripple`), unless there are many
+readings to a pulse. What a reading differs from its neighbours by is compared between heatings and rests: noise and the
+last digit are the same in both. Where the temperature merely bends, differences of readings that are further apart are
+larger; those of pulses go up and down.
 """
 
 from __future__ import annotations
@@ -20,8 +21,7 @@ from torsight.core.series import runs
 from torsight.core.units import Flags, Floats
 
 PLENTY: Final = 20
-"""Readings to a pulse from which it is seen as it is: of one log with a ripple of 1.3 °C every 0.8 s, 8 readings to a
-pulse left errors of 4.3°, 16 left 0.9° and 40 left 0.4°."""
+"""Readings to a pulse from which it is seen as it is (benchmarks/actuator/pulsed_heaters.py)."""
 _MATTERS_C: Final = 0.1
 """Sensors are read to this; it moves the reference rig by 2° where it is steepest."""
 _SLOW_SHARE: Final = 0.95

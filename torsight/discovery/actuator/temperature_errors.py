@@ -18,6 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.conditioning import NEGLIGIBLE_C
+from torsight.actuator.record.ripple import UNSURE
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
@@ -37,7 +38,7 @@ class TemperatureErrors:
     smooth_c : two (n,) float64
         What the conditioning leaves, alike over a few seconds.
     with_tops_c : two (n,) float64
-        The same and an error of every half-cycle's top.
+        The same, an error of every half-cycle's top, and one of the height of a ripple's peaks.
     """
 
     smooth_c: tuple[Floats, Floats]
@@ -58,18 +59,23 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
         rng.standard_normal((2, len(drive))), max(_ALIKE_S, drive.reading_s) / interval_s, mode="nearest"
     )
     smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
-    with_tops = smooth.copy()
+    height = UNSURE * rng.standard_normal()
+    with_tops = smooth + height * np.array([drive.peaks_a_c, drive.peaks_b_c])
     for spring, error_c in _tops(drive):
         with_tops[spring] += rng.standard_normal() * error_c
     return TemperatureErrors((smooth[0], smooth[1]), (with_tops[0], with_tops[1]))
 
 
-def top_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
-    """Return one standard deviation of every error of a top, for both springs (n,) each; none where negligible."""
+def lasting_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
+    """Return one standard deviation of every error that lasts, for both springs (n,) each; none where negligible.
+
+    Those of tops, and of the height of a ripple's peaks.
+    """
     if drive.noise_c <= NEGLIGIBLE_C:
         return []
     none = np.zeros(len(drive))
-    return [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
+    tops = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
+    return [*tops, (UNSURE * drive.peaks_a_c, UNSURE * drive.peaks_b_c)]
 
 
 def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:

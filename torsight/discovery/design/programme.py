@@ -158,6 +158,8 @@ class Played:
             rate_a_c_s=rates[0],
             rate_b_c_s=rates[1],
             temp_sigma_c=np.zeros(n),
+            peaks_a_c=np.zeros(n),
+            peaks_b_c=np.zeros(n),
             noise_c=0.0,
             reading_s=float(np.median(np.diff(self.time_s))),
             cycles=HalfCycles((self.half % 2).astype(np.int8), self.half, springs),
