@@ -15,7 +15,7 @@ from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import curvature_spread, places_of
-from torsight.discovery.inference.fitting import Fitter
+from torsight.discovery.inference.fitting import AtPoint, Fitter, in_parallel
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import Decision, decide
 from torsight.discovery.inference.weight import Weight
@@ -310,3 +310,24 @@ def test_an_effect_that_jumps_is_found_by_trials() -> None:
     # The derivatives are zero all but everywhere: a start at the third of the truth is left where it is.
     assert left(made) > 0.3
     assert left(replace(made, candidates=(replace(made.candidates[0], jumps=True),))) < 0.05
+
+
+def test_fits_that_nobody_waits_for_any_more_end_with_their_next_prediction() -> None:
+    """Asked to end, a discovery does not wait for fits that are under way."""
+    problem = hidden_pair()
+    predict = AtPoint(problem, [p.name for p in problem.parameters], ())
+    start, most = np.array([p.value for p in problem.parameters]), 20000
+    predicted = [0]
+
+    def work(item: int) -> None:
+        for _ in range(item * most):
+            predict(start)
+            predicted[0] += 1
+
+    def asked(_step: str, done: float, _total: float | None) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        in_parallel([0, 1], work, progress=asked)
+    assert 0 <= predicted[0] < most

@@ -156,6 +156,13 @@ class FitResult(Frozen, Shown):
         }
 
 
+CHECK_FILE: Final = (
+    "check values and units in the actuator file (tau_c_mnm in mN·m, C_A_mpa_per_k and C_M_mpa_per_k in MPa/K, moduli "
+    "in GPa), and give those that are not well known an [uncertainty]: without one they are exact"
+)
+"""What to do where a model explains nothing of a record."""
+
+
 def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
     """Refuse a record in which the actuator does not move, or as no actuator of this kind can."""
     angle = drive.angle_rad[drive.measured]
@@ -254,8 +261,7 @@ def nothing_explained(result: FitResult, *, where: str) -> NoResultError:
         where=where,
         value=f"R² {number(result.r2, 2)}: the model turns by {turned_deg:.0f}°, the actuator by {read_deg:.0f}°",
         limit="R² above 0",
-        do="check values and units in the actuator file (tau_c_mnm in mN·m, C_A_mpa_per_k and C_M_mpa_per_k in MPa/K, "
-        "moduli in GPa), and give those that are not well known an [uncertainty]: without one they are exact",
+        do=CHECK_FILE,
     )
 
 

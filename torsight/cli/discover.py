@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile, Seed
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import read_merged
 from torsight.core.progress import Progress, silent
-from torsight.core.words.wording import verdict_sentence
+from torsight.core.words.wording import number, verdict_sentence
 
 if TYPE_CHECKING:
     from torsight.discovery.report import DiscoveryReport
@@ -71,7 +71,26 @@ def discover(
     say(f"Results           {out}")
     laws = [out / law.csv_name for law in report.laws]
     more = [out / curves_name(k) for k in range(1, len(merged))]
-    return Answer(content, files=(*(out / name for name in FILES), *more, *laws))
+    files = (*(out / name for name in FILES), *more, *laws)
+    if nothing := explains_nothing(content, where=", ".join(map(str, merged))):
+        say(f"torsight: {nothing}")
+    return Answer(content, files=files, exit_code=nothing.exit_code if nothing else 0)
+
+
+def explains_nothing(discovery: Mapping[str, Any], *, where: str) -> NoResultError | None:
+    """Return what to tell, by ``discovery.json``, where the model is worse than a constant on what it has not seen."""
+    from torsight.actuator.fit_result import CHECK_FILE
+
+    r2 = discovery["after"]["r2_held_out"]
+    if r2 is None or r2 > 0.0:
+        return None
+    return NoResultError(
+        "the model that was found is no better than a constant angle on half-cycles that its fit did not see",
+        where=where,
+        value=f"R² {number(r2, 2)}",
+        limit="R² above 0",
+        do=CHECK_FILE,
+    )
 
 
 def curves_name(record: int) -> str:

@@ -70,11 +70,15 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
 def answer_of(folder: Path) -> Answer:
     """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
     from torsight.cli.campaign import result_row
+    from torsight.cli.discover import explains_nothing
 
     track = folder / "track.json"
-    few = track.is_file() and is_no_result(read_json(track))
+    nothing = explains_nothing(read_json(folder / "discovery.json"), where=str(folder / "merged.csv"))
+    if nothing:
+        say(f"torsight: {nothing}")
+    none = nothing or (track.is_file() and is_no_result(read_json(track)))
     files = sorted(path for path in folder.iterdir() if path.is_file())
-    return Answer(result_row(folder), files=files, exit_code=NoResultError.exit_code if few else 0)
+    return Answer(result_row(folder), files=files, exit_code=NoResultError.exit_code if none else 0)
 
 
 def again(path: Path) -> Experiment:

@@ -6,8 +6,9 @@ of effects is fitted together with all base parameters, and sets are compared at
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, TypeVar
@@ -318,10 +319,12 @@ class AtPoint:
 
     def __call__(self, x: Floats) -> Floats:
         """Return the prediction at a point."""
+        _go_on()
         return self._problem.predict(self._values(x), self._effects)
 
     def many(self, points: Sequence[Floats]) -> list[Floats]:
         """Return the predictions at several points, at once where the problem can do that."""
+        _go_on()
         return self._problem.predict_many([self._values(x) for x in points], self._effects)
 
 
@@ -376,12 +379,36 @@ def in_parallel(
 ) -> list[_R]:
     """Return ``function`` of each item in order; results do not depend on the number of workers.
 
-    ``progress`` is told after every item, under the name ``step``.
+    ``progress`` is told after every item, under the name ``step``. Where the caller is asked to end, fits that are
+    under way end with their next prediction.
     """
     found: list[_R] = []
     progress(step, 0, len(work))
-    with ThreadPoolExecutor(WORKERS) as pool:
-        for result in pool.map(function, work):
-            found.append(result)
-            progress(step, len(found), len(work))
+    over = threading.Event()
+    with ThreadPoolExecutor(WORKERS, initializer=_end_with, initargs=(over,)) as pool:
+        try:
+            for result in pool.map(function, work):
+                found.append(result)
+                progress(step, len(found), len(work))
+        finally:
+            over.set()
     return found
+
+
+class _Thread(threading.local):
+    """What a worker knows of its work: an event that is set once nobody waits for it."""
+
+    over: threading.Event | None = None
+
+
+_THREAD: Final = _Thread()
+
+
+def _end_with(over: threading.Event) -> None:
+    """Let the fits of this thread end once nobody waits for them."""
+    _THREAD.over = over
+
+
+def _go_on() -> None:
+    if _THREAD.over is not None and _THREAD.over.is_set():
+        raise CancelledError
