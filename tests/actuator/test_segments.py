@@ -159,6 +159,22 @@ def test_a_fast_record_is_thinned():
     assert drive.angle_sigma_rad[5] == pytest.approx(0.01 / np.sqrt(3))
 
 
+def test_rows_beside_lost_frames_stand_for_their_own_instant():
+    """Frames that the film lost, by seconds or here and there, while the disk turns by 5 degrees per second."""
+    log, _ = programme(HALVES[:2])
+    fine = np.arange(0.0, log.time_s[-1], 1.0 / 15.0)
+    rng = np.random.default_rng(4)
+    away = (fine % 20.0 > 17.0) | (rng.random(len(fine)) < 0.2)
+    angle = np.deg2rad(150.0 * np.sin(fine / 30.0))
+    angle[rng.random(len(fine)) < 0.1] = np.nan
+    temps = (np.interp(fine, log.time_s, temp_c)[~away] for temp_c in (log.temp_a_c, log.temp_b_c))
+    drive = prepare_table(SyncedTable(fine[~away], angle[~away], np.full(np.sum(~away), 0.001), *temps))
+    known = np.isfinite(drive.angle_rad)
+    off_deg = np.rad2deg(drive.angle_rad) - 150.0 * np.sin(drive.time_s / 30.0)
+    assert np.abs(off_deg[known]).max() < 5.0 * 0.25 / 15.0 + 0.01
+    assert known.mean() > 0.9
+
+
 @pytest.mark.parametrize("rows", [0, 5])
 def test_too_few_rows(rows):
     nothing = np.zeros(rows)

@@ -360,17 +360,17 @@ def _block_means(time_s: Floats, angle: Floats, sigma: Floats, rows: Ints) -> tu
     """Return the mean angle over the rows that each kept row stands for, and its sigma."""
     if len(rows) == len(time_s):
         return angle, sigma
-    every = int(rows[1] - rows[0])
     half = _of_one_row(rows) // 2
     blocks = rows[:, None] + np.arange(-half, half + 1)[None, :]
     inside = blocks < len(time_s)
-    picked = angle[np.minimum(blocks, len(time_s) - 1)]
-    noise = sigma[np.minimum(blocks, len(time_s) - 1)]
+    within = np.minimum(blocks, len(time_s) - 1)
+    picked, noise, around_s = angle[within], sigma[within], time_s[within] - time_s[rows][:, None]
     good = np.isfinite(picked) & inside
+    # Readings of one side would stand for another instant, beside a gap for one seconds away: they count in pairs.
+    good &= good[:, ::-1] & (np.abs(around_s + around_s[:, ::-1]) <= 0.5 * usual_step(time_s))
     count = good.sum(axis=1)
     enough = np.maximum(count, 1)
-    # A mean over fewer rows than half would not stand for the row's instant.
-    usable = 2 * count > every
+    usable = count > 0
     mean = np.where(usable, np.where(good, picked, 0.0).sum(axis=1) / enough, np.nan)
     variance = np.where(good, np.nan_to_num(noise) ** 2, 0.0).sum(axis=1) / enough**2
     return mean, np.where(usable, np.sqrt(variance), np.nan)
