@@ -22,7 +22,7 @@ from torsight.actuator.record.slow_log import between, corner_gaps
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import extent, usual_step
+from torsight.core.series import extent, pair_means, usual_step
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
@@ -215,7 +215,10 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     turns = whole_turns(table.angle_rad)
     ahead_rad = 2.0 * math.pi * turns
     drive = _driven(table, row_rate_hz=row_rate_hz, start_angle_rad=start - ahead_rad, where=where)
-    angle, sigma = _block_means(table.time_s, table.angle_rad, table.angle_sigma_rad, drive.sensors.rows)
+    angle, sigma = table.angle_rad, table.angle_sigma_rad
+    if len(drive) < len(table):
+        rows = drive.sensors.rows
+        angle, sigma = pair_means(table.time_s, angle, sigma, rows, np.full(len(rows), _of_one_row(rows) // 2))
     angle = np.where(drive.known & ~wrong_frames(angle, sigma), angle - ahead_rad, np.nan)
     temps = (drive.temp_a_c, drive.temp_b_c)
     cycles = begun_with_a_jump(drive.cycles, drive.time_s, angle, temps)
@@ -354,23 +357,3 @@ def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:
 def _of_one_row(rows: Ints) -> int:
     """Return how many rows of a record each kept one stands for: as many before it as after it."""
     return 2 * (int(rows[1] - rows[0]) // 2) + 1
-
-
-def _block_means(time_s: Floats, angle: Floats, sigma: Floats, rows: Ints) -> tuple[Floats, Floats]:
-    """Return the mean angle over the rows that each kept row stands for, and its sigma."""
-    if len(rows) == len(time_s):
-        return angle, sigma
-    half = _of_one_row(rows) // 2
-    blocks = rows[:, None] + np.arange(-half, half + 1)[None, :]
-    inside = blocks < len(time_s)
-    within = np.minimum(blocks, len(time_s) - 1)
-    picked, noise, around_s = angle[within], sigma[within], time_s[within] - time_s[rows][:, None]
-    good = np.isfinite(picked) & inside
-    # Readings of one side would stand for another instant, beside a gap for one seconds away: they count in pairs.
-    good &= good[:, ::-1] & (np.abs(around_s + around_s[:, ::-1]) <= 0.5 * usual_step(time_s))
-    count = good.sum(axis=1)
-    enough = np.maximum(count, 1)
-    usable = count > 0
-    mean = np.where(usable, np.where(good, picked, 0.0).sum(axis=1) / enough, np.nan)
-    variance = np.where(good, np.nan_to_num(noise) ** 2, 0.0).sum(axis=1) / enough**2
-    return mean, np.where(usable, np.sqrt(variance), np.nan)

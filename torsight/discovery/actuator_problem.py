@@ -28,7 +28,7 @@ from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.series import runs, scatter, usual_step
+from torsight.core.series import pair_means, runs, scatter, usual_step
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
@@ -171,7 +171,7 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def _means(self) -> tuple[Floats, Floats]:
-        return _symmetric_means(self.drive, self.rows)
+        return _means_between(self.drive, self.rows)
 
     @property
     def observed(self) -> Floats:
@@ -336,21 +336,13 @@ def _running_median(values: Floats) -> Floats:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
 
 
-def _symmetric_means(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:
+def _means_between(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:
     """Return mean angle and its sigma, degrees, over as many rows on either side as lie nearer to no other kept row."""
-    angle, sigma = drive.angle_rad / DEG, drive.angle_sigma_rad / DEG
     gap = np.diff(rows)
     half = np.zeros(len(rows), np.int64)
     half[1:-1] = np.minimum(gap[:-1], gap[1:]) // 2
-    good = np.isfinite(angle)
-    count = np.concatenate([[0], np.cumsum(good)])
-    total = np.concatenate([[0.0], np.cumsum(np.where(good, angle, 0.0))])
-    square = np.concatenate([[0.0], np.cumsum(np.where(good & np.isfinite(sigma), sigma, 0.0) ** 2)])
-    low, high = rows - half, rows + half + 1
-    number = np.maximum(count[high] - count[low], 1)
-    mean = (total[high] - total[low]) / number
-    usable = good[rows] | (count[high] - count[low] > half)
-    return np.where(usable, mean, np.nan), np.sqrt(square[high] - square[low]) / number
+    mean, sigma = pair_means(drive.time_s, drive.angle_rad / DEG, drive.angle_sigma_rad / DEG, rows, half)
+    return mean, np.nan_to_num(sigma)
 
 
 def _candidate(effect: Effect, angle_rad: Floats) -> Candidate:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import Flags, Floats
+from torsight.core.units import Flags, Floats, Ints
 
 BY_CHANCE: Final = NormalDist().inv_cdf(1.0 - 1e-9)
 """Standard deviations that chance reaches once in 10⁹ samples, which are a year of film: beyond is another cause."""
@@ -59,6 +59,26 @@ def block_means(values: Floats, every: int) -> Floats:
         return values
     whole = len(values) // every * every
     return np.asarray(values[:whole].reshape(-1, every, *values.shape[1:]).mean(axis=1))
+
+
+def pair_means(time_s: Floats, values: Floats, sigma: Floats, rows: Ints, half: Ints) -> tuple[Floats, Floats]:
+    """Return the mean over as many neighbours on either side of some rows as ``half`` (m,) says, and its sigma (m,).
+
+    Neighbours count in pairs: those of one side alone would stand for another instant, beside a gap for one seconds
+    away. The middle of a pair lies within half a step of the row, or a tenth of how far the pair is away. NaN in values
+    (n,) counts as missing, in their standard deviations as none; NaN where neither the row nor a pair is known.
+    """
+    step = np.arange(-int(half.max(initial=0)), int(half.max(initial=0)) + 1)
+    at = rows[:, None] + step
+    within = np.clip(at, 0, len(time_s) - 1)
+    away_s = time_s[within] - time_s[rows][:, None]
+    good = np.isfinite(values[within]) & (at == within) & (np.abs(step) <= half[:, None])
+    good &= good[:, ::-1] & (np.abs(away_s + away_s[:, ::-1]) <= 0.5 * usual_step(time_s) + 0.1 * np.abs(away_s))
+    count = good.sum(axis=1)
+    known, number = count > 0, np.maximum(count, 1)
+    mean = np.where(good, values[within], 0.0).sum(axis=1) / number
+    variance = np.where(good, np.nan_to_num(sigma[within]) ** 2, 0.0).sum(axis=1) / number**2
+    return np.where(known, mean, np.nan), np.where(known, np.sqrt(variance), np.nan)
 
 
 def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
