@@ -28,7 +28,7 @@ from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
-from torsight.core.words.plausible import LATEST_S, require_turns
+from torsight.core.words.plausible import LATEST_S, require_turns, require_units
 from torsight.core.words.shown import Shown
 
 _EXACT: Final = 1e-6
@@ -85,11 +85,12 @@ def estimate_clock(
     Raises
     ------
     InputError
-        When there are light events but no heating switch in the log; when the angles are folded into one turn, or the
-        film's times are minutes.
+        When there are light events but no heating switch in the log; when the angles are folded into one turn, the
+        film's times are minutes, or the log's times or temperatures are in another unit.
     NoResultError
         When the offset is not given and nothing in the files tells it.
     """
+    require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where="log")
     reading = LogReading(log)
     return find_clock(
         angles, reading, given_offset_s=given_offset_s, given_drift_ppm=given_drift_ppm, light=light

@@ -186,7 +186,9 @@ def _guesses(role: str, header: Sequence[str], taken: set[int], chosen: ChosenCo
     if role == DATE:
         return [] if "time" in chosen.names else _places(header, taken, lambda words, _unit: words == ["date"])
     if role == "time":
-        return _places(header, taken, lambda words, _unit: " ".join(words) in _PLAIN_TIMES) or _less_plain_time(header)
+        # A unit may be said twice: "time_s (ms)".
+        bare = [split_unit(split_unit(name)[0])[0] for name in header]
+        return _places(bare, taken, lambda words, _unit: " ".join(words) in _PLAIN_TIMES) or _less_plain_time(header)
     if role in NEEDED:
         return _places(header, taken, lambda words, unit: _says_temperature(words, unit, role))
     if role in ("heat_a", "heat_b"):

@@ -48,6 +48,11 @@ class LogTable(TextTable):
     zero: str | None
     notes: tuple[str, ...]
 
+    @property
+    def spelled(self) -> dict[str, str]:
+        """How the file calls the contract's columns that it has."""
+        return {CONTRACT[role]: spelling(column) for role, column in self.columns.items() if role in CONTRACT}
+
 
 def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTable:
     """Read a log's table, text or Parquet.
@@ -77,6 +82,11 @@ def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTab
     return LogTable(pd.DataFrame(content), first_line, table.repairs, columns, zero, tuple(notes))
 
 
+def spelling(column: LogColumn) -> str:
+    """Return how the file calls a column."""
+    return column.name or "the first column"
+
+
 def _parquet(path: Path, chosen: ChosenColumns) -> TextTable:
     frame = read_table(path)
     names = [str(name) for name in frame.columns]
@@ -93,10 +103,9 @@ def _time(
     """Return the stamps in seconds, the instant of second 0, and how dates were read."""
     column = columns["time"]
     values = frame.iloc[:, column.index]
-    name = column.name or "the first column"
     if DATE in columns:
         values = frame.iloc[:, columns[DATE].index].astype("string") + " " + values.astype("string")
-    stamps = read_stamps(values, where=f"{path}, column {name}", first_line=first_line)
+    stamps = read_stamps(values, where=f"{path}, column {spelling(column)}", first_line=first_line)
     if not stamps.numeric:
         return stamps.time_s, stamps.zero, stamps.note
     if not column.name and column.unit is None and _counts_rows(stamps.time_s):

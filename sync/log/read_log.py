@@ -66,16 +66,17 @@ def read_temperature_log(
     """
     path = Path(path)
     table = read_log_table(path, chosen_columns(columns, units))
-    frame, first_line, repairs = table.frame, table.first_line, list(table.repairs)
+    frame, first_line, repairs, spelled = table.frame, table.first_line, list(table.repairs), table.spelled
+    time_column = f"{path}, column {spelled['time_s']}"
     stamp_s = frame["time_s"].to_numpy(np.float64)
     ordered = order_stamps(stamp_s, first_line=first_line)
     repairs += ordered.repairs
     if np.count_nonzero(np.isfinite(stamp_s)) >= _MIN_ROWS:
-        _require_order(ordered, len(frame), path=path)
+        _require_order(ordered, len(frame), where=time_column)
     if len(ordered.row) < _MIN_ROWS:
         raise InputError(
             "has too few rows with a time",
-            where=f"{path}, column time_s",
+            where=time_column,
             value=str(len(ordered.row)),
             limit=f"at least {_MIN_ROWS}",
             do="record it again",
@@ -83,7 +84,7 @@ def read_temperature_log(
     if float(np.ptp(ordered.time_s)) == 0.0 and not ordered.block[-1]:
         raise InputError(
             "holds one and the same time in every row",
-            where=f"{path}, column time_s",
+            where=time_column,
             value=f"{ordered.time_s[0]:g}",
             do="record it again, with a clock that runs",
         )
@@ -96,8 +97,9 @@ def read_temperature_log(
         temperatures[name], found = clean_channel(time_s, numbers[name], name=name)
         repairs += found
         if not np.isfinite(temperatures[name]).any():
-            raise _no_temperature(numbers[name], where=f"{path}, column {name}")
-    require_units(time_s, temperatures, where=str(path))
+            raise _no_temperature(numbers[name], where=f"{path}, column {spelled[name]}")
+    called = {spelled[name]: temp_c for name, temp_c in temperatures.items()}
+    require_units(time_s, called, where=str(path), time_name=spelled["time_s"])
     switches = _read_switches(numbers, repairs)
     extra: dict[str, NDArray[np.generic]] = {
         name: values for name, values in numbers.items() if name not in (*NEEDED_NAMES, *_SWITCHES)
@@ -123,9 +125,8 @@ def read_temperature_log(
     )
 
 
-def _require_order(ordered: OrderedStamps, rows: int, *, path: Path) -> None:
+def _require_order(ordered: OrderedStamps, rows: int, *, where: str) -> None:
     """Refuse stamps that are no seconds, or too far out of order to be a clock's: every restart would be a guess."""
-    where = f"{path}, column time_s"
     require_stamps(ordered.time_s, where=where)
     restarts = int(ordered.block[-1])
     covered_s = float(np.diff(ordered.time_s)[np.diff(ordered.block) == 0].sum())
@@ -147,7 +148,8 @@ def _no_temperature(values: Floats, *, where: str) -> InputError:
         where=where,
         value=middle,
         limit=f"{RANGE_C[0]:g} to {RANGE_C[1]:g} °C",
-        do='give °C, not in kelvin or tenths, or say it: --units "a=K,b=K", [temperature] units; both are needed',
+        do="give °C, not in kelvin or tenths, or say the unit where the header does not: "
+        '--units "a=K,b=K", [temperature] units; both temperatures are needed',
     )
 
 

@@ -110,3 +110,9 @@ def test_a_name_that_is_not_known_is_refused_where_a_spec_is_made(member: str) -
     wrong = {**getattr(spec, member), "tau_c_nmm": 0.1}
     with pytest.raises(ConfigError, match="did you mean 'tau_c_mnm'"):
         replace(spec, **{member: wrong})
+
+
+@pytest.mark.parametrize(("name", "sigma"), [("E_A_gpa", 1.8e9), ("A_s_c", 40.0), ("tau_c_mnm", 300.0)])
+def test_an_uncertainty_in_another_unit_is_refused_where_a_spec_is_made(name: str, sigma: float) -> None:
+    with pytest.raises(ConfigError, match=f"'{name}' is out of range.*in the value's unit"):
+        replace(reference_spec(), uncertainty={name: sigma})

@@ -18,8 +18,9 @@ def test_every_command_has_help_with_an_example(name: str, capsys: pytest.Captur
     assert f"Example: torsight {name}" in " ".join(capsys.readouterr().out.split())
 
 
-def test_every_command_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert leave("--help") == 0
+@pytest.mark.parametrize("words", [("--help",), ()])
+def test_every_command_is_listed(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave(*words) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in COMMANDS)
     assert len(app.registered_commands) == len(COMMANDS)

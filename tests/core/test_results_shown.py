@@ -40,7 +40,7 @@ from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.words.shown import Shown
 from torsight.discovery import PredictedAngle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect
-from torsight.synthetic import Record
+from torsight.synthetic import Record, scene_from
 from tracker import Orientation, TrackResult
 
 N = 30
@@ -79,6 +79,10 @@ def test_a_notebook_that_would_show_no_picture_says_so(monkeypatch: pytest.Monke
         (
             ActuatorModel(reference_spec(), ["sensor_lag"]),
             "ActuatorModel(reference rig, sensor_lag, 12 free parameters)",
+        ),
+        (
+            scene_from({"seed": 5, "effects": {"sensor_lag": {}}}, where="test"),
+            "Scene(seed 5, sensor_lag, 2 half-cycles, 640 × 480 px at 30 frames/s)",
         ),
         (ActuatorModel(reference_spec()).prepare(TABLE), "Drive(30 rows over 14.5 s, 1 half-cycle, 23.5 to 38.5 °C)"),
     ],

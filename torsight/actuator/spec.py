@@ -112,7 +112,7 @@ class ActuatorSpec(Frozen):
             if name in self.values or (name in KEYS and key.table in _REQUIRED[1:]):
                 key.number(self.values, name, where=f"{self.source}, values")
         for name in self.uncertainty:
-            get_number(self.uncertainty, name, where=f"{self.source}, uncertainty", lower=0.0)
+            _sigma(self.uncertainty, name, self.values, where=f"{self.source}, uncertainty")
         check_order(self.values, where=self.source)
         if any(name.startswith(SPRING_B) for name in self.values):
             check_order(values_of_b(self.values), where=f"{self.source}, [spring_b]")
@@ -248,18 +248,21 @@ def _wanted(table_name: str, table: Mapping[str, Any], names: tuple[str, ...], *
 def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, where: str) -> dict[str, float]:
     table = get_table(content, "uncertainty", where=where)
     check_keys(table, tuple(values), where=where)
-    sigmas = {}
-    for name in table:
-        scale = 30.0 if KEYS[name].unit == "°C" else max(abs(values[name]), 1e-3)
-        if name == "zero_deg":
-            scale = KEYS[name].upper
-        upper = 10.0 * scale if name == "tau_c_mnm" else scale
-        sigma = get_number(
-            table, name, where=where, lower=0.0, upper=upper, hint="one standard deviation, in the value's unit"
-        )
-        if sigma > 0.0:
-            sigmas[name] = sigma
-    return sigmas
+    sigmas = {name: _sigma(table, name, values, where=where) for name in table}
+    return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
+
+
+def _sigma(table: Mapping[str, Any], name: str, values: Mapping[str, float], *, where: str) -> float:
+    """Return one standard deviation of a value: a larger one than the value itself is one in another unit."""
+    key = ALL_KEYS[name]
+    upper = 30.0 if key.unit == "°C" else max(abs(values[name]), 1e-3)
+    if name == "zero_deg":
+        upper = key.upper
+    elif name == "tau_c_mnm":
+        upper *= 10.0
+    return get_number(
+        table, name, where=where, lower=0.0, upper=upper, hint="one standard deviation, in the value's unit"
+    )
 
 
 def check_order(values: Mapping[str, float], *, where: str) -> None:

@@ -15,6 +15,7 @@ from torsight.core.files.config import get_number, get_switch, get_table, get_ta
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
+from torsight.core.words.wording import counted
 from torsight.synthetic.effects.hidden import read_hidden
 from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.keys import is_section, key, read_section
@@ -159,7 +160,7 @@ class OutputSettings:
     seed: int = key(0, "seed of the discovery", lower=0, upper=2**31)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Scene(Frozen):
     """Everything that a synthetic experiment is made of."""
 
@@ -181,6 +182,12 @@ class Scene(Frozen):
     log: LogSettings
     events: tuple[FilmEvent, ...]
     output: OutputSettings
+
+    def __repr__(self) -> str:
+        hidden = ", ".join(self.effects) or "no effects"
+        done = counted(len(self.protocol.half_cycles), "half-cycle")
+        film = f"{self.camera.width_px} × {self.camera.height_px} px at {self.film.fps:g} frames/s"
+        return f"Scene(seed {self.seed}, {hidden}, {done}, {film})"
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return the random numbers for one purpose; they do not depend on what else is drawn."""

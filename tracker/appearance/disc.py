@@ -45,7 +45,9 @@ others, J. Ind. Eng. Manag. 2, 2009, p. 114)."""
 _RIM_PX, _RIM = 0.75, 4.0
 """How far from the rim D still changes: half a pixel's diagonal, and this many widths of the edge."""
 _SHARP_PX: Final = 0.35
-"""Edge below which the mean over a pixel needs the finer set of points."""
+"""Edge below which the mean over a pixel needs the finer set of points; from it on that of a smeared dot is taken as
+from ``_SOFT_PX``: smears are rounded to whole pixels, which errs by more. With edges of 0.36 to 0.9 px and smears of 3
+to 30 px places change by less than 5e-4 px, and reading takes a third of the time."""
 _SOFT_PX: Final = 1.0
 """Edge from which the mean over a pixel is taken as a blur more, of variance 1/12 px², and the rim as shifted by its
 curvature: right to 4e-4, twice what the logistic curve costs."""
@@ -55,8 +57,11 @@ _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
 
 
 @shared
-def disc_point(x: float, y: float, shape: Record) -> tuple[float, float, float, float]:
-    """Return D and its slopes along x, y and the edge's width, the mean over one pixel at an offset from the centre."""
+def disc_point(x: float, y: float, shape: Record, soft_px: float = _SOFT_PX) -> tuple[float, float, float, float]:
+    """Return D and its slopes along x, y and the edge's width, the mean over one pixel at an offset from the centre.
+
+    The mean over a pixel is a blur more from an edge of ``soft_px``.
+    """
     e, f, radius, edge = shape.stretch[0], shape.stretch[1], shape.radius, shape.edge
     away = math.hypot((1.0 - e) * x - f * y, -f * x + (1.0 + e) * y) - radius
     if abs(away) >= _RIM_PX + _RIM * edge:
@@ -64,7 +69,7 @@ def disc_point(x: float, y: float, shape: Record) -> tuple[float, float, float, 
     nodes, weights, wide = _NODE_3, _WEIGHT_3, edge
     if edge < _SHARP_PX:
         nodes, weights = _NODE_4, _WEIGHT_4
-    elif edge > _SOFT_PX:
+    elif edge > soft_px:
         nodes, weights, wide = _NODE_1, _WEIGHT_1, math.sqrt(edge * edge + 1.0 / 12.0)
         radius -= 1.0 / (24.0 * radius)
     inside = along_x = along_y = along_edge = 0.0
@@ -105,7 +110,7 @@ def smeared_point(
     inside = along_x = along_y = 0.0
     for k in range(max(0, math.floor(middle - places)), min(count, math.ceil(middle + places) + 1)):
         share = (k + 0.5) / count - 0.5
-        d, dx, dy, _ = disc_point(x - share * smear_x, y - share * smear_y, shape)
+        d, dx, dy, _ = disc_point(x - share * smear_x, y - share * smear_y, shape, _SHARP_PX)
         inside += d
         along_x += dx
         along_y += dy

@@ -67,6 +67,10 @@ class FilmSource:
             self._note_slow_motion(container, stream)
             self._look_at_first(container, stream)
 
+    def __repr__(self) -> str:
+        width, height = self.size_px
+        return f"FilmSource({self.name}, {width} × {height} px, {self.frame_count or 'uncounted'} frames)"
+
     def _look_at_first(self, container: Any, stream: Any) -> None:
         """Decode until one frame comes out: proof that there is a picture, and how it is turned for display."""
         message = "no frame in it"

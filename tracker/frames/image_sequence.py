@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError
 from torsight.core.files.paths import PICTURE_SUFFIXES, require_content
 from torsight.core.units import Floats
+from torsight.core.words.wording import counted
 from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes
 
 _DEPTHS: Final = (8, 10, 12, 14, 16)
@@ -61,6 +62,10 @@ class PictureSource:
         self.frame_count = len(self.paths)
         self.pixel_aspect = 1.0
         self.bits = bits or (_bits_in_use(self.paths) if first.dtype == np.uint16 else None)
+
+    def __repr__(self) -> str:
+        width, height = self.size_px
+        return f"PictureSource({self.name}, {width} × {height} px, {counted(len(self.paths), 'picture')})"
 
     def files(self) -> list[Path]:
         """Return the files that the frames come from."""

@@ -169,6 +169,14 @@ def test_channels_that_are_swapped_are_no_offset():
         estimate_clock(angles, TemperatureLog(log.time_s, log.temp_b_c, log.temp_a_c))
 
 
+def test_a_log_in_another_unit_is_refused():
+    angles, log = messy_pair()
+    with pytest.raises(InputError, match="log, column temp_a_c: never is as cold as a room"):
+        estimate_clock(angles, replace(log, temp_a_c=1.8 * log.temp_a_c + 32.0, temp_b_c=1.8 * log.temp_b_c + 32.0))
+    with pytest.raises(InputError, match=r"log, column time_s: .*give times in seconds"):
+        estimate_clock(angles, replace(log, time_s=log.time_s / 3600.0))
+
+
 def test_no_motion_says_unknown_instead_of_guessing():
     angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
     still = replace(angles, angle_rad=np.full(len(angles), 0.3))

@@ -171,6 +171,7 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
         ("Time,Temp A (°F),Temp B", {"units": {"a": "°C"}}, "said to be in °F and in °C"),
         ("Time (ms),Temp A,Temp B", {"units": {"time": "s"}}, "said to be in ms and in s"),
         ("time_s,temp_a_c (K),temp_b_c", {}, "said to be in °C and in K"),
+        ("time_s (ms),temp_a_c,temp_b_c", {}, "'time_s .ms.' is said to be in s and in ms"),
         # Parted by blanks, these would name all three: time, A and B.
         ("Time (s),Temp A (ms),Temp B (°C)", {}, "no column 'temp_a_c'"),
         ("Time (K),Temp A (ms),Temp B (K)", {}, "'Time .K.' is in K, and that is no unit of the time"),
@@ -194,8 +195,21 @@ def test_a_row_of_units_that_contradicts_the_names(tmp_path):
 
 def test_kelvin_without_a_word_of_it_is_refused(tmp_path):
     line = lambda i: [f"{i}", f"{297 + 0.5 * i:g}", "297.5"]  # noqa: E731
-    with pytest.raises(InputError, match=r"not in kelvin.*--units"):
+    with pytest.raises(InputError, match=r"column Temp A: .*not in kelvin.*--units"):
         read(tmp_path, made_up("Time,Temp A,Temp B", line=line))
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("Time (s),Chan 101,Chan 102 (K)", r"column Chan 102 \(K\): holds no temperature.*where the header does not"),
+        ("Clock (ms),Chan 101,Chan 102", r"column Clock \(ms\): is too short for a heating"),
+    ],
+)
+def test_what_a_header_says_wrongly_is_told_by_the_files_own_names(tmp_path, header, message):
+    time, a, b = header.split(",")
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, made_up(header), columns={"time": time, "a": a, "b": b})
 
 
 @pytest.mark.parametrize(

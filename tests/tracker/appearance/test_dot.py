@@ -8,7 +8,8 @@ from scipy.ndimage import gaussian_filter, uniform_filter1d
 from scipy.stats import norm
 
 from tracker.appearance.disc import SHAPE, disc_point
-from tracker.appearance.dot_fit import fit_dot
+from tracker.appearance.dot_fit import Dot, fit_dot, window_for
+from tracker.appearance.lucas_kanade import READING, read_dot
 from tracker.appearance.motion_blur import SHARES, best_share, shutter_limits, smear_misfits
 from tracker.follow.marker import Marker
 
@@ -121,6 +122,25 @@ def test_a_shape_seen_from_aside_is_measured() -> None:
     assert fit is not None
     assert fit.stretch[0] == pytest.approx(0.06, abs=0.01)
     assert fit.stretch[1] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("edge", [0.3, 0.45, 0.8])
+@pytest.mark.parametrize("smear", [(3.0, 1.0), (6.0, -8.0), (0.0, 20.0)])
+def test_a_smeared_dot_is_read_within_a_hundredth_of_a_pixel(edge: float, smear: tuple[float, float]) -> None:
+    rng, fine, size, radius = np.random.default_rng(5), 9, 47, 5.0
+    at = (np.arange(size * fine) + 0.5) / fine - 0.5
+    steps = int(4 * np.hypot(*smear))
+    shares = (np.arange(steps) + 0.5) / steps - 0.5
+    dot = Marker(Dot(0.0, 0.0, radius, edge, (0.0, 0.0), -140.0 / 185.0, window_for(radius, edge), 185.0, 0.0, 1.0))
+    out, off = np.zeros(1, READING), []
+    for _ in range(4):
+        x, y = size // 2 + rng.uniform(-0.5, 0.5, 2)
+        picture = sum(np.hypot(at - x - a * smear[0], at[:, None] - y - a * smear[1]) < radius for a in shares) / steps
+        share = gaussian_filter(picture, edge * fine).reshape(size, fine, size, fine).mean(axis=(1, 3))
+        luma = np.rint(185.0 - 140.0 * share).astype(np.uint8)
+        assert read_dot(luma, x + 0.3, y - 0.2, dot.record[0], dot.look, smear, out[0])
+        off += [out["x"][0] - x, out["y"][0] - y]
+    assert np.sqrt(np.mean(np.square(off))) < 0.01
 
 
 def test_noise_alone_is_no_dot() -> None:

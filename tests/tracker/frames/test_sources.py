@@ -20,6 +20,7 @@ RIG = Rig(lambda t: 40.0 * t, frames=12, size=(160, 120), base_px=(15, 40), movi
 def test_a_lossless_film_gives_every_pixel_and_time(tmp_path: Path) -> None:
     rig = replace(RIG, jitter=0.6, drop=(3, 7))
     source = open_source(write_film(rig, tmp_path / "film.mkv"))
+    assert repr(source) == f"FilmSource({tmp_path / 'film.mkv'}, 160 × 120 px, uncounted frames)"
     frames = [(frame.index, frame.time_s, frame.luma.copy()) for frame in source]
     assert [index for index, _, _ in frames] == list(range(10))
     np.testing.assert_allclose([time_s for _, time_s, _ in frames], rig.times - rig.times[0], atol=1e-3)
@@ -43,6 +44,7 @@ def test_pictures_come_in_the_order_of_their_names(tmp_path: Path) -> None:
     folder = write_pictures(RIG, tmp_path / "pictures")
     (folder / "notes.txt").write_text("not a picture")
     for source in (open_source(folder, fps=10.0), open_source(str(folder / "*.png"), fps=10.0)):
+        assert repr(source).endswith(", 160 × 120 px, 12 pictures)")
         frames = list(source)
         assert len(frames) == RIG.frames
         np.testing.assert_allclose([frame.time_s for frame in frames], np.arange(12) / 10.0)

@@ -72,20 +72,22 @@ def require_turns(angle_rad: Floats, time_s: Floats, *, where: str) -> None:
     )
 
 
-def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str) -> None:
+def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str, time_name: str = "time_s") -> None:
     """Refuse a log of heated springs whose times are not seconds, or whose temperatures are not °C.
 
     A spring's wire is thin: it changes by half its range within minutes, never within hours, and it is cold before it
     is heated. Logs in which nothing is heated pass: others tell them.
-    ``time_s`` (n,) increases, ``temps_c`` holds temperatures (n,) by column; NaN where not known.
+    ``time_s`` (n,) increases, ``temps_c`` holds temperatures (n,) by column; NaN where not known. ``time_name`` is the
+    column of times.
     """
-    require_stamps(time_s, where=f"{where}, column time_s")
+    in_time = f"{where}, column {time_name}"
+    require_stamps(time_s, where=in_time)
     for name, temp_c in temps_c.items():
         known = np.isfinite(temp_c)
         if known.sum() < 3 or np.ptp(temp_c[known]) < HEATED_C:
             continue
         _require_cold(temp_c[known], where=f"{where}, column {name}")
-        _require_pace(time_s[known], temp_c[known], where=f"{where}, column time_s")
+        _require_pace(time_s[known], temp_c[known], where=in_time)
 
 
 def _require_cold(temp_c: Floats, *, where: str) -> None:
