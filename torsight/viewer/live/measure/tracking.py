@@ -201,21 +201,21 @@ class LiveTracker:
             self._order = order
         return order
 
-    def _settle(self, told: Told, rows: int, follower: Follower | None) -> None:
+    def _settle(self, which: WhichMarkers, told: Told, rows: int, follower: Follower | None) -> None:
         """Go on with the markers that motion tells; where others were followed, that replaces so many ``rows``."""
         self.undecided = False
+        tracks = which.tracks(told)
         if told.base is None:
-            self._mends.append((rows, told.tracks))
+            self._mends.append((rows, tracks))
             self._order, self._exchanged, self._follower = _SAME, [False, False], follower
         elif any(told.exchanged):
             self._exchanged = list(told.exchanged[:: -1 if told.base else 1])
         else:
             return
         what = OTHERS if told.base is None else ENDS
-        self._tell(float(told.tracks.time_s[-1]), rows - 1, "motion", f"{what}; the angle is of these, from the start")
+        self._tell(float(tracks.time_s[-1]), rows - 1, "motion", f"{what}; the angle is of these, from the start")
         self.anew, self._angle = True, self._new_angle()
         self._still.clear()
-        tracks = told.tracks
         for one in zip(tracks.time_s.tolist(), tracks.position_px, tracks.covariance_px2, strict=True):
             self._keep_still(*one)
         self._look_back(_SAME)
@@ -233,14 +233,14 @@ class LiveTracker:
         if follower is None or follower.moving is None:
             return False
         before, self._follower = self._follower, follower
-        self._settle(told, frame.index + 1, follower)
+        self._settle(self.which, told, frame.index + 1, follower)
         return follower is not before
 
     def end(self, rows: int) -> None:
         """Take what all of a record of so many rows tells of the markers, where nothing was sure so far."""
         if self.which is not None and self.undecided and rows > self._began + 1:
             told = self.which.told()
-            self._settle(told, rows, self._follower)
+            self._settle(self.which, told, rows, self._follower)
             if told.base is not None:
                 self._ordered(rows)
 

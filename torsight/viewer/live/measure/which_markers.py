@@ -30,14 +30,13 @@ UNDECIDED: Final = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Told:
-    """What motion says so far: the likeliest couple, its inner markers first, and its ``tracks`` since the picture.
+    """What motion says so far: the likeliest couple, its inner markers first.
 
     ``base`` is which stick of those that are followed is its base, None where others are followed; ``exchanged`` (2,)
     says of base and moving stick whether the marker followed as the inner one is the outer one.
     """
 
     couple: Couple
-    tracks: MarkerTracks
     base: int | None
     exchanged: list[bool]
 
@@ -66,6 +65,8 @@ class WhichMarkers:
     def add(self, frame: Frame) -> bool:
         """Follow all that may be markers into the next frame; return whether it is time to look what they tell."""
         self._weighing.add(frame)
+        if not self._frames:
+            self._due_s = frame.time_s
         self._frames += 1
         due = self._frames >= self._due or frame.time_s >= self._due_s + ATTENTION_S
         if due:
@@ -77,7 +78,8 @@ class WhichMarkers:
 
         The base is where it was seen last.
         """
-        places, valid = told.tracks.position_px, told.tracks.valid
+        tracks = self.tracks(told)
+        places, valid = tracks.position_px, tracks.valid
         if not valid[-1, 2:].all() or not valid.any(axis=0).all():
             return None
         sticks = (told.couple.base, told.couple.moving)
@@ -107,4 +109,8 @@ class WhichMarkers:
         base = 0 if pairs == [[True, False], [False, True]] else 1 if pairs == [[False, True], [True, False]] else None
         ends = zip(sticks, followed[::-1] if base else followed, strict=True)
         exchanged = [base is not None and stick.inner is not other.inner for stick, other in ends]
-        return Told(couple, self._weighing.tracks(couple), base, exchanged)
+        return Told(couple, base, exchanged)
+
+    def tracks(self, told: Told) -> MarkerTracks:
+        """Return what was read of these markers in all frames since the picture."""
+        return self._weighing.tracks(told.couple)
