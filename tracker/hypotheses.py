@@ -30,7 +30,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import Floats
+from torsight.core.tracks import MarkerTracks
+from torsight.core.units import Flags, Floats
+from tracker.appearance.lucas_kanade import READING
 from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.sticks import LENGTHS, LIKE, Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
@@ -41,11 +43,15 @@ from tracker.follow.rotation_axis import STANDS_PX, axis_weight, suppose_axis, t
 from tracker.frames.frame import Frame
 from tracker.innovation import SIGMAS, SURE, passes
 from tracker.rows import SEEN
+from tracker.stick_direction import square
 
 Places = NDArray[np.complex128]
 
 _NOWHERE: Final = complex(math.nan, math.nan)
 """The place of a marker that is not seen."""
+_KEPT: Final = ["x", "y", "covariance"]
+_NOT_READ: Final = np.full(2, np.nan, np.dtype([(name, READING[name]) for name in _KEPT]))
+"""What is kept of the readings of a pair, and of one that was not seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +157,69 @@ def _median(values: Floats) -> Floats:
     return np.asarray(middle)
 
 
+class Weighing:
+    """Couples of pairs that were found in one picture ``luma``, followed and weighed frame by frame."""
+
+    def __init__(self, luma: NDArray[np.uint8], couples: Sequence[tuple[Stick, Stick]]) -> None:
+        self._luma, self._couples = luma, couples
+        self._pairs = {id(pair): pair for couple in couples for pair in couple}
+        self._states = {key: DotState(markers_on(luma, pair)) for key, pair in self._pairs.items()}
+        self._time_s: list[float] = []
+        self._read: dict[int, list[NDArray[np.void]]] = {key: [] for key in self._pairs}
+
+    def add(self, frame: Frame) -> None:
+        """Follow every pair into the next frame."""
+        self._time_s.append(frame.time_s)
+        for key, state in self._states.items():
+            seen = None if frame.luma is None or frame.damaged else state.step(frame.luma, frame.time_s, np.zeros(2))
+            if seen is not None and (seen["state"] == SEEN).all():
+                self._read[key].append(seen[_KEPT].astype(_NOT_READ.dtype))
+            else:
+                self._read[key].append(_NOT_READ)
+
+    def weighed(self, *, every: int = 1) -> list[Couple]:
+        """Return the couples, each with either pair as the base, the likeliest first; by every so-many-th frame."""
+        return _weighed(self._luma, self._couples, self._motion(every))
+
+    def stands(self, couple: Couple) -> bool:
+        """Return whether a couple's base stands."""
+        return _base_stands(couple, self._pairs, self._motion(1))
+
+    def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
+        """Return what was read of a couple's markers in the frames since the picture, or in every so-many-th.
+
+        Nothing was where one dot was read for both sticks.
+        """
+        read = np.concatenate([self._of(stick, every) for stick in (couple.base, couple.moving)], axis=1)
+        places = read["x"] + 1j * read["y"]
+        radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
+        read[_nearer(radius_px, places[:, :2], places[:, 2:]).any(axis=(1, 2))] = _NOT_READ[0]
+        position_px = np.stack([read["x"], read["y"]], axis=-1)
+        height, width = self._luma.shape
+        return MarkerTracks(
+            frame=np.arange(len(read), dtype=np.int64),
+            time_s=np.array(self._time_s[::every]),
+            position_px=position_px,
+            covariance_px2=square(read["covariance"]),
+            valid=np.isfinite(position_px[..., 0]),
+            size_px=(width, height),
+        )
+
+    def _of(self, stick: Stick, every: int) -> NDArray[np.void]:
+        """Return what was read (n, 2) of a stick's markers, the inner one first."""
+        key, pair = next((key, pair) for key, pair in self._pairs.items() if pair.is_of(stick))
+        read = np.array(self._read[key][::every], _NOT_READ.dtype).reshape(-1, 2)
+        return read if pair.inner is stick.inner else read[:, ::-1]
+
+    def _motion(self, every: int) -> dict[int, _Motion]:
+        height, width = self._luma.shape
+        found = {}
+        for key, state in self._states.items():
+            read = self._of(self._pairs[key], every)
+            found[key] = _motion(state, read["x"] + 1j * read["y"], (width, height))
+        return found
+
+
 def weigh_couples(
     luma: NDArray[np.uint8], couples: Sequence[tuple[Stick, Stick]], frames: Iterable[Frame]
 ) -> tuple[list[Couple], bool]:
@@ -160,23 +229,12 @@ def weigh_couples(
     sure as :data:`tracker.innovation.SURE`, or to their end; no more than markers are looked for in where only which
     stick moves is open. Couples of which the film tells nothing keep their order.
     """
-    pairs = {id(pair): pair for couple in couples for pair in couple}
-    states = {key: DotState(markers_on(luma, pair)) for key, pair in pairs.items()}
-    places: dict[int, list[Places]] = {key: [] for key in pairs}
-    height, width = luma.shape
-
-    def weighed() -> tuple[list[Couple], dict[int, _Motion]]:
-        motion = {key: _motion(state, places[key], (width, height)) for key, state in states.items()}
-        return _weighed(luma, couples, motion), motion
-
+    weighing = Weighing(luma, couples)
     due, found = STALE, list[Couple]()
     for number, frame in enumerate(frames, 1):
-        if frame.luma is not None:
-            for key, state in states.items():
-                seen = state.step(frame.luma, frame.time_s, np.zeros(2))
-                places[key].append(np.where((seen["state"] == SEEN).all(), seen["x"] + 1j * seen["y"], _NOWHERE))
+        weighing.add(frame)
         if number == due:
-            before, (found, motion) = found, weighed()
+            before, found = found, weighing.weighed()
             if number >= LOOKED_AT[-1] and _settled(found):
                 break
             # Twice, the second time on twice as many frames: what fits a short stretch may not fit a longer one.
@@ -184,8 +242,8 @@ def weigh_couples(
                 break
             due *= 2
     else:
-        found, motion = weighed()
-    return found, _base_stands(found[0], pairs, motion)
+        found = weighing.weighed()
+    return found, weighing.stands(found[0])
 
 
 def _settled(found: Sequence[Couple]) -> bool:
@@ -249,8 +307,8 @@ def _inner_first(base: Stick, moving: Stick, motion: _Motion) -> tuple[Stick, St
     return base.towards(x, y), moving.towards(x, y)
 
 
-def _motion(state: DotState, places: Sequence[Places], size_px: tuple[int, int]) -> _Motion:
-    """Return what the places (n, 2), complex, of a pair say, NaN where it was not seen.
+def _motion(state: DotState, at: Places, size_px: tuple[int, int]) -> _Motion:
+    """Return what the places ``at`` (n, 2), complex, of a pair say, NaN where it was not seen.
 
     Nothing speaks for or against a pair that was never seen.
     """
@@ -260,7 +318,7 @@ def _motion(state: DotState, places: Sequence[Places], size_px: tuple[int, int])
     anywhere_px2 = 0.25 * (width**2 + height**2)
     suppose_axis(axis, 0.5 * width, 0.5 * height, math.sqrt(anywhere_px2))
     nowhere = np.array([0.5 * width, 0.5 * height])
-    at, arms = np.array(places).reshape(-1, 2), axis["arm"][:, 0] + 1j * axis["arm"][:, 1]
+    arms = axis["arm"][:, 0] + 1j * axis["arm"][:, 1]
     if not np.isfinite(at).any() or not axis["known"]:
         return _Motion(at, 0.0, nowhere, anywhere_px2, 0.0)
     beside_px = abs(float(arms.mean().imag))
@@ -294,8 +352,13 @@ def _score(luma: NDArray[np.uint8], base: Stick, turning: Stick, motion: Mapping
 
 def _apart(pair: _Motion, moving: _Motion, radius_px: float) -> Places:
     """Return where a pair's dots are, without the frames in which one may be a dot of the moving pair."""
-    between_px: Floats = np.abs(pair.places[:, :, None] - moving.places[:, None, :])
-    return np.where((between_px < NEAR * radius_px).any(axis=2), _NOWHERE, pair.places)
+    return np.where(_nearer(NEAR * radius_px, pair.places, moving.places).any(axis=2), _NOWHERE, pair.places)
+
+
+def _nearer(limit_px: float, one: Places, other: Places) -> Flags:
+    """Return which dots of two pairs (n, 2) are nearer to each other than some distance, (n, 2, 2)."""
+    between_px: Floats = np.abs(one[:, :, None] - other[:, None, :])
+    return between_px < limit_px
 
 
 def _holds(stick: Stick, x_px: float, y_px: float) -> bool:

@@ -17,7 +17,6 @@ from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 from torsight.core.tracks import LEAST_SURE, MarkerTracks
-from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 from tracker.angle.axis_of_circles import turned_round
 from tracker.angle.camera_motion import unmoved
@@ -25,6 +24,7 @@ from tracker.checkpoint import RowStore, source_key
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.frames.frame import REPORT_EVERY, FrameSource
+from tracker.hypotheses import Choice
 from tracker.initialise import Start, find_start
 from tracker.rows import CODE
 from tracker.stick_direction import square
@@ -183,19 +183,22 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
     return {"family": start.hints.family, "base_id": ids[base], "moving_id": ids[1 - base]}
 
 
-def _choice(start: Start, exchanged: Floats, *, base: int) -> tuple[dict[str, Any], float]:
-    """Return how sure it is that these are the markers and what else may be, for ``track.json``; and the variance.
+def told_by_motion(
+    tracks: MarkerTracks, choice: Choice, *, radius_px: float, base: int = 0
+) -> tuple[list[int], dict[str, Any], float]:
+    """Return what all frames say of dots that were found in one picture: which of a stick's two is nearer to the axis.
 
-    Where there is a result (:data:`~torsight.core.tracks.LEAST_SURE`) the angle is that of the markers taken: a rival
-    of small probability would otherwise be all of a good angle's sigma.
-    ``exchanged`` (2,) is how probable it is of base and moving stick that the marker called the inner one, as the film
-    begins, is the outer one: the likelier one is taken, and the angle is off by half a turn if that is not it.
+    That is the order of the markers; how sure it is that these are the markers and what else may be, for
+    ``track.json``; and the variance of the angle by that. Where there is a result
+    (:data:`~torsight.core.tracks.LEAST_SURE`) the angle is that of the markers taken: a rival of small probability
+    would otherwise be all of a good angle's sigma. ``base`` is which of the couple's sticks is the base.
     """
-    if start.choice is None:
-        return {}, 0.0
+    # How probable it is of base and moving stick that the marker called the inner one is the outer one: the likelier
+    # one is taken, and the angle is off by half a turn if that is not it.
+    exchanged = turned_round(unmoved(tracks).tracks, radius_px=radius_px)
+    order = [i ^ int(exchanged[i // 2] > 0.5) for i in range(4)]
     base_off, moving_off = np.minimum(exchanged, 1.0 - exchanged).tolist()
     opposite = base_off * (1.0 - moving_off) + moving_off * (1.0 - base_off)
-    choice = start.choice
     report: dict[str, Any] = {"probability": choice.sure * (1.0 - opposite), "opposite_probability": opposite}
     if choice.rivals:
         report["taken"] = choice.taken.to_json()
@@ -203,7 +206,7 @@ def _choice(start: Start, exchanged: Floats, *, base: int) -> tuple[dict[str, An
             report["taken"][name] = report["taken"][name][:: -1 if turned else 1]
         report["rivals"] = [one.to_json() for one in choice.rivals]
     spread_rad2 = choice.spread_rad2 + math.pi**2 * opposite
-    return report, spread_rad2 if report["probability"] < LEAST_SURE else 0.0
+    return order, report, spread_rad2 if report["probability"] < LEAST_SURE else 0.0
 
 
 def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]:
@@ -240,13 +243,10 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
     base = 1 - moving
     rows, tracks = _ordered(table, [2 * base, 2 * base + 1, 2 * moving, 2 * moving + 1], source)
     choice: dict[str, Any] = {}
-    if start.moving is None and start.hints is None:
-        # Dots that were found in one picture: which of two is nearer to the axis shows in how they move.
-        exchanged = turned_round(unmoved(tracks).tracks, radius_px=follower.report()["radius_px"])
-        turned = exchanged > 0.5
-        if turned.any():
-            rows, tracks = _ordered(rows, [i ^ int(turned[i // 2]) for i in range(4)], source)
-        choice, variance_rad2 = _choice(start, exchanged, base=base)
+    if start.choice is not None:
+        radius_px = follower.report()["radius_px"]
+        order, choice, variance_rad2 = told_by_motion(tracks, start.choice, radius_px=radius_px, base=base)
+        rows, tracks = _ordered(rows, order, source)
         tracks = replace(tracks, choice_rad2=variance_rad2)
     report = {
         "source": source.describe(),

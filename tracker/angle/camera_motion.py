@@ -2,8 +2,9 @@
 
 A camera that is bumped, sags or shakes shifts the whole picture. Directions do not mind, but the axis is no longer
 where it was: circles that shift meanwhile look like ellipses, and so like a tilt. The base stick is fixed, so its
-motion is the picture's, and is taken out of all positions. Where it moves by no more than its own noise nothing is
-taken out: its noise would only be added to the others'.
+motion is the picture's, and is taken out of all positions. So is what both sticks' lengths do together: a camera that
+comes nearer makes all of the picture larger. Where it moves by no more than its own noise nothing is taken out: its
+noise would only be added to the others'.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torsight.core.optics.hanging import USUAL_PX
 from torsight.core.series import BY_CHANCE, runs
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
-from tracker.angle.length_noise import witness
+from tracker.angle.length_noise import LEAST_FRAMES, LengthWitness, by_direction, witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
 from tracker.follow.camera_state import SHAKE_PX
 from tracker.innovation import SIGMAS
@@ -74,6 +75,9 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     the picture.
     """
     flat, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
+    far = as_far(flat, covariance, pixel=pixel)
+    if far is not None:
+        flat, tracks = far, replace(tracks, position_px=_in_picture(far, intrinsics, pixel_aspect))
     shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
     if shift is None:
         nothing = np.zeros(len(tracks))
@@ -109,6 +113,36 @@ def flattened(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect:
 def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float) -> Floats:
     """Return the pixel positions of what :func:`flattened` makes of them."""
     return flat / np.array([pixel_aspect, 1.0]) if intrinsics is None else pixel_from_ray(flat, intrinsics)
+
+
+def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> Floats | None:
+    """Return positions (n, 4, 2) as from a camera that stays as far away; None where that is what it does.
+
+    One that comes nearer makes both longer; their errors are independent. So the slope of the moving stick's length
+    over the base's, beside what its direction makes of it, is the camera's share in the variance of the base's: of
+    every change of the base that much is expected to be the camera's. It is taken out about the base's middle.
+    ``covariance`` and ``pixel`` as for :func:`upright`.
+    """
+    base, moving = _lengths(position, covariance, 0), _lengths(position, covariance, 2)
+    known = np.isfinite(base.residual) & np.isfinite(moving.residual) & ~base.outlier & ~moving.outlier
+    if known.sum() < LEAST_FRAMES:
+        return None
+    longer = base.residual[known] / base.length
+    offset = position[known, 3] - position[known, 2]
+    beside = np.column_stack([by_direction(np.arctan2(offset[:, 1], offset[:, 0])), longer])
+    slope = np.linalg.lstsq(beside, np.hypot(*offset.T) / moving.length, rcond=None)[0][-1]
+    share, changed = float(np.clip(slope, 0.0, 1.0)), float(np.var(longer))
+    if not share * changed > max(_MOVED**2 * (1.0 - share) * changed, (_FELT_PX * pixel / base.length) ** 2):
+        return None
+    size = 1.0 + share * np.interp(np.arange(len(position)), np.flatnonzero(known), longer)
+    middle = _middle(position[:, :2])[:, None]
+    return np.asarray(middle + (position - middle) / size[:, None, None])
+
+
+def _lengths(position: Floats, covariance: Floats, first: int) -> LengthWitness:
+    """Return what the length of the stick with these two markers says, in all frames alike."""
+    inner, outer = ((position[:, marker], covariance[:, marker]) for marker in (first, first + 1))
+    return witness(inner[0], outer[0], inner[1], outer[1], moves=np.ones(len(position), np.bool_))
 
 
 def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:
@@ -211,8 +245,7 @@ def _at_the_start(place: Floats) -> Floats:
 
 def _base_scale(base: Floats, covariance: Floats) -> float:
     """Return by how much the length of the base stick errs more than the fits say, in all frames alike."""
-    together = np.ones(len(base), np.bool_)
-    return witness(base[:, 0], base[:, 1], covariance[:, 0], covariance[:, 1], moves=together).scale
+    return _lengths(base, covariance, 0).scale
 
 
 def _noise(base: Floats, covariance: Floats) -> Floats:

@@ -129,9 +129,14 @@ def _scales(square: Floats, use: Flags, moves: Flags) -> tuple[float, float]:
     return scale, max(over(rest), min(1.0, scale))
 
 
+def by_direction(angle: Floats) -> Floats:
+    """Return the terms (n, 5) in which a length depends on its direction in the picture."""
+    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
+
+
 def _smooth(angle: Floats, length: Floats, weight: Floats) -> Floats:
     """Return the part of the length that follows the direction: tilt and lens change it once and twice per turn."""
-    basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
+    basis = by_direction(angle)
     weighted = weight[:, None] * basis
     ridge = 1e-4 * float(weight.sum()) * np.diag([0.0, 1.0, 1.0, 1.0, 1.0])
     # Around the mean, so that the weak ridge pulls the terms, not the length, towards zero.

@@ -55,6 +55,19 @@ def test_a_moved_picture_is_no_tilt(kind: str, rig) -> None:
     assert max(found.report["noise"]["error_over_white_noise"].values()) < 1.3
 
 
+@pytest.mark.parametrize("period_s", [3.0, 7.0])
+@pytest.mark.parametrize("rig", [STRAIGHT, ASIDE], ids=["straight", "aside"])
+def test_a_camera_that_comes_nearer_and_goes_back_makes_no_tilt(period_s: float, rig) -> None:
+    still = tracks_of(rig)
+    nearer = 1.0 + 0.01 * np.sin(2.0 * np.pi * still.time_s / period_s)
+    middle = 0.5 * (np.array(still.size_px) - 1.0)
+    grown = middle + (still.position_px - middle) * nearer[:, None, None]
+    found = orient(replace(still, position_px=grown), None)
+    check(rig, found.angles, factor=1.5)
+    assert found.report["tilt"]["tilt_deg"] == pytest.approx(orient(still, None).report["tilt"]["tilt_deg"], abs=1.5)
+    assert max(found.report["noise"]["error_over_white_noise"].values()) < 1.3
+
+
 def test_a_camera_that_rolls_when_it_is_bumped() -> None:
     late = np.arange(FRAMES) > 150
     found = orient(moved(tracks_of(STRAIGHT), late[:, None] * [6.0, -3.0], late * np.deg2rad(0.8)), None)

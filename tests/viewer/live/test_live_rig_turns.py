@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import threading
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from live_rig import film_angles, picture_angles_deg
+from live_rig import Kept, film_angles, picture_angles_deg
 
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.run import run_experiment
@@ -21,7 +20,6 @@ from torsight.viewer.live.live_session import Session
 from torsight.viewer.live.measure.growing_log import WatchedLog
 from torsight.viewer.live.measure.model_watch import ModelWatch
 from torsight.viewer.live.record.live_report import write_experiment
-from torsight.viewer.live.screen.latency import Latency
 
 FPS = 5.0
 SPEED = 40.0
@@ -35,27 +33,6 @@ SCENE = {
     "sensor": {"sample_s": 0.05, "noise_c": 0.02},
     "thermal": {"wire_capacity_j_per_k": 0.6},
 }
-
-
-class Kept:
-    """A screen that keeps what it is to show."""
-
-    left_out = 0
-
-    def __init__(self) -> None:
-        self.latency = Latency()
-        self.entries: list[tuple[Any, ...]] = []
-
-    def wait_until_open(self, _limit_s: float) -> bool:
-        return True
-
-    def put(self, *entry: Any) -> None:
-        self.entries.append(entry)
-
-    def series(self, entity: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return all that was sent of a curve."""
-        parts = [entry[2:] for entry in self.entries if entry[:2] == ("series", entity)]
-        return tuple(np.concatenate([part[place] for part in parts]) for place in (0, 1))
 
 
 def true_friction_mnm(made: Record) -> float:

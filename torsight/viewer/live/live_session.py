@@ -24,6 +24,7 @@ from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame
 from torsight.viewer.live.measure.growing_log import LogClock, LogFollower, WatchedLog
 from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
+from torsight.viewer.live.measure.which_markers import UNDECIDED
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
 from torsight.viewer.live.record.live_files import Recorder, finish
 from torsight.viewer.live.record.live_report import write_track_account
@@ -169,6 +170,10 @@ class Session:
     def _take_earlier(self) -> None:
         """Show, and give the model, the angles of the time before the moving stick showed."""
         earlier = self._tracker.earlier()
+        if self._tracker.anew:
+            self._tracker.anew = False
+            if self._model is not None:
+                self._model.begin_again()
         if not earlier:
             return
         time_s = np.array([one.time_s for one in earlier])
@@ -294,6 +299,7 @@ class Session:
             temperatures=self._temperatures,
             latency_ms=self._latency.percentile_ms(50.0),
             trouble=self._trouble,
+            markers=UNDECIDED if self._tracker.undecided else "",
         )
 
     def _tell(self, time_s: float, frame: int, kind: str, text: str) -> None:
@@ -324,7 +330,7 @@ class Session:
             self._folder,
             camera=self._camera,
             size_px=self._size_px,
-            swapped=self._tracker.swapped,
+            tracker=self._tracker,
             pixel_aspect=pictures.pixel_aspect,
         )
         if orientation is not None:

@@ -163,6 +163,11 @@ class ModelWatch:
         self._values: Mapping[str, float] | None = None
         self.broken = False
 
+    def begin_again(self) -> None:
+        """Forget all angles: they come anew, of other markers."""
+        self._angles = Thinned(2)
+        self._known_s = -math.inf
+
     def angle(self, time_s: float, angle_rad: float, sigma_rad: float) -> None:
         """Take a measured angle."""
         self._angles.add(time_s, (angle_rad, sigma_rad))

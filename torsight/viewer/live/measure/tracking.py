@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -16,17 +17,20 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
-from torsight.core.tracks import MARKERS
+from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import Floats
 from torsight.viewer.live.frames.intake import LiveFrame
 from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.model_watch import STEP_S
+from torsight.viewer.live.measure.which_markers import ENDS, OTHERS, Told, WhichMarkers
 from tracker.detect.marker_file import MarkerHints
 from tracker.follow.follower import Follower
 from tracker.frames.frame import Damage, Frame
 from tracker.initialise import find_start
+from tracker.innovation import SURE
 from tracker.rows import CODE, STATES
 from tracker.stick_direction import square
+from tracker.track import told_by_motion
 
 _LOOK_EVERY_S: Final = 0.5 * THOUGHT_S
 """How often markers are looked for until they are seen."""
@@ -35,9 +39,13 @@ _TELL_AFTER: Final = 3
 in a row miss it by chance once in 0.02⁻³ = 125,000, an hour at 35 per second."""
 _EARLIER_MOST: Final = round(3600.0 / STEP_S)
 """Of the time before anything moves, an hour's worth of positions is kept: their angles are known once it does."""
+_SAME: Final = [0, 1, 2, 3]
+"""The order of markers that were followed in that of ``MARKERS``."""
 _LOST_EARLY_S: Final = 2.0 * _LOOK_EVERY_S
 """A start whose markers are lost for two looks before anything moved was a wrong one."""
 
+_Mend = tuple[int, list[int] | MarkerTracks]
+"""Which order so many first rows are to have, or what is to stand there from where the markers were found."""
 Tell = Callable[[float, int, str, str], None]
 """Takes time (s), frame, kind and words of an event."""
 
@@ -96,12 +104,19 @@ class LiveTracker:
     def __init__(
         self, hints: MarkerHints | None, camera: Camera | None, *, name: str, tell: Tell, pixel_aspect: float = 1.0
     ) -> None:
-        self.swapped = 0
-        """How many of the first rows call the base stick moving."""
+        self.which: WhichMarkers | None = None
+        """Weighs which dots are the markers; None where that was told."""
+        self.undecided = False
+        self.anew = False
+        """Whether the angles so far were of other markers; who is told of that sets it back."""
+        self._mends: list[_Mend] = []
+        self._order, self._exchanged = _SAME, [False, False]
+        self._began = 0
         self._hints = hints
         self._name = name
         self._tell = tell
-        self._angle = LiveAngle(camera, pixel_aspect=pixel_aspect)
+        self._new_angle = partial(LiveAngle, camera, pixel_aspect=pixel_aspect)
+        self._angle = self._new_angle()
         self._follower: Follower | None = None
         self._looked_s = -math.inf
         self._away = np.zeros(4, np.int64)
@@ -129,18 +144,21 @@ class LiveTracker:
         if follower is None:
             return _nothing()
         knew = follower.moving
-        row = follower.step(Frame(frame.index, frame.time_s, frame.luma, damaged=frame.damaged or frame.dropped))
+        picture = Frame(frame.index, frame.time_s, frame.luma, damaged=frame.damaged or frame.dropped)
+        row = follower.step(picture)
         if knew is None and follower.moving is not None:
-            self._now_moving(frame, follower.moving)
-        swapped = follower.moving == 0
-        order = [2, 3, 0, 1] if swapped else [0, 1, 2, 3]
+            self._tell(frame.time_s, frame.index, "motion", "the moving stick shows; the angle counts from here")
+        if self._motion_tells(frame, picture) and self._follower is not None:
+            follower = self._follower
+            row = follower.step(picture)
+        order = self._ordered(frame.index)
         state = row["state"][order]
         position = np.where((state == CODE["seen"])[:, None], row["position_px"][order], np.nan)
         covariance = square(row["covariance_px2"][order])
         if not frame.dropped:
             self._watch(frame, state)
         if knew is None and follower.moving is not None:
-            self._look_back([2, 3, 0, 1] if swapped else [0, 1, 2, 3])
+            self._look_back(order)
         if follower.moving is None:
             if not frame.dropped:
                 self._give_up_early(frame, state)
@@ -165,14 +183,98 @@ class LiveTracker:
                 self._tell(frame.time_s, frame.index, "lost", f"{error.what}; looking on")
             return False
         self._follower = start.follower()
+        self._began, self._order, self._exchanged = frame.index, _SAME, [False, False]
+        self._mends.clear()
+        if start.choice is not None:
+            self.which, self.undecided = WhichMarkers(frame.luma), True
         words = "found the four markers" + ("" if start.moving is not None else "; the stick that moves will tell")
         self._tell(frame.time_s, frame.index, "found", words)
         return True
 
-    def _now_moving(self, frame: LiveFrame, moving: int) -> None:
-        if moving == 0:
-            self.swapped = frame.index
-        self._tell(frame.time_s, frame.index, "motion", "the moving stick shows; the angle counts from here")
+    def _ordered(self, rows: int) -> list[int]:
+        """Return the order in which the markers followed are those of ``MARKERS``; ``rows`` had the one before."""
+        moving = None if self._follower is None else self._follower.moving
+        base = 0 if moving is None else 1 - moving
+        order = [2 * stick + (end ^ int(self._exchanged[stick])) for stick in (base, 1 - base) for end in (0, 1)]
+        if order != self._order:
+            self._mends.append((rows, [self._order.index(marker) for marker in order]))
+            self._order = order
+        return order
+
+    def _settle(self, which: WhichMarkers, told: Told, rows: int, follower: Follower | None) -> None:
+        """Go on with the markers that motion tells; where others were followed, that replaces so many ``rows``."""
+        self.undecided = False
+        tracks = which.tracks(told)
+        if told.base is None:
+            self._mends.append((rows, tracks))
+            self._order, self._exchanged, self._follower = _SAME, [False, False], follower
+        elif any(told.exchanged):
+            self._exchanged = list(told.exchanged[:: -1 if told.base else 1])
+        else:
+            return
+        what = OTHERS if told.base is None else ENDS
+        self._tell(float(tracks.time_s[-1]), rows - 1, "motion", f"{what}; the angle is of these, from the start")
+        self.anew, self._angle = True, self._new_angle()
+        self._still.clear()
+        for one in zip(tracks.time_s.tolist(), tracks.position_px, tracks.covariance_px2, strict=True):
+            self._keep_still(*one)
+        self._look_back(_SAME)
+
+    def _motion_tells(self, frame: LiveFrame, picture: Frame) -> bool:
+        """Look which dots are the markers where it is time to; return whether others are followed from here."""
+        if self.which is None or not self.undecided or not self.which.add(picture):
+            return False
+        told = self.which.told()
+        follower = self._follower
+        if not self.which.sure:
+            return False
+        if told.base is None:
+            follower = self.which.follower(told)
+        if follower is None or follower.moving is None:
+            return False
+        before, self._follower = self._follower, follower
+        self._settle(self.which, told, frame.index + 1, follower)
+        return follower is not before
+
+    def end(self, rows: int) -> None:
+        """Take what all of a record of so many rows tells of the markers, where nothing was sure so far."""
+        if self.which is not None and self.undecided and rows > self._began + 1:
+            told = self.which.told()
+            self._settle(self.which, told, rows, self._follower)
+            if told.base is not None:
+                self._ordered(rows)
+
+    def chosen(self, tracks: MarkerTracks) -> tuple[MarkerTracks, dict[str, Any]]:
+        """Return the markers of a whole record in the order that all of it tells, and how sure that is."""
+        if self.which is None:
+            return tracks, {}
+        order, report, variance_rad2 = told_by_motion(tracks, self.which.choice, radius_px=self.which.radius_px)
+        last_s, last = float(tracks.time_s[-1]), len(tracks) - 1
+        if order != _SAME:
+            self._tell(last_s, last, "motion", f"{ENDS}; the angle is of these, from the start")
+        if not report["probability"] > SURE:
+            words = f"that these are the markers has a probability of {report['probability']:.2g}"
+            self._tell(last_s, last, "motion", f"{words}; name them with --markers to be sure")
+        chosen = replace(
+            tracks,
+            position_px=tracks.position_px[:, order],
+            covariance_px2=tracks.covariance_px2[:, order],
+            valid=tracks.valid[:, order],
+            choice_rad2=variance_rad2,
+        )
+        return chosen, {"markers": report}
+
+    def mended(self, values: Floats) -> Floats:
+        """Return what was recorded of the markers (rows, 4, x, y and sigma) as it is known now."""
+        # What was followed before was given up.
+        values[: self._began] = np.nan
+        for rows, change in self._mends:
+            if isinstance(change, MarkerTracks):
+                sigma_px = np.sqrt(0.5 * np.trace(change.covariance_px2, axis1=2, axis2=3))
+                values[self._began : rows] = np.concatenate([change.position_px, sigma_px[..., None]], axis=2)
+            else:
+                values[self._began : rows] = values[self._began : rows, change]
+        return values
 
     def earlier(self) -> list[EarlierAngle]:
         """Return, once, the angles of frames before the moving stick showed, some a second."""
@@ -212,7 +314,7 @@ class LiveTracker:
             self._lost_since_s = frame.time_s
         elif frame.time_s - self._lost_since_s > _LOST_EARLY_S and self._hints is None:
             self._tell(frame.time_s, frame.index, "lost", "these were not the markers; looking again")
-            self._follower, self._lost_since_s = None, None
+            self._follower, self._lost_since_s, self.undecided = None, None, False
             self._still.clear()
             self._away[:], self._told[:] = 0, False
 

@@ -18,7 +18,7 @@ from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import DEG
-from torsight.viewer.live.measure.tracking import Seen
+from torsight.viewer.live.measure.tracking import LiveTracker, Seen
 from tracker.angle.orient import orient
 from tracker.angle.plane import Orientation
 
@@ -148,19 +148,20 @@ class Recorder:
 
 
 def finish(
-    folder: Path, *, camera: Camera | None, size_px: tuple[int, int], swapped: int, pixel_aspect: float = 1.0
+    folder: Path, *, camera: Camera | None, size_px: tuple[int, int], tracker: LiveTracker, pixel_aspect: float = 1.0
 ) -> Orientation | None:
     """Orient a finished record as ``torsight track`` would a film, and write its tables whole.
 
-    None where no frame came, or no markers were ever seen. The first ``swapped`` rows call the base stick moving,
-    because no stick had moved yet.
+    None where no frame came, or no markers were ever seen. ``tracker`` knows by now what the rows that were written
+    before motion told are of.
     """
     path = folder / "markers.csv"
     if path.read_bytes().count(b"\n") < 2:
         return None
     table = read_table(path, required=("frame", "time_s"))
     values = marker_values(table, "x_px", "y_px", "sigma_px")
-    values[:swapped] = values[:swapped, [2, 3, 0, 1]]
+    tracker.end(len(values))
+    values = tracker.mended(values)
     position, sigma = values[..., :2], values[..., 2, None, None]
     valid = np.asarray(np.isfinite(position).all(axis=2))
     if not valid.all(axis=1).any():
@@ -173,10 +174,11 @@ def finish(
         valid=valid,
         size_px=size_px,
     )
+    tracks, report = tracker.chosen(tracks)
     orientation = orient(tracks, camera, pixel_aspect=pixel_aspect)
     write_table(path, marker_columns(orientation.with_errors(tracks), orientation.position_mm))
     write_angles(folder / "angle.csv", orientation.angles)
-    return orientation
+    return orientation.with_report(**report)
 
 
 def _exists(path: Path) -> ConfigError:

@@ -63,16 +63,19 @@ def standing(
     temperatures: Mapping[str, float],
     latency_ms: float,
     trouble: str,
+    markers: str = "",
 ) -> str:
     """Return how things stand, in Markdown.
 
     The last angle of camera and model, measured less modelled, and the springs' temperatures, °C; NaN where not known.
-    ``trouble`` is why the model says nothing, else empty.
+    ``trouble`` is why the model says nothing, ``markers`` what is not known of these, else empty.
     """
     plain_deg, residual_deg = model_deg
+    open_ = [("Markers", markers)] if markers else []
     lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
     rows = [
         ("Angle", degrees(angle_deg) or "not known yet"),
+        *open_,
         ("Temperatures", "  ".join(f"{name} {value:.1f} °C" for name, value in temperatures.items()) or "none yet"),
         ("Range of motion", degrees(outcome.high_deg - outcome.low_deg) or "none yet"),
         ("Frames", f"{outcome.frames}, {outcome.measured} measured, {outcome.dropped} dropped{lost}"),

@@ -1,0 +1,116 @@
+"""Which dots of the first picture are the markers, and which of a stick's is the inner one: as motion tells it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.progress import ATTENTION_S
+from torsight.core.tracks import MarkerTracks
+from tracker.detect.given_positions import LOOKED_AT
+from tracker.detect.sticks import couples_in
+from tracker.follow.followed_dots import DotState
+from tracker.follow.follower import Follower
+from tracker.follow.marker import markers_on
+from tracker.follow.motion_model import STALE
+from tracker.frames.frame import Frame
+from tracker.hypotheses import Choice, Couple, Weighing
+from tracker.innovation import SURE
+from tracker.track import told_by_motion
+
+OTHERS: Final = "as they move, other dots than those of the first picture are the markers"
+ENDS: Final = "as they move, a marker that was called the inner one is the outer one"
+UNDECIDED: Final = (
+    "which dots are the markers, and which of a stick's is the inner one, is not decided until motion tells"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What motion says so far: the likeliest couple, its inner markers first.
+
+    ``base`` is which stick of those that are followed is its base, None where others are followed; ``exchanged`` (2,)
+    says of base and moving stick whether the marker followed as the inner one is the outer one.
+    """
+
+    couple: Couple
+    base: int | None
+    exchanged: list[bool]
+
+
+class WhichMarkers:
+    """Weighs what a picture may show, as the frames after it come.
+
+    ``choice`` is the last one among couples; ``sure``: it, and which markers are the inner ones, will stay.
+    """
+
+    def __init__(self, luma: NDArray[np.uint8]) -> None:
+        self._first = luma.copy()
+        self._weighing = Weighing(self._first, couples_in(luma))
+        self.choice = Choice.of(self._weighing.weighed())
+        self.sure = False
+        self._followed = self.choice.taken
+        self._frames, self._due, self._due_s = 0, STALE, 0.0
+        self._was_sure = False
+
+    @property
+    def radius_px(self) -> float:
+        """Usual radius of a marker."""
+        sticks = (self.choice.taken.base, self.choice.taken.moving)
+        return float(np.median([dot.radius_px for stick in sticks for dot in (stick.inner, stick.outer)]))
+
+    def add(self, frame: Frame) -> bool:
+        """Follow all that may be markers into the next frame; return whether it is time to look what they tell."""
+        self._weighing.add(frame)
+        if not self._frames:
+            self._due_s = frame.time_s
+        self._frames += 1
+        due = self._frames >= self._due or frame.time_s >= self._due_s + ATTENTION_S
+        if due:
+            self._due, self._due_s = 2 * self._frames, frame.time_s
+        return due or self.sure
+
+    def follower(self, told: Told) -> Follower | None:
+        """Return what follows other markers on, where the last frame shows the moving stick.
+
+        The base is where it was seen last.
+        """
+        tracks = self.tracks(told)
+        places, valid = tracks.position_px, tracks.valid
+        if not valid[-1, 2:].all() or not valid.any(axis=0).all():
+            return None
+        sticks = (told.couple.base, told.couple.moving)
+        markers = [marker for stick in sticks for marker in markers_on(self._first, stick)]
+        for index, marker in enumerate(markers):
+            marker.record["x"], marker.record["y"] = places[valid[:, index], index][-1]
+        return Follower([DotState(markers)], moving=1)
+
+    def told(self) -> Told:
+        """Weigh what has been seen.
+
+        It is sure once two looks in turn are: what fits a short stretch may not fit a longer one. A look takes no more
+        frames than a film is searched for markers, for the next one waits for it.
+        """
+        every = 1 + self._frames // LOOKED_AT[-1]
+        self.choice = Choice.of(self._weighing.weighed(every=every))
+        taken = self.choice.taken
+        tracks = self._weighing.tracks(taken, every=every)
+        order, report, _ = told_by_motion(tracks, self.choice, radius_px=self.radius_px)
+        sure = taken.probability * (1.0 - report["opposite_probability"]) > SURE
+        self.sure, self._was_sure = sure and self._was_sure, sure
+        sticks = [stick.turned() if order[2 * i] % 2 else stick for i, stick in enumerate((taken.base, taken.moving))]
+        couple = replace(taken, base=sticks[0], moving=sticks[1])
+        self.choice = replace(self.choice, taken=couple)
+        followed = (self._followed.base, self._followed.moving)
+        pairs = [[stick.is_of(other) for other in followed] for stick in sticks]
+        base = 0 if pairs == [[True, False], [False, True]] else 1 if pairs == [[False, True], [True, False]] else None
+        ends = zip(sticks, followed[::-1] if base else followed, strict=True)
+        exchanged = [base is not None and stick.inner is not other.inner for stick, other in ends]
+        return Told(couple, base, exchanged)
+
+    def tracks(self, told: Told) -> MarkerTracks:
+        """Return what was read of these markers in all frames since the picture."""
+        return self._weighing.tracks(told.couple)
