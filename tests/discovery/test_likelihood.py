@@ -63,3 +63,12 @@ def test_rows_that_are_cut_off_keep_their_shared_errors(drawn: tuple[np.ndarray,
     inside = Weight(1.0 / floor[:20] ** 2, shared[:20])
     assert weight.only(rows).square(residual) == pytest.approx(inside.square(residual[:20]))
     assert weight.at(slice(0, 20)).square(residual[:20]) == pytest.approx(inside.square(residual[:20]))
+
+
+def test_a_model_that_explodes_has_no_likelihood(drawn: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    """The search for the discrepancy's size has no upper end where a residual's square overflows."""
+    floor, shared, residual = drawn
+    likelihood = Likelihood(np.ones(ROWS), floor, np.zeros(ROWS, np.int8), 1.0, 0.1, shared)
+    assert np.isfinite(likelihood.log(residual))
+    residual[7] = 1e200
+    assert likelihood.log(residual) == -np.inf

@@ -127,7 +127,9 @@ class Likelihood:
             rows = (self.kind == kind) & (self.count > 0.0)
             if rows.any():
                 square = self.floor[rows] ** 2 + 1e-30
-                sizes[kind] = discrepancy(left[rows] ** 2, square, self.count[rows], self.least**2)
+                with np.errstate(over="ignore"):
+                    left_square = left[rows] ** 2
+                sizes[kind] = discrepancy(left_square, square, self.count[rows], self.least**2)
         return np.sqrt(np.maximum(sizes, self.least**2))
 
     def log(self, residual: Floats) -> float:
@@ -137,6 +139,8 @@ class Likelihood:
     def log_at(self, weight: Weight, residual: Floats) -> float:
         """Return the same where the residual's own weight is known."""
         rows = self.count > 0.0
+        if not (weight.each[rows] > 0.0).all():
+            return -np.inf
         spread = float(self.count[rows] @ np.log(self.count[rows] / weight.each[rows]))
         return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
 
@@ -196,6 +200,9 @@ def discrepancy(square: Floats, floor: Floats, count: Floats, least: float) -> f
     low = max(least, 1e-9 * mean)
     if not _scored(low, square, floor, count) > low:
         return least
+    # A model that explodes leaves what has no finite square: no size explains that.
+    if not high < np.inf:
+        return np.inf
     # Where the size is that of the largest residual, every sample asks for less.
     high += 1e-30
     size = np.sqrt(low * high)
