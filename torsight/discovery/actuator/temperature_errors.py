@@ -75,7 +75,9 @@ def lasting_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
         return []
     none = np.zeros(len(drive))
     tops = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
-    return [*tops, (UNSURE * drive.peaks_a_c, UNSURE * drive.peaks_b_c)]
+    peaks_c = (drive.peaks_a_c, drive.peaks_b_c)
+    ripple = [(UNSURE * peaks_c[0], UNSURE * peaks_c[1])] if any(one.any() for one in peaks_c) else []
+    return [*tops, *ripple]
 
 
 def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
