@@ -77,7 +77,7 @@ def own_temporary_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterato
 def one_fit_at_a_time() -> Iterator[None]:
     """Beside other workers of pytest a search's second thread takes more time than it saves."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("torsight.discovery.inference.fitting.WORKERS", 1)
+        patch.setattr("torsight.core.threads.WORKERS", 1)
         yield
 
 

@@ -12,7 +12,6 @@ Columns: rms error of the angle in motion, its median standard deviation, share 
 from __future__ import annotations
 
 import argparse
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -33,6 +32,7 @@ STEP_S = 0.02
 ROOM_C = 23.0
 START_DEG = 177.6
 LEFT_DEG = 0.1
+"""What the model leaves; its values are known."""
 
 
 def main() -> None:
@@ -63,21 +63,15 @@ def measured(seed: int, rate_hz: float, *, pulsed: bool = True) -> tuple[Array, 
     rng = np.random.default_rng(seed)
     time_s, wires = programme(rng, pulsed=pulsed)
     model = ActuatorModel(reference_spec())
-    fitted = FittedModel(model, model.nominal(), doubt=nothing_but(LEFT_DEG))
-    start: dict[str, Any] = {"start_angle_rad": START_DEG * DEG}
-    true = fitted.predict(TemperatureLog(time_s, *wires), **start).angle_rad / DEG
+    fitted = FittedModel(model, model.nominal(), doubt=Doubt((), np.zeros((0, 0)), LEFT_DEG))
+    true = fitted.predict(TemperatureLog(time_s, *wires), start_angle_rad=START_DEG * DEG).angle_rad / DEG
     log_s = np.arange(rng.uniform(0.0, 1.0 / rate_hz), time_s[-1], 1.0 / rate_hz)
     noise = (0.05 * rng.standard_normal(len(log_s)) for _ in wires)
     read = [np.round((np.interp(log_s, time_s, c) + n) / 0.1) * 0.1 for c, n in zip(wires, noise, strict=True)]
-    later = predict_with_sigma(fitted, TemperatureLog(log_s, *read), **start)
+    later = predict_with_sigma(fitted, TemperatureLog(log_s, *read), start_angle_rad=START_DEG * DEG)
     at_log = np.interp(log_s, time_s, true)
     moving = np.abs(np.gradient(at_log, log_s)) > 0.05
     return (later.angle_rad / DEG - at_log)[moving], (later.sigma_rad / DEG)[moving]
-
-
-def nothing_but(left_deg: float) -> Doubt:
-    """Return the doubt of a model whose values are known."""
-    return Doubt((), np.zeros((0, 0)), left_deg)
 
 
 def programme(rng: np.random.Generator, *, pulsed: bool) -> tuple[Array, list[Array]]:

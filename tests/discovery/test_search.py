@@ -13,9 +13,10 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from
 from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
+from torsight.core.threads import in_parallel
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import curvature_spread, places_of
-from torsight.discovery.inference.fitting import AtPoint, Fitter, in_parallel
+from torsight.discovery.inference.fitting import AtPoint, Fitter
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import Decision, decide
 from torsight.discovery.inference.weight import Weight

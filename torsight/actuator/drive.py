@@ -170,8 +170,9 @@ class Drive:
 
     @property
     def readings_of_a_row(self) -> int:
-        """How many readings a row's angle is the mean of, where none is missing."""
-        return _of_one_row(self.whole[0].sensors.rows)
+        """How many readings a row's angle is the mean of, where none is missing: as many before it as after it."""
+        rows = self.whole[0].sensors.rows
+        return 2 * (int(rows[1] - rows[0]) // 2) + 1
 
     @property
     def whole(self) -> tuple[Drive, Floats]:
@@ -218,7 +219,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     angle, sigma = table.angle_rad, table.angle_sigma_rad
     if len(drive) < len(table):
         rows = drive.sensors.rows
-        angle, sigma = pair_means(table.time_s, angle, sigma, rows, np.full(len(rows), _of_one_row(rows) // 2))
+        angle, sigma = pair_means(table.time_s, angle, sigma, rows, np.full(len(rows), drive.readings_of_a_row // 2))
     angle = np.where(drive.known & ~wrong_frames(angle, sigma), angle - ahead_rad, np.nan)
     temps = (drive.temp_a_c, drive.temp_b_c)
     cycles = begun_with_a_jump(drive.cycles, drive.time_s, angle, temps)
@@ -352,8 +353,3 @@ def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:
     every += 1 - every % 2
     # Whole blocks only: a row stands for as many samples on either side.
     return np.arange(every // 2, n - every // 2, every)
-
-
-def _of_one_row(rows: Ints) -> int:
-    """Return how many rows of a record each kept one stands for: as many before it as after it."""
-    return 2 * (int(rows[1] - rows[0]) // 2) + 1

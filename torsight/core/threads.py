@@ -1,18 +1,26 @@
-"""Results that do not depend on the number of threads."""
+"""Work in several threads, with results that do not depend on their number."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextvars import ContextVar
-from typing import Final
+from typing import Final, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from torsight.core.progress import Progress, silent
+
 VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """What the libraries of linear algebra read when they are loaded."""
+
+WORKERS: Final = 2
+_T = TypeVar("_T")
+_R = TypeVar("_R")
 
 _alone: ContextVar[bool] = ContextVar("_alone", default=False)
 
@@ -62,3 +70,48 @@ def _opencv() -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(before)
+
+
+def in_parallel(
+    work: Sequence[_T],
+    function: Callable[[_T], _R],
+    *,
+    step: str = "",
+    progress: Progress = silent,
+) -> list[_R]:
+    """Return ``function`` of each item in order; results do not depend on the number of workers.
+
+    ``progress`` is told after every item, under the name ``step``. Where the caller is asked to end, work that is
+    under way ends at its next step (:func:`go_on`).
+    """
+    found: list[_R] = []
+    progress(step, 0, len(work))
+    over = threading.Event()
+    with ThreadPoolExecutor(WORKERS, initializer=_end_with, initargs=(over,)) as pool:
+        try:
+            for result in pool.map(function, work):
+                found.append(result)
+                progress(step, len(found), len(work))
+        finally:
+            over.set()
+    return found
+
+
+class _Thread(threading.local):
+    """What a worker knows of its work: an event that is set once nobody waits for it."""
+
+    over: threading.Event | None = None
+
+
+_THREAD: Final = _Thread()
+
+
+def _end_with(over: threading.Event) -> None:
+    """Let the work of this thread end once nobody waits for it."""
+    _THREAD.over = over
+
+
+def go_on() -> None:
+    """End this thread's work where nobody waits for it: called by long work at every step."""
+    if _THREAD.over is not None and _THREAD.over.is_set():
+        raise CancelledError

@@ -21,6 +21,7 @@ from torsight.actuator.drive import Drive
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import in_parallel
 from torsight.core.units import DEG, Floats
 from torsight.core.words.wording import effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -28,7 +29,6 @@ from torsight.discovery.design.programme import Heat, Played, Programme
 from torsight.discovery.design.programme_menu import Habits, in_words, menu
 from torsight.discovery.design.separation import Rival, least_gain, linear_gains, refitted_gains
 from torsight.discovery.inference.explanation import Explanation, Field
-from torsight.discovery.inference.fitting import in_parallel
 from torsight.discovery.inference.noise import Scales, Stretches, information
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings

@@ -6,18 +6,16 @@ of effects is fitted together with all base parameters, and sets are compared at
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 from scipy.optimize import minimize
 
 from torsight.core.parameter import Parameter
-from torsight.core.progress import Progress, silent
+from torsight.core.threads import go_on
 from torsight.core.units import Floats
 from torsight.discovery.inference.solver import Solution, Space, jacobian, objective, solve
 from torsight.discovery.inference.weight import Weight
@@ -26,7 +24,6 @@ from torsight.discovery.interface import Candidate, Problem
 EffectSet = tuple[str, ...]
 """Ids of the effects that are switched on, in the order of the problem's candidates."""
 
-WORKERS: Final = 2
 _Model = Callable[[Floats], Floats]
 _SCOUT_ITERATIONS: Final = 2
 WORTH: Final = 1.0
@@ -37,8 +34,6 @@ _FINEST: Final = 1e-3
 """Share of a parameter to which trials find it."""
 _STAYS: Final = 1e-3
 """Standard deviation, in parameter scales, of a value that is to stay where it is."""
-_T = TypeVar("_T")
-_R = TypeVar("_R")
 
 
 def less(effects: EffectSet, name: str) -> EffectSet:
@@ -319,12 +314,12 @@ class AtPoint:
 
     def __call__(self, x: Floats) -> Floats:
         """Return the prediction at a point."""
-        _go_on()
+        go_on()
         return self._problem.predict(self._values(x), self._effects)
 
     def many(self, points: Sequence[Floats]) -> list[Floats]:
         """Return the predictions at several points, at once where the problem can do that."""
-        _go_on()
+        go_on()
         return self._problem.predict_many([self._values(x) for x in points], self._effects)
 
 
@@ -368,47 +363,3 @@ def _distinct(solutions: Sequence[Solution], space: Space) -> list[Solution]:
         if not any(near):
             kept.append(solution)
     return kept
-
-
-def in_parallel(
-    work: Sequence[_T],
-    function: Callable[[_T], _R],
-    *,
-    step: str = "",
-    progress: Progress = silent,
-) -> list[_R]:
-    """Return ``function`` of each item in order; results do not depend on the number of workers.
-
-    ``progress`` is told after every item, under the name ``step``. Where the caller is asked to end, fits that are
-    under way end with their next prediction.
-    """
-    found: list[_R] = []
-    progress(step, 0, len(work))
-    over = threading.Event()
-    with ThreadPoolExecutor(WORKERS, initializer=_end_with, initargs=(over,)) as pool:
-        try:
-            for result in pool.map(function, work):
-                found.append(result)
-                progress(step, len(found), len(work))
-        finally:
-            over.set()
-    return found
-
-
-class _Thread(threading.local):
-    """What a worker knows of its work: an event that is set once nobody waits for it."""
-
-    over: threading.Event | None = None
-
-
-_THREAD: Final = _Thread()
-
-
-def _end_with(over: threading.Event) -> None:
-    """Let the fits of this thread end once nobody waits for them."""
-    _THREAD.over = over
-
-
-def _go_on() -> None:
-    if _THREAD.over is not None and _THREAD.over.is_set():
-        raise CancelledError

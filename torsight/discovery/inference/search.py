@@ -16,9 +16,10 @@ import numpy as np
 
 from torsight.core.law import Law
 from torsight.core.progress import Progress
+from torsight.core.threads import in_parallel
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation, Field, Places, curvature_spread, places_of
-from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, in_parallel, less
+from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.measure import Measured, log_evidence, measure_law
 from torsight.discovery.inference.noise import (

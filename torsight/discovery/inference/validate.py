@@ -17,8 +17,9 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from torsight.core.progress import Progress, silent
+from torsight.core.threads import in_parallel
 from torsight.core.units import Floats, Ints
-from torsight.discovery.inference.fitting import Fit, Fitter, in_parallel, space_of
+from torsight.discovery.inference.fitting import Fit, Fitter, space_of
 from torsight.discovery.inference.measure import prior_information
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem

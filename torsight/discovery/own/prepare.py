@@ -16,9 +16,10 @@ from typing import Final
 import numpy as np
 
 from torsight.core.parameter import Parameter
+from torsight.core.threads import in_parallel
 from torsight.core.units import Floats
 from torsight.core.words.wording import number
-from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, in_parallel, space_of
+from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
 from torsight.discovery.inference.solver import STEP_SHARE, linear_change
 from torsight.discovery.inference.validate import block_labels

@@ -24,8 +24,8 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.core.errors import InputError
+from torsight.core.threads import WORKERS
 from torsight.core.units import Floats
-from torsight.discovery.inference.fitting import WORKERS
 from torsight.discovery.own.model.values import Curve, Values, by_name
 from torsight.discovery.own.own_records import Record
 
