@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy import signal
-from scipy.stats import qmc
 
 from tests.discovery.own_models import (
     LAG_S,
@@ -28,7 +27,7 @@ from torsight.core.errors import InputError
 from torsight.discovery import Findings, Reading, candidate, find_missing, model_problem, parameter
 from torsight.discovery.own.model.evaluate import Evaluator, Model
 from torsight.discovery.own.own_records import Record
-from torsight.discovery.own.prepare import halton, prepare
+from torsight.discovery.own.prepare import prepare
 
 
 def sensor(observed: Any, **changes: Any) -> Any:
@@ -475,8 +474,3 @@ def test_processes_answer_as_one_does() -> None:
         else:
             np.testing.assert_array_equal(one.outputs, other.outputs)
     assert here.calls == there.calls == 8
-
-
-@pytest.mark.parametrize("dimensions", [1, 5, 40])
-def test_starts_are_laid_out_by_haltons_sequence(dimensions: int) -> None:
-    np.testing.assert_array_equal(halton(48, dimensions), qmc.Halton(dimensions, scramble=False).random(49)[1:])

@@ -173,32 +173,12 @@ def _left(fitter: Fitter, at: Floats) -> Floats:
 
 
 def _spread(parameters: list[Parameter], count: int) -> list[dict[str, float]]:
-    """Return points that fill the parameters' ranges evenly."""
-    unit = halton(count, len(parameters))
+    """Return points that fill the parameters' ranges evenly (Halton's sequence, without its first point, a corner)."""
+    # Imported where it is needed: it takes half a second, which every fit would pay.
+    from scipy.stats import qmc
+
+    unit = qmc.Halton(len(parameters), scramble=False).random(count + 1)[1:]
     return [{p.name: _place(p, float(u)) for p, u in zip(parameters, row, strict=True)} for row in unit]
-
-
-def halton(count: int, dimensions: int) -> Floats:
-    """Return the first points (count, dimensions) of Halton's sequence but for its corner, each value within 0 and 1.
-
-    Digits of a point's number, in a prime base for each dimension, behind the point in reverse order (Halton, Numer.
-    Math. 2, 1960, equation 10). ``scipy.stats`` has it, too, and takes a quarter
-    of a second to import.
-    """
-    numbers = itertools.count(2)
-    primes = list[int]()
-    while len(primes) < dimensions:
-        number = next(numbers)
-        if all(number % prime for prime in primes):
-            primes.append(number)
-    points = np.zeros((count, dimensions))
-    for column, base in enumerate(primes):
-        left, weight = np.arange(1, count + 1), 1.0 / base
-        while left.any():
-            points[:, column] += weight * (left % base)
-            left //= base
-            weight /= base
-    return points
 
 
 def _place(p: Parameter, u: float) -> float:
