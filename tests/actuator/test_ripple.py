@@ -50,6 +50,21 @@ def test_noise_alone_has_no_peaks(seed: int) -> None:
         assert not condition(*read(rate_hz, height_c=0.0, noise_c=noise_c, seed=seed)).peaks_c.any()
 
 
+@pytest.mark.parametrize("digit_c", [0.01, 0.1, 0.5])
+@pytest.mark.parametrize("step_s", [1.0, 0.25, 0.05])
+def test_last_digits_are_no_ripple(step_s: float, digit_c: float) -> None:
+    time_s = np.arange(0.0, 600.0, step_s)
+    noise = 0.03 * np.random.default_rng(3).standard_normal(len(time_s))
+    temp_c = np.round((wire(time_s, height_c=0.0) + noise) / digit_c) * digit_c
+    assert not condition(time_s, temp_c).peaks_c.any()
+
+
+@pytest.mark.parametrize(("step_s", "held"), [(0.25, 2), (0.25, 4), (0.1, 5)])
+def test_readings_that_are_held_are_no_ripple(step_s: float, held: int) -> None:
+    time_s, temp_c = read(1.0 / step_s, height_c=0.0, noise_c=0.03)
+    assert not condition(time_s, temp_c[np.arange(len(temp_c)) // held * held]).peaks_c.any()
+
+
 def predicted(log: TemperatureLog) -> PredictedAngle:
     """Return what the reference rig, whose values are known, does with a log."""
     model = ActuatorModel(reference_spec())

@@ -60,7 +60,7 @@ def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
         return replace(found, temp_c=temp_c, sigma_c=np.full(len(temp_c), noise))
     # Noise that is alike over several rows counts as more of it.
     value, rate, sigma = found.temp_c, found.rate_c_s, found.sigma_c
-    found = replace(found, peaks_c=ripple_peaks(time_s, temp_c - value, readings.least_noise_c, readings.alike))
+    found = replace(found, peaks_c=ripple_peaks(time_s, temp_c, value, readings.digit_noise_c, readings.alike))
     level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
     return found
 
@@ -79,7 +79,7 @@ def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned
             piece = replace(readings, time_s=time_s[rows], temp_c=temp_c[rows])
             known_c[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
     value, sigma = between(time_s, known_c, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
-    peaks_c = ripple_peaks(time_s, temp_c - known_c, readings.least_noise_c, readings.alike)
+    peaks_c = ripple_peaks(time_s, temp_c, known_c, readings.digit_noise_c, readings.alike)
     rate = np.asarray(np.gradient(value, wanted_s))
     if readings.noise_c > NEGLIGIBLE_C:
         alike = readings.interval_s / usual_step(wanted_s)
@@ -94,7 +94,7 @@ class Readings:
     Times and temperatures (m,) are means over short blocks of the log, ``sigma_c`` is what the noise of one counts as,
     correlation included. The noise of one reading is ``noise_c``; it is correlated over so many rows of the log
     (``alike``), and independent in rows that are ``interval_s`` apart. With what the last digit makes it is
-    ``least_noise_c`` at least.
+    ``digit_noise_c`` at most.
     """
 
     time_s: Floats
@@ -103,7 +103,7 @@ class Readings:
     alike: float
     interval_s: float
     sigma_c: float
-    least_noise_c: float = 0.0
+    digit_noise_c: float = 0.0
 
     @classmethod
     def of(cls, time_s: Floats, temp_c: Floats) -> Readings:
@@ -113,12 +113,13 @@ class Readings:
             return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0)
         noise, alike = measure_noise(time_s, temp_c)
         # Rounding to a last digit is noise to a slope even where it is none to the value.
-        least = max(noise, resolution(temp_c) / math.sqrt(12.0), 1e-6)
+        digit = resolution(temp_c) / math.sqrt(12.0)
+        least = max(noise, digit, 1e-6)
         # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        return cls(times, means, noise, alike, alike * interval_s, sigma, least)
+        return cls(times, means, noise, alike, alike * interval_s, sigma, math.hypot(noise, digit))
 
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
         """Return the wire's temperature (n,) at the wanted times, behind a sensor of this time constant."""

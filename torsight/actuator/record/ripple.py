@@ -29,27 +29,36 @@ _SHARPEST: Final = 2.0
 """No peak is higher than so many medians of what a ripple is off by: √2 for a sine, 2 for a triangle."""
 
 
-def ripple_peaks(time_s: Floats, left_c: Floats, noise_c: float, alike: float) -> Floats:
+_NEW: Final = 2.0 / 3.0
+"""Share of the readings that differ from the one before: half of those that are held for two rows or more, and nearly
+all of a ripple's that is larger than the last digit."""
+
+
+def ripple_peaks(time_s: Floats, temp_c: Floats, found_c: Floats, noise_c: float, alike: float) -> Floats:
     """Return by how much the wire's peaks stand above its mean temperature (n,), °C.
 
     Parameters
     ----------
     time_s : (n,) float64
         Increasing.
-    left_c : (n,) float64
-        Readings less the temperature that was found in them.
+    temp_c, found_c : (n,) float64
+        Readings, and the temperature that was found in them.
     noise_c : float
-        Standard deviation of the readings' noise.
+        Standard deviation of the readings' noise, last digit included.
     alike : float
         Over how many rows that is correlated.
     """
+    left_c = temp_c - found_c
     rows = min(len(left_c), max(1, round(OVER_S / usual_step(time_s))))
     first = rows // 2
     inside = np.clip(np.arange(len(left_c)), first, first + len(left_c) - rows)
-    # A corner of the temperature is a few values far off: no more than noise makes of one, nor than a sine does.
+    # A corner of the temperature is a few values far off: no more than noise or the sharpest peak is.
     usual = median_filter(np.abs(left_c), rows)[inside]
     most_c = np.maximum(REACH * noise_c, _SHARPEST * usual)
     square = uniform_filter1d(np.minimum(np.abs(left_c), most_c) ** 2, rows)[inside]
+    # Readings that are held for several rows are stairs, which stand off a ramp as a ripple would.
+    new = uniform_filter1d((np.diff(temp_c, prepend=np.nan) != 0.0).astype(np.float64), rows)[inside]
+    square[new < _NEW] = 0.0
     by_noise = noise_c**2 * (1.0 + BY_CHANCE * math.sqrt(2.0 * alike / rows))
     # A heating that ends has its ripple up to the end: of the stretches that hold a reading the most restless counts.
     beyond = maximum_filter1d(np.maximum(square - by_noise, 0.0), rows, mode="nearest")
