@@ -252,6 +252,15 @@ def test_a_law_over_a_column_spans_what_the_column_covers() -> None:
     assert (nodes[0], nodes[-1]) == (u.min(), u.max())
 
 
+def test_a_law_is_the_same_for_one_value_as_for_many() -> None:
+    rng = np.random.default_rng(5)
+    nodes, values = np.sort(rng.normal(size=9)), rng.normal(size=9)
+    at = np.concatenate([rng.normal(0.0, 2.0, 500), nodes, [-np.inf, np.inf, np.nan]])
+    law = Curve(nodes, values)
+    np.testing.assert_array_equal([law(one) for one in at.tolist()], np.interp(at, nodes, values))
+    assert law.asked.tolist() == [-np.inf, np.inf]
+
+
 def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
     told = [one for one in find_missing(with_port(low=-0.2, high=0.2)).warnings if "beyond which" in one]
     assert len(told) == 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from operator import itemgetter
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,6 +174,10 @@ def _read(phi_rad: Floats, ports: Ports) -> Floats:
     return angle
 
 
+_in_order: Final = itemgetter(*(places.SCALARS.names or ()))
+"""Takes the kernel's scalars by their names: a fit asks tens of thousands of times."""
+
+
 def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> NDArray[np.void]:
     """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
     rig, grid = ports.rig, ports.grid_rad()
@@ -204,8 +209,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "unwound_b": unwound_b,
         "fixed_theta_l": 0.0 if theta_l_deg is None else theta_l_deg * DEG,
     }
-    each = ({**common, **_of_spring(ports, spring)} for spring in (0, 1))
-    rows = np.array([[values[name] for name in places.SCALARS.names or ()] for values in each], np.float64)
+    rows = np.array([_in_order(common | _of_spring(ports, spring)) for spring in (0, 1)], np.float64)
     return rows.view(places.SCALARS)[:, 0]
 
 

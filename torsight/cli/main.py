@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Annotated, Final
 
 import typer
@@ -78,6 +79,13 @@ for _name in COMMANDS:
     app.command(_name, cls=getattr(_module, "Command", None))(answering(getattr(_module, _name), name=_name))
 
 
+@cache
+def _parser() -> Callable[..., object]:
+    """Return the commands as their parser takes them, made once for all that one process is asked."""
+    parser: Callable[..., object] = typer.main.get_command(app)
+    return parser
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; leave with the contract's exit code: 0, 2, 3, 4; 128 + its number after a signal."""
     collect_seldom()
@@ -86,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = [word for word in words if word != "--debug"]
     try:
         with asked_to_end():
-            code = app(args=words, prog_name="torsight", standalone_mode=False)
+            code = _parser()(args=words, prog_name="torsight", standalone_mode=False)
     except TorsightError as error:
         _tell(error, debug=debug)
         code = error.exit_code

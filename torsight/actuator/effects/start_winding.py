@@ -26,7 +26,7 @@ _SIGMA_DEG: Final = 10.0
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Take the angle off the first half-cycle of each spring."""
-    loss = np.broadcast_to(ports.theta_l_loss_rad, ports.half_cycle.shape).copy()
+    loss = np.zeros(ports.half_cycle.shape) + ports.theta_l_loss_rad
     if ports.history.unwound_rad is not None:
         return ports
     driven = ports.drive.cycles.springs

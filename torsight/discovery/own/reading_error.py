@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from statistics import NormalDist
 from typing import Final, Literal
 
@@ -105,6 +106,7 @@ def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> 
         rows = [has & smoothing.inner(len(has)) for has in known]
         return _Functions.of(np.concatenate([smoothing(one) for one in some]), np.concatenate(rows))
 
+    @cache
     def left_by(way: _Smoothing) -> float:
         return made(way, read).left(values)[0]
 
