@@ -22,7 +22,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.tables import read_merged
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
-from torsight.discovery.discover import CONTRADICTED_SIGMAS
+from torsight.core.words.wording import CONTRADICTED_SIGMAS
 from torsight.discovery.prediction import predict_with_sigma
 from torsight.synthetic.experiment import make_record
 

@@ -195,6 +195,20 @@ def test_a_record_that_fixes_no_values_says_so_before_that_nothing_is_missing(ru
     assert "does not fix" not in text_of(run)
 
 
+def test_a_record_against_what_is_known_of_the_actuator_says_so_before_a_name(run: Path) -> None:
+    pulls = [{"name": "E_M_gpa", "nominal": 12.0, "value": 7.9, "sigmas": -18.2}]
+    pulls += [{"name": "A_s_c", "nominal": 50.0, "value": 51.0, "sigmas": 2.0}]
+    against = "The record contradicts characterised values: <i>E</i><sub>M</sub> 12 → 7.9 (-18.2 σ); check the actuator"
+
+    def answer() -> str:
+        return text_of(run).partition("<h1>")[2].partition("</h1>")[0]
+
+    rewrite(run, "discovery", pulls=pulls)
+    assert 0 < answer().index(against) < answer().index("The model lacks an effect")
+    rewrite(run, "discovery", pulls=pulls[1:])
+    assert "contradicts" not in answer()
+
+
 def test_names_from_outside_cannot_become_markup(run: Path) -> None:
     rewrite(run, "track", advice=["<script>alert(1)</script>"], events=[{"time_s": 1.0, "text": "a < b & c"}])
     text = text_of(run)

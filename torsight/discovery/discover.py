@@ -21,7 +21,7 @@ from torsight.core.records import SyncedTable
 from torsight.core.series import rms, share_explained
 from torsight.core.threads import one_thread
 from torsight.core.units import DEG, Floats, Ints
-from torsight.core.words.wording import unexplained
+from torsight.core.words.wording import CONTRADICTED_SIGMAS, contradicted, unexplained
 from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -37,8 +37,6 @@ from torsight.discovery.interface import Problem
 from torsight.discovery.own.find import find_missing
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull
 
-CONTRADICTED_SIGMAS: Final = 4.0
-"""A characterised value that the record moves by more than this is named."""
 _DRAWS: Final = 2000
 """Draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
 _SETS_TOLD: Final = 12
@@ -280,11 +278,7 @@ def pulls_of(problem: Problem, explanation: Explanation) -> tuple[Pull, ...]:
 
 def contradiction(pulls: Sequence[Pull]) -> str:
     """Return the sentence that names the characterised values that a fit has pulled too far; else nothing."""
-    far = [pull for pull in pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]
-    if not far:
-        return ""
-    listed = ", ".join(f"{p.name} {p.nominal:g} → {p.value:.4g} ({p.sigmas:+.1f} σ)" for p in far)
-    return f"The record contradicts characterised values: {listed}; check the actuator file"
+    return contradicted([pull.to_json() for pull in pulls])
 
 
 def characterised(spec: ActuatorSpec, pulls: tuple[Pull, ...]) -> tuple[Pull, ...]:
@@ -372,8 +366,8 @@ def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pul
             "The record holds one half-cycle only: nothing could be held out, so the answer rests on the gain alone; "
             "record at least two half-cycles, better two rates and an incomplete heating"
         )
-    if contradicted := contradiction(pulls):
-        notes.append(contradicted)
+    if against := contradiction(pulls):
+        notes.append(against)
     if doubt := unexplained(findings.decision.over_floor):
         notes.append(doubt)
     if findings.decision.chosen.members:

@@ -24,6 +24,7 @@ from torsight.report.figures import evidence, measured, motion, planned, residua
 from torsight.report.figures.export import FOLDER, NAMES, data_link, write_figures
 from torsight.report.figures.law_plots import law_figure
 from torsight.report.figures.motion import Figure
+from torsight.report.plots.formulas import with_symbols
 from torsight.report.plots.interactive import Drawing, drawing, library
 from torsight.report.plots.palette import at_night, style_variables
 from torsight.report.plots.still import picture_data, still
@@ -125,7 +126,8 @@ def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, A
     """Return everything that the page shows, by the names that its template uses."""
     shown: dict[str, Any] = {
         "name": results.folder.resolve().name,
-        "headline": headline(results),
+        "title": headline(results),
+        "headline": with_symbols(headline(results)),
         "lead": page_content.lead(results),
         "tiles": page_content.tiles(results),
         "facts": page_content.facts(results),

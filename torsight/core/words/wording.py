@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 VARIABLES: Final = {
@@ -175,16 +175,36 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
     )
 
 
+CONTRADICTED_SIGMAS: Final = 4.0
+"""A characterised value that the record moves by more is named: chance does that to one value in 16,000."""
+
+
+def contradicted(pulls: Iterable[Mapping[str, Any]]) -> str:
+    """Return the sentence that names the characterised values that a fit has pulled too far; else nothing.
+
+    ``pulls`` are those of a ``discovery.json``.
+    """
+    far = [pull for pull in pulls if abs(pull["sigmas"]) > CONTRADICTED_SIGMAS]
+    if not far:
+        return ""
+    values = ", ".join(f"{one['name']} {one['nominal']:g} → {one['value']:.4g} ({one['sigmas']:+.1f} σ)" for one in far)
+    return f"The record contradicts characterised values: {values}; check the actuator file."
+
+
 def doubt_of(discovery: Mapping[str, Any]) -> str:
-    """Return what has to be said of an answer before it: that the record is not explained, or its values not fixed."""
-    return not_explained(discovery) or not_fixed(discovery)
+    """Return what has to be said of an answer before it.
+
+    That the record is not explained, or its values not fixed; that it contradicts what is known of the actuator.
+    """
+    explained = not_explained(discovery) or not_fixed(discovery)
+    return f"{explained} {contradicted(discovery.get('pulls') or [])}".strip()
 
 
 def verdict_sentence(discovery: Mapping[str, Any]) -> str:
     """Return the verdict of ``discovery.json`` in plain words.
 
-    One sentence; where what was named does not explain the record, or leaves its values open, one that says so comes
-    before it.
+    One sentence; where what was named does not explain the record, leaves its values open or goes against what is known
+    of the actuator, what says so comes before it.
     """
     return f"{doubt_of(discovery)} {named(discovery)}".strip()
 
