@@ -91,6 +91,19 @@ def test_what_its_extensions_hold_an_answer_holds() -> None:
     assert decision.shared == ()
 
 
+def test_what_the_credible_share_of_all_sets_holds_is_all_told() -> None:
+    """Each of two is in 97 % of all sets, both together in 94 %: one alone would leave out what is as certain."""
+    s = signals()
+    candidates = {"coulomb": {"coulomb_n": np.sign(s["speed"])}, "drag": {"drag_n": s["speed"] * np.abs(s["speed"])}}
+    both = 0.3 * np.sign(s["speed"]) + 0.3 * candidates["drag"]["drag_n"]
+    made = replace(machine(both, seed=5, candidates=candidates), drivers={})
+    decision = decided_with(made, {("coulomb", "drag"): 0.94, ("coulomb",): 0.03, ("drag",): 0.03})
+    assert decision.chosen.members == ("coulomb", "drag")
+    assert decision.rivals == ()
+    decision = decided_with(made, {("coulomb", "drag"): 0.92, ("coulomb",): 0.06, ("drag",): 0.02})
+    assert decision.chosen.members == ("coulomb",)
+
+
 def test_a_prediction_is_unsure_of_what_only_extends_the_answer() -> None:
     s = signals()
     candidates = {name: {f"{name}_n": noise(60 + i, size=1.0, tau=6.0)} for i, name in enumerate(("one", "two"))}

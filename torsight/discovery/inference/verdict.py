@@ -120,7 +120,7 @@ class _Judge:
         """Return the best set of every answer of the smallest group that holds the credible share, best first.
 
         An answer holds what its extensions hold: they say the same, and that more may be missing. Where what all of
-        the answers share is one of them, that is what is certain: the one answer.
+        the answers share is one of them, there is one answer: every place that the credible share of all sets holds.
         """
         groups: dict[Places, list[EffectSet]] = {}
         for members in self._field.explanations:
@@ -136,7 +136,11 @@ class _Judge:
                 break
         shared = frozenset.intersection(*told)
         if shared in told and shared:
-            told = [shared]
+            held_by = {
+                place: sum(share for held, share in weight.items() if place in held) for place in frozenset.union(*told)
+            }
+            certain = frozenset(place for place, share in held_by.items() if share >= self._settings.credible)
+            told = [certain if certain in groups else shared]
         best = [max(groups[places], key=lambda m: (self.probability[m], m)) for places in told if places]
         return [self._field.explanations[members] for members in best]
 
