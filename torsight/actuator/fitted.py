@@ -221,8 +221,8 @@ class FittedModel(Frozen, Shown):
             where=f"{where}, first row",
             value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°".replace("-", "−"),
             limit=" or ".join(limits),
-            do="give the angle as read at the first row, less whole turns that were counted before it, in degrees; in "
-            "Python in radians (were these degrees?)",
+            do="give the angle as read at the first row, without whole turns that were counted before it: degrees in a "
+            "command, radians in Python (were these degrees?)",
         )
 
 

@@ -261,7 +261,12 @@ def _sigma(table: Mapping[str, Any], name: str, values: Mapping[str, float], *, 
     elif name == "tau_c_mnm":
         upper *= 10.0
     return get_number(
-        table, name, where=where, lower=0.0, upper=upper, hint="one standard deviation, in the value's unit"
+        table,
+        name,
+        where=where,
+        lower=0.0,
+        upper=upper,
+        hint=f"one standard deviation, in the value's unit; the value is {values[name]:g} {key.unit}".rstrip(),
     )
 
 
