@@ -113,7 +113,7 @@ def residuals(folder: Path) -> np.ndarray:
             curves[f"residual_{when}_deg"],
             color=colour,
             lw=1.4,
-            label=f"{when}: {model}, {error:.2f}° rms on half-cycles that the fit did not see",
+            label=f"{when}: {model}, {error:.2f}° rms on held-out half-cycles",
         )
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     axes.set_xlabel("time (s)")

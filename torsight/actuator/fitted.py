@@ -194,7 +194,7 @@ class FittedModel(Frozen, Shown):
 
         A film begins within half a turn of zero whatever that angle is: such a reading may be ahead by any turns, and
         those nearest the record's count that put the start where the springs can be at rest. A larger one goes on in
-        the record's turn, or is the actuator's own angle, which lies within half of its pre-deformation.
+        the record's turn, or is the actuator's own angle, which lies within half of the total winding.
 
         Raises
         ------

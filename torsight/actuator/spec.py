@@ -82,7 +82,7 @@ _ORDERS: Final = (
     ("M_f_c", "A_s_c", "the hysteresis lies between the end of cooling's and the start of heating's transformation"),
     ("E_S_gpa", "E_M_gpa", "stress-induced martensite is the softest state"),
     ("E_M_gpa", "E_A_gpa", "austenite is stiffer than martensite"),
-    ("theta_cr_deg", "theta_p_deg", "the critical angle lies below the total pre-deformation"),
+    ("theta_cr_deg", "theta_p_deg", "the critical angle lies below the total winding of both springs"),
 )
 
 

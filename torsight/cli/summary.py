@@ -37,7 +37,7 @@ def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
 
 def _errors(discovery: Mapping[str, Any]) -> str:
     before, after = held_out_errors(discovery)
-    on = "half-cycles that the fit did not see"
+    on = "held-out half-cycles"
     if before is None or after is None:
         before, after = (discovery[name]["rmse_train_deg"] for name in ("before", "after"))
         on = "the very record that was fitted: one half-cycle only, none could be held out"

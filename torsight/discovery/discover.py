@@ -369,8 +369,8 @@ def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pul
     notes = []
     if findings.before is None:
         notes.append(
-            "The record holds one half-cycle only: nothing could be held out, so the answer rests on the gain alone; "
-            "record at least two half-cycles, better two rates and an incomplete heating"
+            "The record holds one half-cycle only: nothing could be held out, so the answer rests on the evidence "
+            "alone; record at least two half-cycles, better two rates and an incomplete heating"
         )
     if contradicted := contradiction(pulls):
         notes.append(contradicted)

@@ -94,7 +94,7 @@ def summary_document(results: RunResults) -> str:
     if discovery is not None:
         before, after = held_out_errors(discovery)
         if before is not None and after is not None:
-            rows.append(("Error on half-cycles not seen", f"{number(before)}° → {number(after)}° rms"))
+            rows.append(("Error on held-out half-cycles", f"{number(before)}° → {number(after)}° rms"))
         if discovery.get("noise_floor_deg") is not None:
             rows.append(("Noise floor", f"{number(discovery['noise_floor_deg'], 2)}°"))
     friction = results.parameters().get("tau_c_mnm")

@@ -65,7 +65,7 @@ def read_log(
         raise InputError("has one row only", where=str(path), limit="2 rows or more", do="record it again")
     numbers = {
         name: _require_range(
-            number_column(frame, name, where=str(path), called=spelled[name], lines=lines).to_numpy(np.float64),
+            np.asarray(number_column(frame, name, where=str(path), called=spelled[name], lines=lines), np.float64),
             where=path,
             column=spelled[name],
             lines=lines,

@@ -41,7 +41,7 @@ _OWN_FILES: Final = re.compile(rf"law_({'|'.join(PORTS)})_[a-z0-9_]+\.(csv|png)"
 
 
 def law_figure(law: MeasuredLaw) -> Figure:
-    """Draw one law as a curve with its 95 % band; where the record reached its driver is shaded."""
+    """Draw one law as a curve with its 95 % interval; where the record reached its driver is shaded."""
     panel = law_panel(law)
     title = f"{_gives(law).capitalize()} against {variable_name(law.driver)}"
     about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."

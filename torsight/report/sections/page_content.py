@@ -37,7 +37,7 @@ FILES: Final = {
     "markers.csv": "positions of the four markers",
     "merged.csv": "angle and temperatures on one clock",
     "curves.csv": "the curves and residuals of this page",
-    "track.json": "account of the tracking",
+    "track.json": "how well the film was tracked",
     "track.png": "frames of the film with what was read in them",
     "sync.json": "the two clocks",
     "fit.json": "the plain model's fit",
@@ -78,17 +78,18 @@ def lead(results: RunResults) -> str:
         if fitted is not None:
             ends += f" The fit to all half-cycles leaves {error(float(fitted))} rms."
     if not discovery.get("effects") and discovery.get("verdict") == "none":
-        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
+        return f"The plain model misses held-out half-cycles by {error(before)} rms.{ends}"
     if after is None:
-        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
-    seen = "the error on half-cycles that the fit did not see"
+        return f"The plain model misses held-out half-cycles by {error(before)} rms.{ends}"
     if not_explained(discovery):
         # The headline's figure is not the ratio of the two that stand here.
         ends += (
             f" What is left is {number(times_floor(discovery))} times that where each independent reading counts once: "
             "a rest is one, however long."
         )
-    return f"The extended model takes {seen} from {error(before)} to {error(after)} rms.{ends}"
+    return (
+        f"The extended model takes the error on held-out half-cycles from {error(before)} to {error(after)} rms.{ends}"
+    )
 
 
 def _why_open(discovery: Mapping[str, Any]) -> str:
@@ -191,7 +192,7 @@ def value_words(value: Mapping[str, Any]) -> str:
 def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
     before, after = (discovery.get(name) or {} for name in ("before", "after"))
     seen = "rmse_held_out_deg"
-    note = "rms on half-cycles that the fit did not see"
+    note = "rms on held-out half-cycles, each predicted by a fit without it"
     if before.get(seen) is None:
         seen, note = "rmse_train_deg", "rms on the half-cycles that were fitted; none could be held out"
     if before.get(seen) is None:
@@ -235,8 +236,8 @@ def missing(results: RunResults) -> dict[str, Any]:
         (label, [(discovery.get(name) or {}).get(key) for name in ("before", "after")])
         for label, key in (
             ("rms on the half-cycles that were fitted (°)", "rmse_train_deg"),
-            ("rms on half-cycles that were not seen (°)", "rmse_held_out_deg"),
-            ("R² on half-cycles that were not seen", "r2_held_out"),
+            ("rms on held-out half-cycles (°)", "rmse_held_out_deg"),
+            ("R² on held-out half-cycles", "r2_held_out"),
         )
     ]
     return {
@@ -273,8 +274,8 @@ def _held_out(results: RunResults) -> str:
         return ""
     curves = results.curves
     if curves is not None and "held_out" in curves.columns and (curves["held_out"].to_numpy() > 0.5).all():
-        return "Each half-cycle was left out of the fit once, and predicted by it."
-    return f"Not seen by the fit: half-cycle {', '.join(str(one) for one in numbers)}."
+        return "Each half-cycle was held out of the fit once, and predicted by it."
+    return f"Held out of the fit: half-cycle {', '.join(str(one) for one in numbers)}."
 
 
 def score(value: float | None) -> str:
@@ -372,7 +373,7 @@ def clocks(results: RunResults) -> list[tuple[str, str]]:
     if sync is None:
         return []
     lines = clock_words(sync, unknown="interval unknown")
-    lines.append(("evidence", str(sync.get("method", "not said"))))
+    lines.append(("found from", str(sync.get("method", "not said"))))
     lines.append(("meaning", "temperature time = film time × (1 + drift) + offset"))
     return lines
 
