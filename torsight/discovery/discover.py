@@ -183,7 +183,7 @@ def doubt_of(
 
 
 def held_out_error_deg(findings: Findings) -> tuple[float, float]:
-    """Return the discrepancy in motion and at rest on half-cycles that the fit has not seen, degrees.
+    """Return the discrepancy in motion and at rest on held-out half-cycles, degrees.
 
     Less what readings, temperatures and what the other half-cycles leave open of the values account for: a prediction
     adds what is its own of these. Of the fit, and a verdict's least at least, where nothing was left out.

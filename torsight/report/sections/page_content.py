@@ -97,8 +97,8 @@ def _why_open(discovery: Mapping[str, Any]) -> str:
     count = len(discovery.get("held_out") or [])
     others = f"the other {count - 1}" if count > 2 else "the other one"
     return (
-        f"The error on held-out half-cycles is no further effect: each is predicted by a fit to {others} alone, which "
-        "leaves the model's values open. More half-cycles, and complete heatings, would fix them."
+        f"The error on held-out half-cycles is no further effect: each half-cycle is predicted by a fit to {others} "
+        "alone, which leaves the model's values open. More half-cycles, and complete heatings, would fix them."
     )
 
 
