@@ -401,6 +401,11 @@ def test_the_same_question_has_the_same_answer() -> None:
     assert one == other
 
 
+def test_a_problem_is_one_short_line() -> None:
+    names = ", ".join(one.id for one in sensor_candidates())
+    assert repr(sensor(sensor_record())) == f"ModelProblem(y: 600 rows in 1 record, 2 parameters, candidates: {names})"
+
+
 def test_findings_show_themselves(three_springs: Findings) -> None:
     text = str(three_springs)
     assert "hardening is missing" in text

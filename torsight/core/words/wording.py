@@ -104,6 +104,11 @@ def explanations(discovery: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(words(one) for one in sets if one))
 
 
+def error_words(value_deg: float | None) -> str:
+    """Return an error of the angle with three digits, or two below one degree: ``6.00°``, ``0.087°``."""
+    return f"{number(value_deg, 2 if value_deg is None or value_deg < 1.0 else 3)}°"
+
+
 EXPLAINED: Final = 2.0
 """How many noise floors may be left: up to that, what is left is the floor and what the fit is uncertain by."""
 
@@ -171,7 +176,7 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
         return ""
     return (
         f"This record does not fix the model's values: held-out half-cycles are missed by "
-        f"{number(left)}°, {number(left / float(floor), 2)} times the noise floor."
+        f"{error_words(left)}, {number(left / float(floor), 2)} times the noise floor."
     )
 
 

@@ -18,6 +18,7 @@ from torsight.core.files.small_pictures import encoded, shrunk
 from torsight.core.words.wording import (
     clock_words,
     effect_name,
+    error_words,
     estimate,
     explanations,
     fixed,
@@ -76,20 +77,19 @@ def lead(results: RunResults) -> str:
         fitted = (discovery.get("after") or {}).get("rmse_train_deg")
         ends += f" {_why_open(discovery)}"
         if fitted is not None:
-            ends += f" The fit to all half-cycles leaves {error(float(fitted))} rms."
+            ends += f" The fit to all half-cycles leaves {error_words(float(fitted))} rms."
     if not discovery.get("effects") and discovery.get("verdict") == "none":
-        return f"The plain model misses held-out half-cycles by {error(before)} rms.{ends}"
+        return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
     if after is None:
-        return f"The plain model misses held-out half-cycles by {error(before)} rms.{ends}"
+        return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
     if not_explained(discovery):
         # The headline's figure is not the ratio of the two that stand here.
         ends += (
             f" What is left is {number(times_floor(discovery))} times that where each independent reading counts once: "
             "a rest is one, however long."
         )
-    return (
-        f"The extended model takes the error on held-out half-cycles from {error(before)} to {error(after)} rms.{ends}"
-    )
+    took = f"from {error_words(before)} to {error_words(after)} rms"
+    return f"The extended model takes the error on held-out half-cycles {took}.{ends}"
 
 
 def _why_open(discovery: Mapping[str, Any]) -> str:
@@ -100,11 +100,6 @@ def _why_open(discovery: Mapping[str, Any]) -> str:
         f"The error on held-out half-cycles is no further effect: each half-cycle is predicted by a fit to {others} "
         "alone, which leaves the model's values open. More half-cycles, and complete heatings, would fix them."
     )
-
-
-def error(value_deg: float) -> str:
-    """Return an error with three digits, or two below one degree."""
-    return f"{number(value_deg, 3 if value_deg >= 1.0 else 2)}°"
 
 
 def tiles(results: RunResults) -> list[Tile]:
@@ -197,9 +192,9 @@ def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
         seen, note = "rmse_train_deg", "rms on the half-cycles that were fitted; none could be held out"
     if before.get(seen) is None:
         return []
-    value = error(before[seen])[:-1]
+    value = error_words(before[seen])[:-1]
     if after.get(seen) is not None and discovery.get("verdict") != "none":
-        value = f"{value} → {error(after[seen])[:-1]}"
+        value = f"{value} → {error_words(after[seen])[:-1]}"
     return [Tile("Error", value, "°", note)]
 
 
