@@ -113,15 +113,22 @@ def command_reference() -> str:
 
 
 def _section(name: str, command: Any) -> str:
-    text, _, example = (command.help or "").partition("Example: ")
+    text, *examples = (command.help or "").split("Example: ")
     arguments = [item for item in command.params if item.param_type_name == "argument"]
     options = [item for item in command.params if item.param_type_name == "option"]
-    lines = [f"## torsight {name}", "", text.strip(), "", "```console", f"$ {example.strip()}", "```", ""]
+    shown = [f"$ {' '.join(example.split())}" for example in examples]
+    lines = [f"## torsight {name}", "", *_paragraphs(text), "```console", *shown, "```", ""]
     rows = [(_argument(item), item.help or "") for item in arguments]
     rows += [(_option(item), _option_help(item)) for item in options if item.name != "help"]
     lines += ["| | |", "| --- | --- |"]
     lines += [f"| `{left}` | {' '.join(right.split())} |" for left, right in rows]
     return "\n".join([*lines, ""])
+
+
+def _paragraphs(text: str) -> list[str]:
+    """Return the paragraphs of a help, those whose lines it keeps apart as the Python that they are."""
+    parts = text.strip().split("\n\n")
+    return [f"```python\n{part[1:].strip()}\n```\n" if part.startswith("\b") else f"{part}\n" for part in parts]
 
 
 def _argument(item: Any) -> str:

@@ -18,7 +18,7 @@ import matplotlib as mpl
 import numpy as np
 
 from torsight.core.files.storage import read_json, read_table
-from torsight.core.words.wording import effect_name
+from torsight.core.words.wording import effect_name, error_words
 from torsight.viewer.screenshots import WHOLE, take_pictures
 
 HERE = Path(__file__).parent
@@ -113,7 +113,7 @@ def residuals(folder: Path) -> np.ndarray:
             curves[f"residual_{when}_deg"],
             color=colour,
             lw=1.4,
-            label=f"{when}: {model}, {error:.2f}° rms on half-cycles that the fit did not see",
+            label=f"{when}: {model}, {error_words(error)} rms on held-out half-cycles",
         )
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     axes.set_xlabel("time (s)")

@@ -31,7 +31,7 @@ def main(merged: Path, actuator: Path, later: Path | None = None, start_deg: flo
     report = find(merged, actuator)
     print(f"\n{report.verdict}: {', '.join(effect.id for effect in report.effects) or 'nothing'}")
     before, after = report.before.rmse_held_out_deg, report.after.rmse_held_out_deg
-    print(f"error on unseen half-cycles {before:.2f}° before, {after:.2f}° after")
+    print(f"error on held-out half-cycles {before:.2f}° before, {after:.2f}° after")
     if later is not None:
         found = predict_with_sigma(report.model, read_log(later), start_angle_rad=start_deg * DEG)
         low_deg, high_deg = np.nanmin(found.angle_rad) / DEG, np.nanmax(found.angle_rad) / DEG

@@ -52,14 +52,14 @@ def carriage(*, seed: int = 4, strokes: int = 8) -> LinearProblem:
 
 
 def main() -> Findings:
-    """Print what is missing, its size and the error on unseen strokes."""
+    """Print what is missing, its size and the error on held-out strokes."""
     findings = find_missing(carriage())
     chosen = findings.decision.chosen
     print(f"{findings.verdict}: {', '.join(chosen.effects) or 'nothing'}")
     for name, value in chosen.fit.values.items():
         print(f"  {name:20s} {value:8.2f}   true {TRUE.get(name, 0.0):8.2f}")
     if findings.before is not None and findings.after is not None:
-        print(f"error on unseen strokes {findings.before.rms:.2f} N before, {findings.after.rms:.2f} N after")
+        print(f"error on held-out strokes {findings.before.rms:.2f} N before, {findings.after.rms:.2f} N after")
     return findings
 
 

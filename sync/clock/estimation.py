@@ -1,6 +1,6 @@
 """Offset and drift between film and log, from the best that there is.
 
-In this order: values that are given; an event that both saw (a light that shows the heating switch); what motion and
+In this order: values that are given; an event that both saw (an LED on the heating switch); what motion and
 temperature say together. Where nothing moves the offset stays unknown and is not guessed.
 """
 
@@ -36,7 +36,7 @@ _EXACT: Final = 1e-6
 WIDE_S: Final = 1.0
 """A wider interval is explained: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
 _ADVICE: Final = (
-    "give the offset (--offset, [sync] offset_s), or film a light that shows the heating switch (led_events), or heat "
+    "give the offset (--offset, [sync] offset_s), or film an LED on the heating switch (led_events), or heat "
     "at two clearly different rates with one heating cut short"
 )
 
@@ -80,12 +80,12 @@ def estimate_clock(
     given_offset_s, given_drift_ppm : float, optional
         Values that are known; taken as exact.
     light : LightEvents, optional
-        Film times at which a light showed the heating switch.
+        Film times at which an LED showed the heating switch.
 
     Raises
     ------
     InputError
-        When there are light events but no heating switch in the log; when the angles are folded into one turn, the
+        When there are events of an LED but no heating switch in the log; when the angles are folded into one turn, the
         film's times are minutes, or the log's times or temperatures are in another unit.
     NoResultError
         When the offset is not given and nothing in the files tells it.
@@ -160,7 +160,7 @@ def _find(
 
 
 def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prior: Gaussian | None) -> Found:
-    """Let the light decide; the motion only chooses where several shifts pair as many of its events.
+    """Let the LED decide; the motion only chooses where several shifts pair as many of its events.
 
     A ``prior`` is that of a drift that is known.
     """
@@ -173,15 +173,15 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
         weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
     notes = list(_restart_notes(weighed))
     if match.rivals:
-        notes.append(f"{match.rivals} other shifts pair as many changes of the light: check the offset")
+        notes.append(f"{match.rivals} other shifts pair as many changes of the LED: check the offset")
     if match.second_shift_s is not None:
         notes.append(
-            f"{match.events - match.matched} changes of the light at one end of the film fit the log when its "
+            f"{match.events - match.matched} changes of the LED at one end of the film fit the log when its "
             f"rows there are taken {match.second_shift_s:+.3g} s off the others: its clock may have jumped without "
-            "a restart that shows; the interval holds both, look at the log's stamps"
+            "a restart that shows; the interval holds both, look at the log's timestamps"
         )
     method = (
-        f"shared event: {match.matched} of {match.events} changes of the light against the heating switch's "
+        f"shared event: {match.matched} of {match.events} changes of the LED against the heating switch's "
         f"{match.switchings}"
     )
     clock = replace(clock_of([gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))
@@ -191,7 +191,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
 def _paired(
     angles: StickAngles, weighed: WeighedRestarts, reading: LogReading, light: LightEvents, prior: Gaussian | None
 ) -> tuple[WeighedRestarts, LedMatch]:
-    """Return the LED's match, with rows behind a restart where the motion has them or, if more pair, the light."""
+    """Return the LED's match, with rows behind a restart where the motion has them or, if more pair, the LED."""
     moved = _joined_by_led(angles, reading, light)
     other = None if moved is None else match_led(light, angles.time_s, moved.log, gaps=unknown_gaps(moved))
     try:
@@ -221,7 +221,7 @@ def _led_with_motion(
 
 
 def _joined_by_led(angles: StickAngles, reading: LogReading, light: LightEvents) -> LogReading | None:
-    """Return the log with the one restart whose gap is not sure put where the light has it."""
+    """Return the log with the one restart whose gap is not sure put where the LED has it."""
     unsure = [n for n, restart in enumerate(reading.restarts) if not restart.gap_sigma_s <= SURE_GAP_S]
     if len(unsure) != 1:
         return None
@@ -253,8 +253,8 @@ def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
         return clock
     low, high = clock.offset_ci95_s
     note = (
-        f"the log's stamps go in steps of {step_s:.3g} s and are taken as cut off; were they rounded, the offset is "
-        f"{0.5 * step_s:.3g} s smaller: the interval holds both"
+        f"the log's timestamps go in steps of {step_s:.3g} s and are taken as cut off; were they rounded, the offset "
+        f"is {0.5 * step_s:.3g} s smaller: the interval holds both"
     )
     return replace(clock, offset_ci95_s=(low - 0.5 * step_s, high), notes=(*clock.notes, note))
 

@@ -1,4 +1,4 @@
-"""A light in the film that shows the heating switch: the same event on both clocks.
+"""An LED in the film that shows the heating switch: the same event on both clocks.
 
 A frame shows the light on when it went on at some time since the frame before, and a row of the log shows the switch on
 when it went on since the row before. So an event happened half an interval earlier than each first shows it, give or
@@ -31,7 +31,7 @@ _LARGEST_DRIFT: Final = 3.0 * PRIORS.drift_sigma_ppm * PPM
 
 @dataclass(frozen=True, slots=True)
 class LedMatch:
-    """What the light says about the clock: drift, and the offset at the film time ``middle_s``.
+    """What the LED says about the clock: drift, and the offset at the film time ``middle_s``.
 
     How many pairs were found, how many events the film has and how many changes of the switch the log, and how many
     other shifts pair as many events. ``second_shift_s`` is by how much later another shift pairs the events that are
@@ -49,7 +49,7 @@ class LedMatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """Changes of the light or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
+    """Changes of the LED or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
 
     time_s: Floats
     step_s: Floats
@@ -71,14 +71,14 @@ def match_led(
     near: tuple[float, float] | None = None,
     gaps: Sequence[UnknownGap] = (),
 ) -> LedMatch:
-    """Pair the light's changes with the switch's and estimate the clock.
+    """Pair the LED's changes with the switch's and estimate the clock.
 
     ``frame_s`` are the times of all frames; where several shifts pair as many events, those with an offset ``near`` are
     chosen from. The ``gaps`` at joints of the log that are not sure are further unknowns of the Gaussian.
     """
     if log.heat_a is None and log.heat_b is None:
         raise InputError(
-            "has no column 'heat_a' or 'heat_b' to hold the light against",
+            "has no column 'heat_a' or 'heat_b' to hold the LED against",
             where="temperature log",
             do="log the heating switch, or leave led_events out",
         )
@@ -94,11 +94,11 @@ def match_led(
             best = (count, offsets, switchings)
     if best is None or best[0] < max(1, (len(film) + 1) // 2):
         raise NoResultError(
-            "the light's changes fit no changes of the heating switch",
+            "the LED's changes fit no changes of the heating switch",
             where="led_events",
             value=f"{0 if best is None else best[0]} of {len(film)} events paired",
             limit="at least half of them",
-            do="check the times of the light, or leave led_events out",
+            do="check the times of the LED, or leave led_events out",
         )
     count, offsets, switchings = best
     chosen = offsets[0]
@@ -201,7 +201,7 @@ def _intersected(*, away_s: Floats, offset_s: Floats, film_step_s: Floats, log_s
 
 
 def _on_film(events: LightEvents, frame_s: Floats) -> Changes:
-    """Return the light's changes, each between the frame that shows it and the one before."""
+    """Return the LED's changes, each between the frame that shows it and the one before."""
     time_s = events.time_s
     if events.since_s is not None:
         step_s = time_s - events.since_s
@@ -212,7 +212,7 @@ def _on_film(events: LightEvents, frame_s: Floats) -> Changes:
 
 
 def _switches(log: TemperatureLog) -> list[Flags]:
-    """Return what the light may show: any heating, or that of one spring."""
+    """Return what the LED may show: any heating, or that of one spring."""
     single = [switch for switch in (log.heat_a, log.heat_b) if switch is not None]
     return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
 

@@ -49,13 +49,13 @@ class LightEvents(Shown):
 
     def _draw(self, axes: Any) -> None:
         axes.step(self.time_s, self.goes_on, where="post")
-        axes.set(xlabel="time, s", ylabel="light", yticks=[0, 1], yticklabels=["off", "on"])
+        axes.set(xlabel="time, s", ylabel="LED", yticks=[0, 1], yticklabels=["off", "on"])
 
 
 def read_light_events(path: AnyPath) -> LightEvents:
-    """Read film times of a light: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
+    """Read film times of an LED: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
 
-    Without ``on`` every time is one at which the light goes on.
+    Without ``on`` every time is one at which the LED goes on.
 
     Raises
     ------

@@ -288,7 +288,7 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
     if role in chosen.names:
         taken = {place for other in chosen.names if other != role for place in _named(other, header, chosen)}
         folded = {_folded(one): one for place, one in enumerate(header) if place not in taken}
-        near = difflib.get_close_matches(_folded(name), folded, n=1, cutoff=0.4)
+        near = difflib.get_close_matches(_folded(name), folded, n=1)
         hint = f"did you mean '{folded[near[0]]}'?" if near else "name a column of the header"
         return InputError(f"has no column '{name}'", where=where, value=shown, do=f"it is named for {role}: {hint}")
     near = difflib.get_close_matches(name, list(header), n=1, cutoff=0.8)

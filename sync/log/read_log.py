@@ -178,14 +178,16 @@ def _distinct(
     line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
     if count > _COARSE_SHARE * len(same):
         repairs.append(
-            Repair("coarse_stamp", count, f"{count} stamps repeat (coarse clock); rows were spread evenly between them")
+            Repair(
+                "coarse_stamp", count, f"{count} timestamps repeat (coarse clock); rows were spread evenly between them"
+            )
         )
         return _spread(ordered, same), numbers, texts
     repairs.append(
         Repair(
             "repeated_stamp",
             count,
-            f"{count} rows repeat a stamp, the first on line {line}; each set was replaced by its mean",
+            f"{count} rows repeat a timestamp, the first on line {line}; each set was replaced by its mean",
         )
     )
     group = np.cumsum(~same) - 1

@@ -54,7 +54,9 @@ def order_stamps(stamp_s: Floats, *, first_line: int = 2) -> OrderedStamps:
     lost = len(stamp_s) - len(row)
     if lost:
         line = int(np.flatnonzero(~np.isfinite(stamp_s))[0]) + first_line
-        repairs.append(Repair("no_stamp", lost, f"{lost} rows without a stamp were dropped, the first on line {line}"))
+        repairs.append(
+            Repair("no_stamp", lost, f"{lost} rows without a timestamp were dropped, the first on line {line}")
+        )
     time_s = stamp_s[row].copy()
     block = _blocks(time_s)
     if block[-1:].any():
@@ -71,8 +73,8 @@ def order_stamps(stamp_s: Floats, *, first_line: int = 2) -> OrderedStamps:
         blocks.append(np.full(len(kept_row), index, dtype=np.int64))
     for kind, text in (
         ("reordered", "rows stood out of order and were put into their place"),
-        ("wrong_stamp", "stamps that fitted nowhere were interpolated from the rows around"),
-        ("dropped_stamp", "rows whose stamp fitted nowhere were dropped"),
+        ("wrong_stamp", "timestamps that fitted nowhere were interpolated from the rows around"),
+        ("dropped_stamp", "rows whose timestamp fitted nowhere were dropped"),
     ):
         count, line = counts[kind]
         if count:

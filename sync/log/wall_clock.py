@@ -107,7 +107,7 @@ def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamp
         where=f"{where}, line {wrong + first_line}",
         value=repr(column.iloc[wrong]),
         limit="12.345, 2024-05-01T10:00:00.345, 05/31/2024 10:00:00.345 or 10:00:00.345",
-        do="export the stamps in one of these forms",
+        do="export the timestamps in one of these forms",
     )
 
 

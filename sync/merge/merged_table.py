@@ -105,7 +105,7 @@ def sync_content(clock: ClockMap, reading: LogReading, table: SyncedTable, *, ma
         "drift_ppm": {"value": clock.drift_ppm, "ci95": list(clock.drift_ci95_ppm)},
         "method": clock.method,
         "notes": [*reading.notes, *clock.notes],
-        "interpolation": "linear between the log's stamps; switches and further columns hold the last row",
+        "interpolation": "linear between the log's timestamps; switches and further columns hold the last row",
         "max_gap_s": max_gap_s,
         "rows": len(table),
         "rows_without_temperature": int(np.count_nonzero(~known)),

@@ -27,6 +27,18 @@ MORE: dict[str, Bad] = {
     "log stamped in milliseconds of the calendar": Bad(SIMULATE, scaled("temps.csv", 0, 1e3, 1e12), 3, "1e+11"),
     "log in picoseconds": Bad(SIMULATE, scaled("temps.csv", 0, 1e-12), 3, "too close together"),
     "log in Fahrenheit": Bad(SIMULATE, scaled("temps.csv", 1, 1.8, 32.0), 3, "not in °F or kelvin"),
+    "log in °C under a header of kelvin": Bad(
+        SIMULATE,
+        replaced("temps.csv", "time_s,temp_a_c,temp_b_c", "Time (s),Temp A (K),Temp B (K)"),
+        3,
+        "column Temp A (K): is colder than any rig",
+    ),
+    "log in seconds under a header of hours": Bad(
+        SIMULATE,
+        replaced("temps.csv", "time_s,temp_a_c,temp_b_c", "Time (h),Temp A,Temp B"),
+        3,
+        "column Time (h): runs too slowly",
+    ),
     "log with a column twice": Bad(SIMULATE, doubled("temps.csv", 1), 3, "two columns have one name"),
     "log that runs backwards": Bad(SIMULATE, turned("temps.csv"), 3, "row 3, column time_s: time does not increase"),
     "log that is a folder": Bad(SIMULATE, is_a_folder("temps.csv"), 3, "is a folder"),

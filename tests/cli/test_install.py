@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 def test_another_distribution_with_a_package_of_ours_is_named() -> None:
     (finding,) = check_install({"sync": ["torsight", "sync-tools"], "tracker": ["torsight"], "numpy": ["numpy"]})
     assert finding.level == "limits"
-    assert "'sync' is also installed by sync-tools" in finding.text
+    assert "'sync' is also installed by the distribution sync-tools" in finding.text
     assert "pip uninstall sync-tools" in finding.do
 
 
@@ -44,5 +44,5 @@ def test_a_package_of_ours_that_was_written_over_is_told_by_the_doctor(tmp_path:
         check=False,
     )
     assert done.returncode == 3
-    assert "installation: the package 'sync' is also installed by sync-tools" in done.stderr
+    assert "installation: the package 'sync' is also installed by the distribution sync-tools" in done.stderr
     assert "internal error" not in done.stderr

@@ -33,7 +33,7 @@ from torsight.actuator.effects import Effect, load_effects
 from torsight.actuator.simulation import Prediction
 from torsight.core.files.results import RunResults
 from torsight.core.optics.axis import Axis
-from torsight.core.optics.camera import Pose
+from torsight.core.optics.camera import Camera, Intrinsics, Pose
 from torsight.core.parameter import Estimate
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
 from torsight.core.tracks import MarkerTracks, StickAngles
@@ -42,6 +42,7 @@ from torsight.discovery import PredictedAngle, predict_with_sigma
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect
 from torsight.synthetic import Record, scene_from
 from tracker import Orientation, TrackResult
+from tracker.detect.marker_file import MarkerHints
 
 N = 30
 TIME_S = np.linspace(0.0, 14.5, N)
@@ -56,6 +57,8 @@ TRACKS = MarkerTracks(
 )
 START_RAD = 3.0
 TAU = Estimate(0.79, 0.01, (0.77, 0.81), "mN·m")
+CAMERA = Camera(Intrinsics((64, 48), np.diag([80.0, 80.0, 1.0]), np.zeros(5)))
+POSE = Pose(np.zeros(3), np.array([0.0, 10.0, 500.0]), 3.0, 0.0)
 
 
 def test_a_notebook_that_would_show_no_picture_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,6 +88,9 @@ def test_a_notebook_that_would_show_no_picture_says_so(monkeypatch: pytest.Monke
             "Scene(seed 5, sensor_lag, 2 half-cycles, 640 × 480 px at 30 frames/s)",
         ),
         (ActuatorModel(reference_spec()).prepare(TABLE), "Drive(30 rows over 14.5 s, 1 half-cycle, 23.5 to 38.5 °C)"),
+        (CAMERA, "Camera(64 × 48 px, focal length 80 px, no pose)"),
+        (replace(CAMERA, pose=POSE), "Camera(64 × 48 px, focal length 80 px, with its pose)"),
+        (MarkerHints(np.full((4, 2), 20.0), ("tag", "dot"), "markers.toml"), "MarkerHints(markers.toml, tag and dot)"),
     ],
 )
 def test_what_a_fit_is_made_of_is_one_short_line(made: object, words: str) -> None:
@@ -139,12 +145,18 @@ def discovery(model: FittedModel) -> DiscoveryReport:
     )
 
 
+def test_a_folder_with_a_discovery_gives_the_friction_of_the_extended_model() -> None:
+    plain, extended = ({"tau_c_mnm": Estimate(value, 0.01, (value, value), "mN·m").to_json()} for value in (0.36, 0.53))
+    assert RunResults("results", fit={"parameters": plain}).facts()["friction torque"].startswith("0.36")
+    both = RunResults("results", fit={"parameters": plain}, discovery={"parameters": extended, "verdict": "none"})
+    assert both.facts()["friction torque"].startswith("0.53")
+
+
 def characterisation() -> Characterisation:
     step = Step({}, 0.1, {}, {"curve": (TIME_S, TIME_S, TIME_S)})
     return Characterisation({"free_recovery": step}, "liang_rogers", {"tau_c_mnm": TAU}, reference_spec())
 
 
-POSE = Pose(np.zeros(3), np.array([0.0, 10.0, 500.0]), 3.0, 0.0)
 AXIS = Axis(POSE.tvec_mm, np.array([0.0, 0.0, -1.0]), 1e-3, np.ones(2), np.ones(2), misfit=1.1, arc_rad=2.0)
 CORNERS = np.arange(8.0).reshape(4, 2)
 VIEW = View("a.png", 0, np.arange(4), np.zeros((4, 3)), CORNERS, CORNERS, 2.0)

@@ -379,7 +379,7 @@ def test_rows_without_a_reading_leave_the_noise_as_it_is(every: int) -> None:
 
 def test_what_progress_prints_is_printed_and_not_laid_to_the_model(capsys: pytest.CaptureFixture[str]) -> None:
     found = find_missing(sensor(sensor_record()), progress=lambda step, *_: print(step))  # noqa: T201
-    assert {"starts", "unseen blocks"} <= set(capsys.readouterr().out.splitlines())
+    assert {"starts", "held-out blocks"} <= set(capsys.readouterr().out.splitlines())
     assert not found.warnings
 
 
@@ -401,10 +401,15 @@ def test_the_same_question_has_the_same_answer() -> None:
     assert one == other
 
 
+def test_a_problem_is_one_short_line() -> None:
+    names = ", ".join(one.id for one in sensor_candidates())
+    assert repr(sensor(sensor_record())) == f"ModelProblem(y: 600 rows in 1 record, 2 parameters, candidates: {names})"
+
+
 def test_findings_show_themselves(three_springs: Findings) -> None:
     text = str(three_springs)
     assert "hardening is missing" in text
-    assert "rms on blocks that the fit did not see" in text
+    assert "rms on held-out blocks" in text
     html = three_springs._repr_html_()
     assert "<table>" in html
     assert "data:image/png;base64," in html

@@ -1,4 +1,4 @@
-"""Findings say where a larger set predicts unseen blocks better, and where the answer predicts them no better."""
+"""Findings say where a larger set predicts held-out blocks better, and where the answer predicts them no better."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_larger_set_that_predicts_better_is_told_and_no_other(seed: int, *, la
     assert found.effects == ("bow",)
     assert (larger < 0.95 * own) is larger_is_better
     assert [one.effects for one in found.predicts_better] == [("bow", "side")] * larger_is_better
-    assert ("bow + side predicts unseen blocks better" in str(found)) is larger_is_better
+    assert ("bow + side predicts held-out blocks better" in str(found)) is larger_is_better
     assert found.to_json()["predicts_better"] == [["bow", "side"]] * larger_is_better
     both = next(one for one in found.best_fits if one.effects == ("bow", "side"))
     assert both.rmse_held_out == pytest.approx(larger, rel=0.01)
@@ -61,7 +61,7 @@ def test_a_law_over_time_that_predicts_no_block_is_told(per_s: float, *, predict
     assert found.verdict == "unknown"
     assert found.decision.chosen.members == ("y(time_s)",)
     assert (after.rmse_held_out < before.rmse_held_out) is predicted
-    assert ("predicts unseen blocks no better" in str(found)) is not predicted
+    assert ("predicts held-out blocks no better" in str(found)) is not predicted
 
 
 def test_a_law_over_time_beside_a_name_is_told_and_that_it_predicts_nothing() -> None:
@@ -81,5 +81,5 @@ def test_a_law_over_time_beside_a_name_is_told_and_that_it_predicts_nothing() ->
     )
     assert (found.verdict, found.decision.chosen.members) == ("unknown", ("bow", "y(time_s)"))
     assert abs(found.values["bow"] - 1.2) < 0.06
-    assert "y(time_s) describes what was recorded, but unseen blocks are predicted no better with it" in str(found)
+    assert "y(time_s) describes what was recorded, but held-out blocks are predicted no better with it" in str(found)
     assert [law["share"] for law in found.to_json()["laws"]] == [1.0]

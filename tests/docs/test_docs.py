@@ -54,9 +54,8 @@ def test_every_command_that_is_named_is_there(page: Path) -> None:
 
 
 def test_the_reference_holds_every_command_with_an_example() -> None:
-    assert [command.split()[1] for command in commands(command_reference()) if " --help" not in command] == list(
-        COMMANDS
-    )
+    shown = [command.split()[1] for command in commands(command_reference()) if " --help" not in command]
+    assert list(dict.fromkeys(shown)) == list(COMMANDS)
 
 
 def test_every_page_is_linked_and_every_link_leads_somewhere() -> None:

@@ -99,7 +99,7 @@ def test_own_model(capsys: pytest.CaptureFixture[str]) -> None:
     assert findings.decision.chosen.effects == ("friction_along_screw",)
     for name, true in own["TRUE"].items():
         assert findings.decision.chosen.fit.values[name] == pytest.approx(true, rel=0.05, abs=0.5)
-    assert "unseen strokes" in capsys.readouterr().out
+    assert "held-out strokes" in capsys.readouterr().out
 
 
 def test_tanks(capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from torsight.core.files.storage import write_table
 from torsight.viewer import save_pictures, view_layout, write_recording
 from torsight.viewer.screenshots import file_name
 
-LAW = "Law: friction (mN·m) against the angle"
+LAW = "Law: change of the friction torque (mN·m) against the angle"
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ class Doubt:
     covariance : (m, m) float64
         Of these, public units.
     residual_deg : float
-        What is left in motion on half-cycles that the fit has not seen (of the fit, where none was left out), root mean
+        What is left in motion on held-out half-cycles (of the fit, where none was left out), root mean
         square, less what errors of readings, temperatures and values account for.
     alternatives : tuple of Alternative
         The explanations that hold a part of the probability.

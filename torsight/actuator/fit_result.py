@@ -35,7 +35,7 @@ all information about it is the record's (1 − 0.9² = 0.19)."""
 _ALIKE: Final = 2.0
 """Factor within which a way is as far as the characterised values say; a choice: degrees and radians differ by 57."""
 _SCALE_NOTE: Final = (
-    "only the ratios of moduli, friction torque and stress influences show in an angle-temperature record: "
+    "only the ratios of moduli, friction torque and stress coefficients show in an angle-temperature record: "
     "the torque's absolute size rests on the characterised values"
 )
 
@@ -245,9 +245,9 @@ def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str
     low, high = extent(drive.angle_rad[drive.measured])
     share = 100.0 * rmse_deg * DEG / (high - low)
     return (
-        f"{doubt} The error is {number(rmse_deg)}° rms, {number(share, 2)} % of the stroke, and the noise of angle and "
-        f"temperatures makes {number(floor_deg, 2)}°: 'torsight discover' names what the model lacks; where the error "
-        "is a large part of the stroke, check the actuator file first"
+        f"{doubt} The error is {number(rmse_deg)}° rms, {number(share, 2)} % of the range of motion, and the noise of "
+        f"angle and temperatures makes {number(floor_deg, 2)}°: 'torsight discover' names what the model lacks; where "
+        "the error is a large part of that range, check the actuator file first"
     )
 
 
@@ -274,7 +274,9 @@ def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, row
     notes = [_SCALE_NOTE, uncertain]
     scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}
     if scale <= set(model.spec.uncertainty):
-        notes.append("moduli and stress influences are all uncertain: their common scale is fixed by the priors alone")
+        notes.append(
+            "moduli and stress coefficients are all uncertain: their common scale is fixed by the priors alone"
+        )
     # Of what is fitted along with them nobody had a value to confirm.
     characterised = [name for name in quiet if name in model.spec.uncertainty]
     if characterised:

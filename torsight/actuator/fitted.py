@@ -194,7 +194,7 @@ class FittedModel(Frozen, Shown):
 
         A film begins within half a turn of zero whatever that angle is: such a reading may be ahead by any turns, and
         those nearest the record's count that put the start where the springs can be at rest. A larger one goes on in
-        the record's turn, or is the actuator's own angle, which lies within half of its pre-deformation.
+        the record's turn, or is the actuator's own angle, which lies within half of the total winding.
 
         Raises
         ------
@@ -221,8 +221,8 @@ class FittedModel(Frozen, Shown):
             where=f"{where}, first row",
             value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°".replace("-", "−"),
             limit=" or ".join(limits),
-            do="give the angle as read at the first row, less whole turns that were counted before it, in degrees; in "
-            "Python in radians (were these degrees?)",
+            do="give the angle as read at the first row, without whole turns that were counted before it: degrees in a "
+            "command, radians in Python (were these degrees?)",
         )
 
 

@@ -126,7 +126,7 @@ class ActuatorModel:
                 "turns further than the springs are wound",
                 where=f"{where}, angle",
                 value=f"a range of {(high - low) / DEG:.0f}°",
-                limit=f"{most_deg:g}°, the total pre-deformation",
+                limit=f"{most_deg:g}°, the total winding of both springs",
                 do="give radians in Python (degrees in files and commands), and check theta_p_deg",
             )
 

@@ -82,7 +82,7 @@ _ORDERS: Final = (
     ("M_f_c", "A_s_c", "the hysteresis lies between the end of cooling's and the start of heating's transformation"),
     ("E_S_gpa", "E_M_gpa", "stress-induced martensite is the softest state"),
     ("E_M_gpa", "E_A_gpa", "austenite is stiffer than martensite"),
-    ("theta_cr_deg", "theta_p_deg", "the critical angle lies below the total pre-deformation"),
+    ("theta_cr_deg", "theta_p_deg", "the critical angle lies below the total winding of both springs"),
 )
 
 
@@ -261,7 +261,12 @@ def _sigma(table: Mapping[str, Any], name: str, values: Mapping[str, float], *, 
     elif name == "tau_c_mnm":
         upper *= 10.0
     return get_number(
-        table, name, where=where, lower=0.0, upper=upper, hint="one standard deviation, in the value's unit"
+        table,
+        name,
+        where=where,
+        lower=0.0,
+        upper=upper,
+        hint=f"one standard deviation, in the value's unit; the value is {values[name]:g} {key.unit}".rstrip(),
     )
 
 

@@ -2,7 +2,7 @@
 
 Symbols as in the paper (Smart Mater. Struct. 24 (2015) 105005): wire diameter d, wire length of the active coils
 L_s, strain per radian C1 = d / (2 L_s) (7), stress per torque C2 = 32 / (π d³) (11), stiffness K = E C1 / C2
-(16, 17), critical angle θ_cr, total pre-deformation θ_P (18), friction torque τ_c.
+(16, 17), critical angle θ_cr, total winding θ_P (18), friction torque τ_c.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Rig:
     c_austenite, c_martensite : float
         Stress influence C_A, C_M in Pa/K.
     theta_cr_rad, theta_p_rad : float
-        Critical angle and total pre-deformation.
+        Critical angle and total winding.
     tau_c_nm : float
         Coulomb friction torque.
     stress_per_torque : float

@@ -24,7 +24,8 @@ def batch(
         str | None, typer.Option(metavar="ADDRESS", help="A running Dask scheduler that does the work instead.")
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option(metavar="S", help="Longest time for one experiment; it is a failed one then.")
+        float | None,
+        typer.Option(metavar="S", help="Longest time for one experiment; one that takes longer has failed."),
     ] = None,
 ) -> Answer:
     """Run many experiments and put their results into one table and one page of small pictures.

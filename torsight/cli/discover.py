@@ -78,14 +78,14 @@ def discover(
 
 
 def explains_nothing(discovery: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return what to tell, by ``discovery.json``, where the model is worse than a constant on what it has not seen."""
+    """Return what to tell, by ``discovery.json``, where the model is worse than a constant on held-out half-cycles."""
     from torsight.actuator.fit_result import CHECK_FILE
 
     r2 = discovery["after"]["r2_held_out"]
     if r2 is None or r2 > 0.0:
         return None
     return NoResultError(
-        "the model that was found is no better than a constant angle on half-cycles that its fit did not see",
+        "the model that was found is no better than a constant angle on held-out half-cycles",
         where=where,
         value=f"R² {number(r2, 2)}",
         limit="R² above 0",

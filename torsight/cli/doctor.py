@@ -28,8 +28,8 @@ def doctor(
 ) -> Answer:
     """Check film, log and configuration before the long run, and say what will limit the result.
 
-    A stretch of the film is tracked, the log is played through the model. The verdict is good, usable or do again;
-    below it stands why, what limits most first. With do again the exit code is the one that a run would end with.
+    A stretch of the film is tracked, the log drives the model. The verdict is good, usable or do again; below it stand
+    the reasons, what limits most first. With do again the exit code is the one that a run would end with.
 
     Example: torsight doctor experiment.toml
     """

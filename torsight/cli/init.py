@@ -14,7 +14,7 @@ from torsight.core.files.storage import write_text
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="Where the files shall stand.")] = Path(),
+    folder: Annotated[Path, typer.Argument(help="Folder for the two files.")] = Path(),
     *,
     force: Annotated[bool, typer.Option("--force", help="Write over files that are there.")] = False,
 ) -> Answer:

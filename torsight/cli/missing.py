@@ -29,7 +29,7 @@ def missing(
 
     MODEL.py defines predict(p, record), which gives the output for every row of a record; parameters, the ones that
     the fit may change; output, the column that was measured; and, if wanted, candidates (effects that may be missing),
-    laws, initial, blocks, sigma, resolution, rest, drivers, time. Or it defines problem(records).
+    laws, initial, blocks, sigma, resolution, rest, drivers, time. Or it defines problem(records). A small one:
 
     \b
     import numpy as np

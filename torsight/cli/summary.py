@@ -12,7 +12,7 @@ from torsight.actuator.quantities import effect_values
 from torsight.core.files.storage import read_json
 from torsight.core.files.tables import read_angles
 from torsight.core.units import DEG
-from torsight.core.words.wording import doubt_of, effect_name, estimate, held_out_errors, named
+from torsight.core.words.wording import doubt_of, effect_name, error_words, estimate, held_out_errors, named
 
 
 def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
@@ -23,7 +23,7 @@ def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
         for effect in discovery.get("effects") or []
     ]
     floor = discovery.get("noise_floor_deg")
-    noise = "" if floor is None else f" (noise floor {floor:.2f}°)"
+    noise = "" if floor is None else f" (noise floor {error_words(floor)})"
     proposed = (discovery.get("next_experiment") or {}).get("text")
     return [
         f"Missing           {named(discovery)}",
@@ -37,17 +37,17 @@ def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
 
 def _errors(discovery: Mapping[str, Any]) -> str:
     before, after = held_out_errors(discovery)
-    on = "half-cycles that the fit did not see"
+    on = "held-out half-cycles"
     if before is None or after is None:
         before, after = (discovery[name]["rmse_train_deg"] for name in ("before", "after"))
         on = "the very record that was fitted: one half-cycle only, none could be held out"
-    return f"{before:.2f}° rms before, {after:.2f}° after, on {on}"
+    return f"{error_words(before)} rms before, {error_words(after)} after, on {on}"
 
 
 def _unseen(record: Mapping[str, Any]) -> str:
     """Return the error on a record that was predicted from the others."""
     before, after = (float(record[name]["rmse_other_records_deg"]) for name in ("before", "after"))
-    return f"{before:.2f}° rms before, {after:.2f}° after, with the rig's values from the other records"
+    return f"{error_words(before)} rms before, {error_words(after)} after, with the rig's values from the other records"
 
 
 def attention(discovery: Mapping[str, Any]) -> list[str]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class Settings:
     """Table ``[sync]``, checked; None where it says nothing.
 
-    Known offset and drift of the log's clock, the longest gap in the log that is bridged, the film times of a light,
+    Known offset and drift of the log's clock, the longest gap in the log that is bridged, the film times of an LED,
     and where in the picture one is looked for, px.
     """
 
@@ -52,10 +52,10 @@ def sync(
     drift_ppm: Annotated[float | None, typer.Option(metavar="PPM", help="Known drift of the log's clock.")] = None,
     max_gap: Annotated[float | None, typer.Option(metavar="S", help="Longest gap in the log that is bridged.")] = None,
     led_events: Annotated[
-        Path | None, typer.Option(metavar="EVENTS.csv", help="Film times at which a light showed the heating switch.")
+        Path | None, typer.Option(metavar="EVENTS.csv", help="Film times at which an LED showed the heating switch.")
     ] = None,
     led: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="X Y", help="Where in the film such a light is seen, px.")
+        tuple[float, float] | None, typer.Option(metavar="X Y", help="Where in the film such an LED is seen, px.")
     ] = None,
     film: Annotated[str | None, typer.Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
     timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
@@ -106,7 +106,7 @@ def sync_to_folder(
     units: Mapping[str, str] | None = None,
     progress: Progress = silent,
 ) -> SyncedTable:
-    """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for a lamp ``led_events.csv``).
+    """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for an LED ``led_events.csv``).
 
     ``settings`` is the table ``[sync]`` of the experiment; ``film``, ``timestamps`` and ``fps`` are those of the film
     that the angles come from, needed for ``led`` alone. ``table`` is another place for the merged table.
@@ -167,11 +167,11 @@ def _light(
     out: Path,
     progress: Progress,
 ) -> LightEvents:
-    """Return when the light at a place of the film changed, and leave a table of it."""
+    """Return when the LED at a place of the film changed, and leave a table of it."""
     from sync import film_light_events
 
     if film is None:
-        raise ConfigError("a lamp needs its film", where="--led", do="name the film with --film")
+        raise ConfigError("an LED needs its film", where="--led", do="name the film with --film")
     light = film_light_events(film, place, fps=fps, timestamps=timestamps, progress=progress)
     write_table(out / "led_events.csv", {"time_s": light.time_s, "on": light.goes_on})
     return light
@@ -183,7 +183,7 @@ def read_settings(table: Mapping[str, Any]) -> Settings:
     Raises
     ------
     ConfigError
-        For an unknown key, a value out of range, or a light that is given in two ways.
+        For an unknown key, a value out of range, or an LED that is given in two ways.
     InputError
         When the file that ``led_events`` names cannot be used.
     """
@@ -198,7 +198,7 @@ def read_settings(table: Mapping[str, Any]) -> Settings:
     }
     led = _place(table["led"]) if "led" in table else None
     if led is not None and "led_events" in table:
-        raise ConfigError("both name a light", where=where, value="led, led_events", limit="one of them")
+        raise ConfigError("both name an LED", where=where, value="led, led_events", limit="one of them")
     events = read_light_events(Path(table["led_events"])) if "led_events" in table else None
     return Settings(**numbers, events=events, led=led)
 

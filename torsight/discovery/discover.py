@@ -181,7 +181,7 @@ def doubt_of(
 
 
 def held_out_error_deg(findings: Findings) -> tuple[float, float]:
-    """Return the discrepancy in motion and at rest on half-cycles that the fit has not seen, degrees.
+    """Return the discrepancy in motion and at rest on held-out half-cycles, degrees.
 
     Less what readings, temperatures and what the other half-cycles leave open of the values account for: a prediction
     adds what is its own of these. Of the fit, and a verdict's least at least, where nothing was left out.
@@ -363,8 +363,8 @@ def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pul
     notes = []
     if findings.before is None:
         notes.append(
-            "The record holds one half-cycle only: nothing could be held out, so the answer rests on the gain alone; "
-            "record at least two half-cycles, better two rates and an incomplete heating"
+            "The record holds one half-cycle only: nothing could be held out, so the answer rests on the evidence "
+            "alone; record at least two half-cycles, better two rates and an incomplete heating"
         )
     if against := contradiction(pulls):
         notes.append(against)

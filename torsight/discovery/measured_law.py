@@ -17,6 +17,18 @@ from torsight.core.units import Flags, Floats
 _KEYS: Final = ("effect", "port", "driver", "spring", "unit", "share", "file")
 """What an entry of ``laws`` must have."""
 
+GIVES: Final = {
+    "torque": "stray torque",
+    "friction": "change of the friction torque",
+    "reading": "error of the angle's reading",
+    "temperature": "temperature of the wire less its sensor's",
+    "winding": "change of a spring's torque",
+    "phase": "change of the recoverable angle",
+    "values": "change of a material value",
+}
+"""What a law of each port gives, in words."""
+_CLOCK: Final = "lead of the temperature log's clock"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredLaw:
@@ -67,6 +79,11 @@ class MeasuredLaw:
     def csv_name(self) -> str:
         """Name of the file with its numbers."""
         return f"law_{self.port}_{self.driver}{'' if self.number == 1 else f'_{self.number}'}.csv"
+
+    @property
+    def gives(self) -> str:
+        """What its values are, in a few words; of a model of one's own the law's name."""
+        return _CLOCK if self.unit == "s" and self.port in GIVES else GIVES.get(self.port, self.port)
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""

@@ -70,7 +70,7 @@ def predict_with_sigma(
 
     Five things make a prediction wrong, and their squares are added: the noise of the reading at which it starts, as
     much as the record of the fit had (both neighbours are simulated: a motion may forget where it started); what the
-    model leaves on half-cycles that its fit has not seen, in motion and at rest; what the values are uncertain by (the
+    model leaves on held-out half-cycles, in motion and at rest; what the values are uncertain by (the
     log is simulated one standard deviation to either side along every axis of their uncertainty); how far other
     credible explanations of the record predict something else, by their parts of the probability; and the noise of the
     log's temperatures, drawn: where an incomplete heating ends, its error stays in the angle. Where explanations lie

@@ -15,7 +15,7 @@ from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown, draw_models
-from torsight.core.words.wording import effect_name, number, verdict_sentence
+from torsight.core.words.wording import effect_name, error_words, verdict_sentence
 from torsight.discovery.design.next_experiment import NextExperiment
 from torsight.discovery.measured_law import MeasuredLaw
 
@@ -145,7 +145,9 @@ class DiscoveryReport(Frozen, Shown):
         for effect in self.effects:
             facts[effect_name(effect.id)] = effect_values(effect.to_json())
         before, after = self.before.rmse_held_out_deg, self.after.rmse_held_out_deg
-        facts["error on held-out half-cycles"] = f"{number(before)}° (plain model), {number(after)}° (this one)"
+        facts["error on held-out half-cycles"] = (
+            f"{error_words(before)} (plain model), {error_words(after)} (extended model)"
+        )
         return facts
 
     def __repr__(self) -> str:

@@ -189,7 +189,7 @@ def _places(problem: SeveralRecords, fit: Fit, record: int, names: Sequence[str]
 
 
 def _own_held_out(problem: SeveralRecords, joint: HeldOut, record: int) -> HeldOut:
-    """Return what a joint prediction of unseen half-cycles says of a record's, numbered as in the record."""
+    """Return what a joint prediction of held-out half-cycles says of a record's, numbered as in the record."""
     first = problem.opening_blocks[record]
     halves = range(first, first + len(problem.parts[record].drive.cycles.springs))
     rows = problem.rows_of(record)

@@ -176,7 +176,7 @@ def _show_rivals(frame: FrameView, result: TrackResult) -> None:
 
 
 def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Shown]) -> None:
-    """Draw the angle over time, its 95 % band, the gaps as bands, and where the frames above are."""
+    """Draw the angle over time, its 95 % interval, the gaps as bands, and where the frames above are."""
     left, top, width, height = (round(value) for value in box_px)
     plot = canvas.part(box_px)
     time_s, angle_deg = angles.time_s, np.where(angles.valid, angles.angle_rad, np.nan) / DEG
@@ -213,7 +213,7 @@ def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Sh
 
 def _write_legend(canvas: Canvas, end_px: tuple[int, int], *, gaps: int) -> None:
     """Write what the line and the bands mean, up to a place from the left."""
-    words = [("angle, with its 95 % band", _ANGLE)]
+    words = [("angle, with its 95 % interval", _ANGLE)]
     if gaps:
         words.append((f"no angle ({counted(gaps, 'frame')})", _GAP))
     x, y = end_px

@@ -45,7 +45,7 @@ def contents(found: Findings) -> dict[str, Any]:
         ],
         "fits": [
             (
-                " + ".join(one.effects) or "the model as it is",
+                " + ".join(one.effects) or "plain model",
                 number(one.rmse_train),
                 number(one.rmse_held_out),
                 number(one.gain),

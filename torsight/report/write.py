@@ -234,7 +234,7 @@ def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
 
 
 def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
-    """Return the figures of what was found: candidates, unseen half-cycles, pulls, the next experiment."""
+    """Return the figures of what was found: candidates, held-out half-cycles, pulls, the next experiment."""
     discovery = results.discovery or {}
     plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}
     after = discovery.get("parameters") or {}

@@ -22,7 +22,7 @@ from torsight.core.files.tables import marker_values
 from torsight.core.progress import STUCK_S, Progress, silent
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats, Ints
-from torsight.core.words.wording import effect_name, variable_name
+from torsight.core.words.wording import variable_name
 from torsight.viewer import view_layout
 from torsight.viewer.film_preview import MOST_FRAMES, Preview, trouble_of, write_preview
 from torsight.viewer.overlay import Overlay, colour_of, overlay
@@ -183,7 +183,7 @@ def laws_of(results: RunResults) -> dict[str, MeasuredLaw]:
 def _law_name(law: MeasuredLaw) -> str:
     unit = f" ({law.unit})" if law.unit else ""
     spring = "" if law.spring == "both" else f", spring {law.spring.upper()}"
-    return f"Law: {effect_name(law.port)}{unit} against {variable_name(law.driver)}{spring}"
+    return f"Law: {law.gives}{unit} against {variable_name(law.driver)}{spring}"
 
 
 def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> None:

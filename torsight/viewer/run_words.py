@@ -11,6 +11,7 @@ from torsight.core.files.results import RunResults, column
 from torsight.core.words.wording import (
     clock_words,
     effect_name,
+    error_words,
     estimate,
     fixed,
     held_out_errors,
@@ -94,9 +95,9 @@ def summary_document(results: RunResults) -> str:
     if discovery is not None:
         before, after = held_out_errors(discovery)
         if before is not None and after is not None:
-            rows.append(("Error on half-cycles not seen", f"{number(before)}° → {number(after)}° rms"))
+            rows.append(("Error on held-out half-cycles", f"{error_words(before)} → {error_words(after)} rms"))
         if discovery.get("noise_floor_deg") is not None:
-            rows.append(("Noise floor", f"{number(discovery['noise_floor_deg'], 2)}°"))
+            rows.append(("Noise floor", error_words(discovery["noise_floor_deg"])))
     friction = results.parameters().get("tau_c_mnm")
     if friction is not None:
         rows.append(("Friction torque", estimate(friction)))

@@ -26,7 +26,7 @@ APART_PX: Final = 2.0
 """Two positions nearer than this are one place."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MarkerHints(Frozen):
     """What a person told of the markers.
 
@@ -58,6 +58,9 @@ class MarkerHints(Frozen):
         """The kind of both sticks, or both kinds in words."""
         base, moving = self.kinds
         return base if base == moving else f"{base} and {moving}"
+
+    def __repr__(self) -> str:
+        return f"MarkerHints({self.where}, {self.kind})"
 
     def check_inside(self, size_px: tuple[int, int]) -> None:
         """Refuse markers outside the picture.

@@ -50,6 +50,7 @@ def test_the_page_draws_curve_band_and_what_the_record_reached(run: Path) -> Non
     text = words_of(run)
     assert '<section id="laws">' in text
     assert law.sentence in text
+    assert "Change of the friction torque against the angle" in text
     assert "law_friction_angle_deg.csv" in text
     (panel,) = figures_of(run)["law_friction_angle_deg"].panels
     (curve,) = [mark for mark in panel.marks if isinstance(mark, Line)]

@@ -255,7 +255,7 @@ def test_a_light_without_a_switch_in_the_log():
 def test_a_light_that_fits_nothing():
     angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.05))
     nonsense = LightEvents(np.array([3.0, 3.5, 4.1, 11.0, 11.3, 12.9]), np.ones(6, dtype=bool))
-    with pytest.raises(NoResultError, match="light"):
+    with pytest.raises(NoResultError, match="LED"):
         find_clock(angles, LogReading(log), light=nonsense)
 
 

@@ -163,6 +163,7 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
             {"columns": {"a": "Chan 10", "b": "Chan 102"}},
             r"no column 'Chan 10'.*did you mean 'Chan 101 \(C\)'",
         ),
+        ("Time,Temp A,Temp B", {"columns": {"heat_a": "heater"}}, "no column 'heater'.*name a column of the header"),
         ("Time,Temp A,Temp A", {}, "'Temp A'|two columns have one name"),
         ("Time,T1,T1", {"columns": {"a": "T1", "b": "T2"}}, "two columns have one name.*'T1'"),
         ("Time,Temp A (ms),Temp B", {"columns": {"a": "Temp A (ms)"}}, "in ms, and that is no unit of the temperature"),

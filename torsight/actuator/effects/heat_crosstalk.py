@@ -1,12 +1,12 @@
 r"""The other spring gets warm enough to start transforming.
 
-The phase law (13, 14) runs in a share w of the passive spring, at that spring's own temperature and stress, and its
+The phase law (13, 14) runs in a share w of the other spring, at that spring's own temperature and stress, and its
 recovery pulls against the driven spring:
 
 .. math:: τ_p = τ_{mart}(θ_p) + w K(ξ_p) (1 − ξ_p) θ_L(θ_p), \qquad T_p = T_{p,m} + c (T_a − T_{p,m})
 
-T_{p,m} measured temperature of the passive spring, T_a of the driven one (°C), c share of the difference that reaches
-the wire but not its sensor. Predicted residual: a threshold; nothing while the passive spring is cold, then a shorter
+T_{p,m} measured temperature of the other spring, T_a of the driven one (°C), c share of the difference that reaches
+the wire but not its sensor. Predicted residual: a threshold; nothing while the other spring is cold, then a shorter
 stroke and an early return at the hot end. Source: the paper, section 4.2 and its figure 16.
 """
 

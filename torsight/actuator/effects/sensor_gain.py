@@ -2,8 +2,8 @@ r"""Imperfect contact: the sensor reads between wire and room.
 
 .. math:: T_m = T_{room} + g (T − T_{room})
 
-T_m measured, T wire temperature (°C), g gain of the contact. Predicted residual: a pulse on both flanks, none on the
-plateaus; the onset of motion shifts less than its end. Source: conduction error of contact thermometers, e.g.
+T_m measured, T wire temperature (°C), g gain of the contact. Predicted residual: a pulse in heating and in cooling,
+none at rest; the onset of motion shifts less than its end. Source: conduction error of contact thermometers, e.g.
 Michalski et al., Temperature Measurement (2001), ch. 16.
 """
 

@@ -1,10 +1,10 @@
-r"""Thermometers that read too high or too low, both alike.
+r"""Sensors that read too high or too low, both alike.
 
 .. math:: T_m = T + o
 
 T_m measured, T wire temperature, o offset (°C). The angle shows nothing of it where the transformation temperatures are
-free: all four then move by the same. It shows in them, where they were characterised with another thermometer.
-Predicted residual, with characterised values: a pulse on every flank, alike at the onset of motion and at its end.
+free: all four then move by the same. It shows in them, where they were characterised with another sensor.
+Predicted residual, with characterised values: a pulse in every motion, alike at its onset and its end.
 Source: tolerance of a thermocouple, 1.5 °C for class 1 and 2.5 °C for class 2 (IEC 60584-1, types K and N).
 """
 
@@ -27,11 +27,9 @@ EFFECT: Final = Effect(
     id="sensor_offset",
     family="sensor",
     acts_on="temperature",
-    title="both thermometers read too high or too low",
+    title="both sensors read too high or too low",
     parameters=(
-        Parameter(
-            "thermometer_offset_c", 1.5, "°C", -10.0, 10.0, null=0.0, symbol="o", title="offset of both thermometers"
-        ),
+        Parameter("thermometer_offset_c", 1.5, "°C", -10.0, 10.0, null=0.0, symbol="o", title="offset of both sensors"),
     ),
     apply=apply,
     starts=({"thermometer_offset_c": -1.5},),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from torsight.core.files.tables import require_increasing, switches_and_extra
 from torsight.core.records import TemperatureLog
 from torsight.core.units import Floats
 from torsight.core.words.plausible import SPRING_C, require_units
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _HARMLESS: Final = ("preamble", "units", "encoding", "decimal_comma", "blank_row", "arrival", "times")
 """What may have been done to the text of a log: every row still says what it said."""
@@ -62,13 +59,21 @@ def read_log(
             )
     written = table.frame.notna().any(axis=1).to_numpy()
     frame, lines = table.frame[written], (np.flatnonzero(written) + table.first_line).tolist()
-    time_s = frame["time_s"].to_numpy(np.float64)
-    require_increasing(time_s, path=path, lines=lines)
+    time_s, spelled = frame["time_s"].to_numpy(np.float64), table.spelled
+    require_increasing(time_s, path=path, column=spelled["time_s"], lines=lines)
     if len(time_s) < 2:
         raise InputError("has one row only", where=str(path), limit="2 rows or more", do="record it again")
-    temps = {name: number_column(frame, name, where=str(path), lines=lines) for name in NEEDED_NAMES[1:]}
-    numbers = {name: _require_range(series, path=path, lines=lines) for name, series in temps.items()}
-    require_units(time_s, numbers, where=str(path))
+    numbers = {
+        name: _require_range(
+            np.asarray(number_column(frame, name, where=str(path), called=spelled[name], lines=lines), np.float64),
+            where=path,
+            column=spelled[name],
+            lines=lines,
+        )
+        for name in NEEDED_NAMES[1:]
+    }
+    called = {spelled[name]: temp_c for name, temp_c in numbers.items()}
+    require_units(time_s, called, where=str(path), time_name=spelled["time_s"])
     for note in table.notes:
         tell(note)
     return TemperatureLog(
@@ -79,10 +84,9 @@ def read_log(
     )
 
 
-def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]) -> Floats:
-    values = series.to_numpy(np.float64)
+def _require_range(values: Floats, *, where: Path, column: str, lines: Sequence[int]) -> Floats:
     outside = (values < SPRING_C[0]) | (values > SPRING_C[1])
-    for row, place in first_row(outside, where=path, column=str(series.name), lines=lines):
+    for row, place in first_row(outside, where=where, column=column, lines=lines):
         raise InputError(
             "is no temperature of a spring in °C",
             where=place,
@@ -90,4 +94,4 @@ def _require_range(series: pd.Series[float], *, path: Path, lines: Sequence[int]
             limit=f"{SPRING_C[0]:g} to {SPRING_C[1]:g}",
             do="give °C, or say the unit: --units \"a=K,b=K\"; 'torsight sync' takes single spikes out",
         )
-    return np.asarray(values)
+    return values

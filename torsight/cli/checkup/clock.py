@@ -29,7 +29,7 @@ from torsight.core.units import DEG, PPM, Floats
 from torsight.core.words.wording import number
 
 _ADVICE: Final = (
-    "film a light that shows the heating switch ([sync] led), give the offset ([sync] offset_s), or heat at two "
+    "film an LED on the heating switch ([sync] led), give the offset ([sync] offset_s), or heat at two "
     "clearly different rates with one heating cut short"
 )
 

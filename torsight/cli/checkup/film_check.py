@@ -90,7 +90,7 @@ def _look_at_times(check: Check, about: str, stamps: Stamps, *, tick_s: float, g
         text = (
             f"has a varying frame rate ({100 * told.irregular_share:.0f} % of the steps differ from "
             f"{1e3 * told.step_s:.1f} ms, the longest is {1e3 * told.longest_s:.0f} ms); every frame is taken at its "
-            f"own stamp."
+            f"own timestamp."
         )
         check.findings.append(Finding(about, "note", text, "fix the frame rate, or give the true times as timestamps"))
     if told.longest_s > max(10.0 * told.step_s, 1.0):

@@ -31,7 +31,8 @@ def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[F
     for name in NAMES:
         others = sorted({one for one in packages.get(name, ()) if one.lower() != OWN})
         if others:
-            text = f"the package '{name}' is also installed by {listed(others)}: files of the two may be mixed."
+            owner = f"the distribution {listed(others)}"
+            text = f"the package '{name}' is also installed by {owner}: files of the two may be mixed."
             advice = (
                 "install torsight into an environment of its own, "
                 f"or 'pip uninstall {others[0]}' and install torsight again"

@@ -193,10 +193,7 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
         )
         findings.append(Finding("log", "limits", text, "let each spring cool for longer"))
     if len(moving) < _FEW:
-        text = (
-            f"only {counted(len(moving), 'half-cycle')} with motion: an effect is accepted on half-cycles that the fit "
-            "has not seen."
-        )
+        text = f"only {counted(len(moving), 'half-cycle')} with motion: an effect is accepted on held-out half-cycles."
         findings.append(Finding("record", "limits", text, "record four and more, both springs, at two rates"))
     return findings
 

@@ -62,11 +62,11 @@ class RunResults(Frozen, Shown):
     provenance: Mapping[str, Any] | None = None
 
     def facts(self) -> dict[str, str]:
-        """Return the folder, what lies in it, the fitted friction and what the discovery says."""
+        """Return the folder, what lies in it, the friction torque of the best model and what the discovery says."""
         names = [name for name in (*TABLES, *DOCUMENTS) if getattr(self, name) is not None]
         facts = {"folder": str(self.folder), "holds": ", ".join(names)}
-        if self.fit is not None and "tau_c_mnm" in self.fit["parameters"]:
-            facts["friction torque"] = estimate(self.fit["parameters"]["tau_c_mnm"])
+        if "tau_c_mnm" in (parameters := self.parameters()):
+            facts["friction torque"] = estimate(parameters["tau_c_mnm"])
         if self.discovery is not None:
             facts["discovery"] = verdict_sentence(self.discovery)
         return facts

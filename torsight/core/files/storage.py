@@ -406,16 +406,19 @@ def first_row(
 
 
 def number_column(
-    table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None
+    table: pd.DataFrame, name: str, *, where: str, called: str = "", lines: Sequence[int] | None = None
 ) -> pd.Series[float]:
-    """Return a column of a table as float64, an empty field as NaN; ``lines`` as in :func:`first_row`."""
+    """Return a column of a table as float64, an empty field as NaN; ``lines`` as in :func:`first_row`.
+
+    ``called`` is the file's own name of the column, for messages.
+    """
     import pandas as pd
 
     if list(table.columns).count(name) > 1:
         raise InputError("has this column twice", where=f"{where}, column {name}", do="remove one of the two")
     numbers = pd.to_numeric(table[name], errors="coerce").astype(np.float64)
     wrong = (numbers.isna() & table[name].notna()).to_numpy()
-    for row, place in first_row(wrong, where=where, column=name, lines=lines):
+    for row, place in first_row(wrong, where=where, column=called or name, lines=lines):
         raise InputError(
             "is not a number",
             where=place,

@@ -106,14 +106,17 @@ def read_angles(path: AnyPath) -> StickAngles:
     )
 
 
-def require_increasing(time_s: Floats, *, path: Path, lines: Sequence[int] | None = None) -> None:
+def require_increasing(
+    time_s: Floats, *, path: Path, column: str = "time_s", lines: Sequence[int] | None = None
+) -> None:
     """Refuse times that are not finite, do not increase or are no seconds, naming the row.
 
-    ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
+    ``column`` is the file's own name of the times. ``lines`` are the rows' lines in the file; without them row 0 stands
+    on line 2.
     """
     bad = ~np.isfinite(time_s)
     bad[1:] |= ~(time_s[1:] > time_s[:-1])
-    for row, place in first_row(bad, where=path, column="time_s", lines=lines):
+    for row, place in first_row(bad, where=path, column=column, lines=lines):
         before = f" after {time_s[row - 1]:.15g}" if row else ""
         raise InputError(
             "time does not increase",
@@ -122,7 +125,7 @@ def require_increasing(time_s: Floats, *, path: Path, lines: Sequence[int] | Non
             limit="a larger time than in the row before",
             do="sort or mend the table",
         )
-    require_stamps(time_s, where=f"{path}, column time_s")
+    require_stamps(time_s, where=f"{path}, column {column}")
 
 
 def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:

@@ -79,17 +79,22 @@ class RightCamera:
     tvec_mm: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Camera(Frozen):
     """One calibrated camera, with the pose of the axis (mono) or a second camera (stereo).
 
-    ``extra`` keeps the calibration's own account (board, pictures, errors) as it stands in the file.
+    ``extra`` keeps what the calibration says of itself (board, pictures, errors) as it stands in the file.
     """
 
     intrinsics: Intrinsics
     pose: Pose | None = None
     right: RightCamera | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        width, height = self.intrinsics.size_px
+        more = "a pair" if self.right is not None else "no pose" if self.pose is None else "with its pose"
+        return f"Camera({width} × {height} px, focal length {self.intrinsics.matrix[0, 0]:.0f} px, {more})"
 
 
 def read_camera(path: AnyPath) -> Camera:

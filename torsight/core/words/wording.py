@@ -104,12 +104,17 @@ def explanations(discovery: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(words(one) for one in sets if one))
 
 
+def error_words(value_deg: float | None) -> str:
+    """Return an error of the angle with three digits, or two below one degree: ``6.00°``, ``0.087°``."""
+    return f"{number(value_deg, 2 if value_deg is None or value_deg < 1.0 else 3)}°"
+
+
 EXPLAINED: Final = 2.0
 """How many noise floors may be left: up to that, what is left is the floor and what the fit is uncertain by."""
 
 
 def held_out_errors(discovery: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    """Return the errors on half-cycles that the fit did not see, before and after, degrees rms."""
+    """Return the errors on held-out half-cycles, before and after, degrees rms."""
     before, after = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
     return before, after
 
@@ -137,8 +142,8 @@ def times_floor(discovery: Mapping[str, Any]) -> float | None:
     """Return what the answer leaves, in noise floors: the one measure of whether a record is explained.
 
     The engine's own (``over_floor_after``): a rest counts as one reading, neighbours that are correlated as one, and
-    the temperature at which an incomplete heating ends is as uncertain as its readings. The error on half-cycles that
-    were not seen is another thing: it holds how well the values are known, too. It stands in where a file has no other.
+    the temperature at which an incomplete heating ends is as uncertain as its readings. The error on held-out
+    half-cycles is another thing: it holds how well the values are known, too. It stands in where a file has no other.
     """
     times = (discovery.get("evidence") or {}).get("over_floor_after")
     if times is not None:
@@ -163,15 +168,15 @@ def not_explained(discovery: Mapping[str, Any]) -> str:
 def not_fixed(discovery: Mapping[str, Any]) -> str:
     """Return the sentence that says so where parts of a record that is explained do not predict each other.
 
-    The error on half-cycles that a fit did not see holds how well the others fix the model's values, which says nothing
+    The error on held-out half-cycles holds how well the others fix the model's values, which says nothing
     about what the model lacks.
     """
     left, floor = held_out_errors(discovery)[1], discovery.get("noise_floor_deg")
     if not_explained(discovery) or left is None or not floor or left <= EXPLAINED * float(floor):
         return ""
     return (
-        f"This record does not fix the model's values: half-cycles that the fit did not see are missed by "
-        f"{number(left)}°, {number(left / float(floor), 2)} times the noise floor."
+        f"This record does not fix the model's values: held-out half-cycles are missed by "
+        f"{error_words(left)}, {number(left / float(floor), 2)} times the noise floor."
     )
 
 

@@ -37,7 +37,7 @@ class Findings:
     decision : Decision
         What is said and why.
     before, after : HeldOut or None
-        Prediction of unseen blocks by the base model and by the chosen set; None where there is one block only.
+        Prediction of held-out blocks by the base model and by the chosen set; None where there is one block only.
     drivers : tuple of (str, float)
         What the measured laws depend on: variable and share of what they explain, strongest first.
     """

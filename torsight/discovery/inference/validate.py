@@ -70,7 +70,7 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, pr
         spread = _spread(fit, weight, kept, base=len(problem.parameters))
         return fitter.refit(fit, weight=weight, kept=kept, rough=True), spread
 
-    fits: list[tuple[Fit, Floats]] = in_parallel(labels.tolist(), without, step="unseen blocks", progress=progress)
+    fits: list[tuple[Fit, Floats]] = in_parallel(labels.tolist(), without, step="held-out blocks", progress=progress)
     left, unsure = np.zeros(len(problem.observed)), []
     for label, (fold, spread) in zip(labels, fits, strict=True):
         rows = (block == label) & problem.valid

@@ -160,7 +160,7 @@ class _Judge:
     def shared(self, chosen: Explanation, rivals: Sequence[Explanation]) -> tuple[tuple[Explanation, float], ...]:
         """Return the sets beside the chosen and their parts of the probability, the rivals and what is as credible.
 
-        None counts for more than the chosen, which unseen blocks may have preferred to a more probable one.
+        None counts for more than the chosen, which held-out blocks may have preferred to a more probable one.
         """
         own = self._log[chosen.members]
         told = {one.members for one in rivals}
@@ -171,7 +171,7 @@ class _Judge:
         return tuple((self._field.explanations[m], float(part)) for m, part in zip(sets, parts, strict=True))
 
     def checked(self, chosen: Explanation) -> Explanation:
-        """Return the set, or the part of it that predicts unseen blocks better."""
+        """Return the set, or the part of it that predicts held-out blocks better."""
         while chosen.members:
             parts = [less(chosen.members, name) for name in chosen.members if not self._once(chosen, name)]
             fitted = [self._field.explanations[part] for part in parts if part in self._field.explanations]

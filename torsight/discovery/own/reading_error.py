@@ -226,7 +226,7 @@ def _go_together(driver: Pieces, function: Pieces) -> bool:
 def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, list[str]]:
     """Return a problem without the drivers that hold an output's reading error, and what a person should know of that.
 
-    ``base`` is the fit of the model as it is. A declared law over such a column cannot be left out: it is told alone.
+    ``base`` is the fit of the plain model. A declared law over such a column cannot be left out: it is told alone.
     """
     predicted = problem.layout.native(base.solution.prediction)
     records = problem.model.records

@@ -1,4 +1,4 @@
-"""Figures of the answer: before and after in one picture, what each candidate explains, unseen half-cycles, pulls."""
+"""Figures of the answer: before and after in one picture, what each candidate explains, held-out half-cycles, pulls."""
 
 from __future__ import annotations
 
@@ -108,7 +108,8 @@ def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:
         return ""
     behind = ranked[0][1] - ranked[1][1]
     second = candidate_name(ranked[1][0])
-    return f"{second[:1].upper()}{second[1:]} comes next, behind by {number(behind)} (12 tell two apart)."
+    gap = f"its gain is lower by {number(behind)}, and 12 is enough to tell two apart"
+    return f"{second[:1].upper()}{second[1:]} comes next: {gap}."
 
 
 def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:
@@ -119,10 +120,10 @@ def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:
         return None
     before, after = ([float("nan") if one is None else float(one) for one in part] for part in parts)
     names = [str(label + 1) for label in held]
-    title = "Error on half-cycles that the fit did not see"
+    title = "Error on held-out half-cycles"
     plot = pairs_of_bars("half-cycle", "rms error (°)", names, list(zip(before, after, strict=True)), height=220.0)
     data: dict[str, list[Any]] = {"half_cycle": names, "before_deg": before, "after_deg": after}
-    caption = "Each was left out of the fit once, and predicted by it."
+    caption = "Each was held out of the fit once, and predicted by it."
     return Figure("unseen_half_cycles", title, caption, (plot,), data=data)
 
 

@@ -11,21 +11,10 @@ from torsight.core.files.storage import write_bytes, write_table
 from torsight.core.parameter import REACH
 from torsight.core.series import runs
 from torsight.core.words.wording import effect_name, variable_name
-from torsight.discovery.measured_law import MeasuredLaw
+from torsight.discovery.measured_law import GIVES, MeasuredLaw
 from torsight.report.figures.motion import Figure
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.plots.still import png
-
-PORTS: Final = {
-    "torque": "torque",
-    "friction": "friction torque",
-    "reading": "error of the angle's reading",
-    "temperature": "error of the temperature's reading",
-    "winding": "winding",
-    "phase": "phase",
-    "values": "change of a material value",
-}
-"""What a law of each port gives."""
 
 _UNITS: Final = {
     "angle_deg": "°",
@@ -37,13 +26,13 @@ _UNITS: Final = {
     "time_s": "s",
     "dwell_s": "s",
 }
-_OWN_FILES: Final = re.compile(rf"law_({'|'.join(PORTS)})_[a-z0-9_]+\.(csv|png)")
+_OWN_FILES: Final = re.compile(rf"law_({'|'.join(GIVES)})_[a-z0-9_]+\.(csv|png)")
 
 
 def law_figure(law: MeasuredLaw) -> Figure:
-    """Draw one law as a curve with its 95 % band; where the record reached its driver is shaded."""
+    """Draw one law as a curve with its 95 % interval; where the record reached its driver is shaded."""
     panel = law_panel(law)
-    title = f"{_gives(law).capitalize()} against {variable_name(law.driver)}"
+    title = f"{law.gives[:1].upper()}{law.gives[1:]} against {variable_name(law.driver)}"
     about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."
     named = (
         "No known effect has this form." if law.effect is None else f"The named effect is {effect_name(law.effect)}."
@@ -51,15 +40,6 @@ def law_figure(law: MeasuredLaw) -> Figure:
     said = f"{law.sentence[:1].upper()}{law.sentence[1:].rstrip('.')}. " if law.sentence else ""
     caption = f"{said}{named}{about}".strip()
     return Figure(law.csv_name.removesuffix(".csv"), title, caption, (panel,), source=law.csv_name)
-
-
-def _gives(law: MeasuredLaw) -> str:
-    """Return what a law gives, in a few words."""
-    return (
-        "lead of the temperature log's clock"
-        if law.unit == "s" and law.port in PORTS
-        else PORTS.get(law.port, law.port)
-    )
 
 
 def law_panel(law: MeasuredLaw, *, across: str = "") -> Panel:
@@ -71,7 +51,7 @@ def law_panel(law: MeasuredLaw, *, across: str = "") -> Panel:
     across = across or variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
     panel = Panel(
         Axis.around(across, x, margin=0.3 if counts else 0.0),
-        Axis.around(_gives(law) + (f" ({law.unit})" if law.unit else ""), low, high),
+        Axis.around(law.gives + (f" ({law.unit})" if law.unit else ""), low, high),
         height=300.0,
         x_names=[(0.0, "A"), (1.0, "B")] if counts else None,
     )

@@ -63,14 +63,14 @@ class Figure:
 
 
 def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:
-    """Shade the half-cycles that the fit did not see."""
+    """Shade the held-out half-cycles."""
     held = column(curves, "held_out") > 0.5
     if held.all():
         # Every half-cycle was left out in turn: there is nothing to tell apart.
         return
     time_s = column(curves, "time_s")
     for begin, end in runs(held):
-        plot.band(time_s[begin], time_s[end - 1], "held", label="half-cycle that the fit did not see")
+        plot.band(time_s[begin], time_s[end - 1], "held", label="held-out half-cycle")
 
 
 def angle_over_time(curves: pd.DataFrame, *, source: str = CURVES) -> Figure:

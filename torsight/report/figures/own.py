@@ -72,7 +72,7 @@ def before_and_after(one: Series, count: int, *, floor: float | None) -> Figure:
 
 
 def law_drawn(law: MeasuredCurve) -> Figure:
-    """Draw a measured law with its 95 % band, shaded where the record reached its driver."""
+    """Draw a measured law with its 95 % interval, shaded where the record reached its driver."""
     named = "No candidate has this form." if law.effect is None else f"The candidate is {law.effect}."
     told = law.told()
     shown = MeasuredLaw(
@@ -111,8 +111,8 @@ def unseen_blocks(found: Findings, output: int) -> Figure | None:
     names = [str(label + 1) for label in labels]
     plot = pairs_of_bars("block", "rms error", names, list(zip(*levels, strict=True)), height=220.0, unit="")
     data: dict[str, list[Any]] = {"block": names, "before": levels[0], "after": levels[1]}
-    title = f"{quantity}: error on blocks that the fit did not see"
-    caption = "Each was left out of the fit once, and predicted by it."
+    title = f"{quantity}: error on held-out blocks"
+    caption = "Each was held out of the fit once, and predicted by it."
     return Figure(f"unseen_{_plain(quantity)}", title, caption, (plot,), title, data=data)
 
 

@@ -94,7 +94,7 @@ def slope(time_s: Floats, values: Floats, *, window_s: float, apart: Flags | Non
 
 
 def residual_against(curves: pd.DataFrame, variable: str, values: Floats) -> Figure | None:
-    """Residual of both models against one variable, with the mean of every branch in twenty-five bins."""
+    """Residual of both models against one variable, with the mean of every part of the motion in twenty-five bins."""
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     made = over_variable(values, before, after, branches(curves), label=LABELS[variable], residual=RESIDUAL)
     if made is None:
@@ -110,7 +110,7 @@ def residual_against(curves: pd.DataFrame, variable: str, values: Floats) -> Fig
 def over_variable(
     values: Floats, before: Floats, after: Floats, parts: Mapping[str, Flags], *, label: str, residual: str
 ) -> tuple[Panel, dict[str, list[Any]]] | None:
-    """Return both residuals over a variable (n,) with the mean of every branch, and these means; None where it stays.
+    """Return both residuals over a variable (n,) with the mean of every part of the motion; None where it stays.
 
     ``label`` and ``residual`` name the two axes.
     """
@@ -142,9 +142,9 @@ def over_variable(
 
 
 def branches(curves: pd.DataFrame) -> dict[str, Flags]:
-    """Return the samples of each branch of the motion, by its name: one spring, heating or cooling.
+    """Return the samples of each part of the motion, by its name: one spring, heating or cooling.
 
-    The two springs' branches mirror each other, and heating and cooling often differ in sign: a mean over all of
+    The two springs' parts mirror each other, and heating and cooling often differ in sign: a mean over all of
     them would hide what each shows.
     """
     keys = [name for name in ("active", "direction") if name in curves.columns]
@@ -177,7 +177,7 @@ def by_direction(curves: pd.DataFrame) -> Figure | None:
 
 
 def by_half_cycle(curves: pd.DataFrame) -> Figure | None:
-    """Root mean square of both residuals of every half-cycle; those that the fit did not see are shaded."""
+    """Root mean square of both residuals of every half-cycle; held-out ones are shaded."""
     return _by_group(curves, "half_cycle", "By half-cycle", "half-cycle", width=860.0, height=200.0)
 
 
@@ -224,7 +224,7 @@ def pairs_of_bars(
     )
     for place, pair in enumerate(levels):
         if any(unseen[place : place + 1]):
-            plot.band(place - 0.48, place + 0.48, "held", label="half-cycle that the fit did not see")
+            plot.band(place - 0.48, place + 0.48, "held", label="held-out half-cycle")
         for offset, level, kind in zip((-0.36, 0.02), pair, ("before", "after"), strict=True):
             if np.isfinite(level):
                 ends = (place + offset, place + offset + 0.34)

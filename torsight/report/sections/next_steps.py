@@ -70,7 +70,7 @@ def _limit(results: RunResults) -> str:
         return "The programme: it moves the actuator alike under each of the explanations. Run the one proposed below."
     if left > EXPLAINED * floor:
         return (
-            f"How well this record fixes the values: the fit leaves noise, but half-cycles that it did not see are off "
+            f"How well this record fixes the values: what the fit leaves is noise, but held-out half-cycles are off "
             f"by {number(left, 2)}° rms, {number(left / floor, 2)} times the noise floor. More half-cycles help, and "
             "complete heatings: where one ends too early, its temperature's error stays in the angle."
         )
@@ -162,7 +162,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
     if range_deg <= 0.0:
         return Step(question, Markup("The range of motion is not known here."))
     held_out = held_out_errors(discovery)[1] is not None
-    seen = "on half-cycles that the fit did not see" if held_out else "on the half-cycles that were fitted"
+    seen = "on held-out half-cycles" if held_out else "on the half-cycles that were fitted"
     numbers = [
         f"{number(left, 2)}° rms error {seen}, {number(100.0 * left / range_deg, 2)} % of the {range_deg:.0f}° range"
     ]

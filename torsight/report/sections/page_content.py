@@ -18,6 +18,7 @@ from torsight.core.files.small_pictures import encoded, shrunk
 from torsight.core.words.wording import (
     clock_words,
     effect_name,
+    error_words,
     estimate,
     explanations,
     fixed,
@@ -37,7 +38,7 @@ FILES: Final = {
     "markers.csv": "positions of the four markers",
     "merged.csv": "angle and temperatures on one clock",
     "curves.csv": "the curves and residuals of this page",
-    "track.json": "account of the tracking",
+    "track.json": "how well the film was tracked",
     "track.png": "frames of the film with what was read in them",
     "sync.json": "the two clocks",
     "fit.json": "the plain model's fit",
@@ -76,19 +77,19 @@ def lead(results: RunResults) -> str:
         fitted = (discovery.get("after") or {}).get("rmse_train_deg")
         ends += f" {_why_open(discovery)}"
         if fitted is not None:
-            ends += f" The fit to all half-cycles leaves {error(float(fitted))} rms."
+            ends += f" The fit to all half-cycles leaves {error_words(float(fitted))} rms."
     if not discovery.get("effects") and discovery.get("verdict") == "none":
-        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
+        return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
     if after is None:
-        return f"The plain model misses half-cycles that it has not seen by {error(before)} rms.{ends}"
-    seen = "the error on half-cycles that the fit did not see"
+        return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
     if not_explained(discovery):
         # The headline's figure is not the ratio of the two that stand here.
         ends += (
             f" What is left is {number(times_floor(discovery))} times that where each independent reading counts once: "
             "a rest is one, however long."
         )
-    return f"The extended model takes {seen} from {error(before)} to {error(after)} rms.{ends}"
+    took = f"from {error_words(before)} to {error_words(after)} rms"
+    return f"The extended model takes the error on held-out half-cycles {took}.{ends}"
 
 
 def _why_open(discovery: Mapping[str, Any]) -> str:
@@ -96,14 +97,9 @@ def _why_open(discovery: Mapping[str, Any]) -> str:
     count = len(discovery.get("held_out") or [])
     others = f"the other {count - 1}" if count > 2 else "the other one"
     return (
-        f"That is no effect that the model lacks: each half-cycle is predicted by a fit to {others} alone, which "
-        "leaves the model's values open. More half-cycles, and complete heatings, would fix them."
+        f"The error on held-out half-cycles is no further effect: each half-cycle is predicted by a fit to {others} "
+        "alone, which leaves the model's values open. More half-cycles, and complete heatings, would fix them."
     )
-
-
-def error(value_deg: float) -> str:
-    """Return an error with three digits, or two below one degree."""
-    return f"{number(value_deg, 3 if value_deg >= 1.0 else 2)}°"
 
 
 def tiles(results: RunResults) -> list[Tile]:
@@ -191,14 +187,14 @@ def value_words(value: Mapping[str, Any]) -> str:
 def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
     before, after = (discovery.get(name) or {} for name in ("before", "after"))
     seen = "rmse_held_out_deg"
-    note = "rms on half-cycles that the fit did not see"
+    note = "rms on held-out half-cycles, each predicted by a fit without it"
     if before.get(seen) is None:
         seen, note = "rmse_train_deg", "rms on the half-cycles that were fitted; none could be held out"
     if before.get(seen) is None:
         return []
-    value = error(before[seen])[:-1]
+    value = error_words(before[seen])[:-1]
     if after.get(seen) is not None and discovery.get("verdict") != "none":
-        value = f"{value} → {error(after[seen])[:-1]}"
+        value = f"{value} → {error_words(after[seen])[:-1]}"
     return [Tile("Error", value, "°", note)]
 
 
@@ -235,8 +231,8 @@ def missing(results: RunResults) -> dict[str, Any]:
         (label, [(discovery.get(name) or {}).get(key) for name in ("before", "after")])
         for label, key in (
             ("rms on the half-cycles that were fitted (°)", "rmse_train_deg"),
-            ("rms on half-cycles that were not seen (°)", "rmse_held_out_deg"),
-            ("R² on half-cycles that were not seen", "r2_held_out"),
+            ("rms on held-out half-cycles (°)", "rmse_held_out_deg"),
+            ("R² on held-out half-cycles", "r2_held_out"),
         )
     ]
     return {
@@ -273,8 +269,8 @@ def _held_out(results: RunResults) -> str:
         return ""
     curves = results.curves
     if curves is not None and "held_out" in curves.columns and (curves["held_out"].to_numpy() > 0.5).all():
-        return "Each half-cycle was left out of the fit once, and predicted by it."
-    return f"Not seen by the fit: half-cycle {', '.join(str(one) for one in numbers)}."
+        return "Each half-cycle was held out of the fit once, and predicted by it."
+    return f"Held out of the fit: half-cycle {', '.join(str(one) for one in numbers)}."
 
 
 def score(value: float | None) -> str:
@@ -372,7 +368,7 @@ def clocks(results: RunResults) -> list[tuple[str, str]]:
     if sync is None:
         return []
     lines = clock_words(sync, unknown="interval unknown")
-    lines.append(("evidence", str(sync.get("method", "not said"))))
+    lines.append(("found from", str(sync.get("method", "not said"))))
     lines.append(("meaning", "temperature time = film time × (1 + drift) + offset"))
     return lines
 

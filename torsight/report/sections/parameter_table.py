@@ -1,4 +1,4 @@
-"""The table of parameters and the plain fit's own account."""
+"""The table of parameters and the plain model's fit in numbers."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ def _interval(value: Mapping[str, Any]) -> str:
 
 
 def fit_lines(results: RunResults) -> list[tuple[str | Markup, str]]:
-    """Return the plain fit's own account."""
+    """Return the plain model's fit in numbers."""
     fit = results.fit
     if fit is None:
         return []
     lines: list[tuple[str | Markup, str]] = [
-        ("rms of the plain fit", f"{number(fit.get('rmse_deg'))}°"),
+        ("rms of the plain model", f"{number(fit.get('rmse_deg'))}°"),
         ("R²", score(fit.get("r2"))),
         ("while the driven spring cools", case_words(str(fit.get("case")))),
     ]

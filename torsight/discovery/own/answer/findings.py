@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 _SHOWN: Final = 5
 """Fits that are listed beside the answer."""
 _BETTER: Final = 0.95
-"""Share of the chosen set's error on unseen blocks below which a larger set predicts better."""
+"""Share of the chosen set's error on held-out blocks below which a larger set predicts better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Errors:
 
     @property
     def known(self) -> float:
-        """Error on unseen blocks, else on the ones that were fitted."""
+        """Error on held-out blocks, else on the ones that were fitted."""
         return self.rmse_train if math.isnan(self.rmse_held_out) else self.rmse_held_out
 
 
@@ -145,12 +145,12 @@ class Findings(Shown):
 
     @property
     def before(self) -> HeldOut | None:
-        """Prediction of unseen blocks by the plain model."""
+        """Prediction of held-out blocks by the plain model."""
         return self.found.before
 
     @property
     def after(self) -> HeldOut | None:
-        """Prediction of unseen blocks by the extended model."""
+        """Prediction of held-out blocks by the extended model."""
         return self.found.after
 
     @property
@@ -267,7 +267,7 @@ class Findings(Shown):
         return sorted({len(members) for members in self.field.explanations})
 
     def _fitted(self, one: Explanation) -> FittedSet:
-        # Unseen blocks cost a fit each: those of what bears on the answer are predicted, of the others what is known.
+        # Held-out blocks cost a fit each: those of what bears on the answer are predicted, of the others what is known.
         known = "held_out" in one.__dict__ or one.members in self._bearing
         unseen = one.held_out.rms if self.before is not None and known else math.nan
         gain = one.log_evidence - self.field.base.log_evidence
@@ -282,7 +282,7 @@ class Findings(Shown):
 
     @cached_property
     def predicts_better(self) -> tuple[FittedSet, ...]:
-        """Sets with more effects than the answer that predict unseen blocks clearly better, the best first."""
+        """Sets with more effects than the answer that predict held-out blocks clearly better, the best first."""
         own = self._fitted(self._chosen)
         larger = [one for one in self.best_fits if len(one.effects) > len(own.effects)]
         found = [one for one in larger if one.rmse_held_out < _BETTER * own.rmse_held_out]

@@ -80,7 +80,7 @@ def lines(found: Findings) -> list[tuple[str, str]]:
         made.append(("Laws offered over", ", ".join(found.drivers_offered) or "nothing"))
     if found.verdict == "unknown" or found.predicts_better:
         unit = " (errors of all outputs together, each in its resolution)" if len(found.errors) > 1 else ""
-        made.append(("Best fits", f"error on all samples, on unseen blocks, gain in log evidence{unit}"))
+        made.append(("Best fits", f"error on all samples, on held-out blocks, gain in log evidence{unit}"))
         made += [("", fitted_words(one)) for one in found.best_fits]
     made += [("Larger", larger_words(one)) for one in found.predicts_better[:1]]
     made += [("What to do", text) for text in what_next(found)]
@@ -101,11 +101,11 @@ def facts(found: Findings) -> dict[str, str]:
 def _errors(before: Errors, after: Errors) -> str:
     if math.isnan(before.rmse_held_out):
         return f"{number(before.rmse_train)} → {number(after.rmse_train)} rms on the samples that were fitted"
-    return f"{number(before.rmse_held_out)} → {number(after.rmse_held_out)} rms on blocks that the fit did not see"
+    return f"{number(before.rmse_held_out)} → {number(after.rmse_held_out)} rms on held-out blocks"
 
 
 def not_predicted(found: Findings) -> list[str]:
-    """Return a doubt for every output whose unseen blocks the answer predicts no better than the model as it is.
+    """Return a doubt for every output whose held-out blocks the answer predicts no better than the plain model.
 
     And for every law over time without which it predicts them as well. The answer is more probable all the same where
     it says of itself how little is known there.
@@ -114,7 +114,7 @@ def not_predicted(found: Findings) -> list[str]:
     if not chosen.members:
         return []
     told = [
-        f"of {name}, {' and '.join(chosen.members)} describes what was recorded, but predicts unseen "
+        f"of {name}, {' and '.join(chosen.members)} describes what was recorded, but predicts held-out "
         "blocks no better: something changes there, and what it changes with is not known"
         for name, (before, after) in found.errors.items()
         if after.rmse_held_out >= before.rmse_held_out
@@ -124,7 +124,7 @@ def not_predicted(found: Findings) -> list[str]:
     beside = [item.law.id for item in chosen.laws if item.law.time_like and len(chosen.members) > 1]
     parts = {name: found.field.explanations.get(less(chosen.members, name)) for name in beside}
     return [
-        f"{name} describes what was recorded, but unseen blocks are predicted no better with it: something changes "
+        f"{name} describes what was recorded, but held-out blocks are predicted no better with it: something changes "
         "there, and what it changes with is not known"
         for name, part in parts.items()
         if part is not None and part.held_out.rms <= chosen.held_out.rms
@@ -144,15 +144,15 @@ def _noise(found: Findings) -> list[str]:
 
 def fitted_words(one: FittedSet) -> str:
     """Return one of the sets that were compared in words."""
-    name = " + ".join(one.effects) or "the model as it is"
+    name = " + ".join(one.effects) or "plain model"
     return f"{name}: {number(one.rmse_train)}, {number(one.rmse_held_out)}, {number(one.gain)}"
 
 
 def larger_words(one: FittedSet) -> str:
     """Return what to make of a larger set that predicts better."""
     return (
-        f"{' + '.join(one.effects)} predicts unseen blocks better ({number(one.rmse_held_out)}), but not all of its "
-        "members proved themselves: a record that moves more, or more blocks, would tell"
+        f"{' + '.join(one.effects)} predicts held-out blocks better ({number(one.rmse_held_out)}), but not all of its "
+        "members were accepted: a record that moves more, or more blocks, would decide"
     )
 
 

@@ -239,7 +239,9 @@ def check_blocks(block: Ints, valid: Flags) -> list[str]:
             do="take fewer and longer blocks",
         )
     if len(labels) == 1:
-        return ["there is one block only: nothing is held out, and the answer rests on the gain alone; give blocks=…"]
+        return [
+            "there is one block only: nothing is held out, and the answer rests on the evidence alone; give blocks=…"
+        ]
     return []
 
 

@@ -18,6 +18,7 @@ from torsight.core.errors import InputError
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.units import Flags, Floats, Ints
+from torsight.core.words.wording import counted
 from torsight.discovery.interface import OVER_ESTIMATED, OVER_GIVEN, Candidate, OptionalMembers
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
@@ -41,7 +42,7 @@ _FAR: Final = 1e3
 there."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModelProblem(OptionalMembers):
     """A :class:`torsight.discovery.interface.Problem` around a function; made by :func:`model_problem`.
 
@@ -94,6 +95,12 @@ class ModelProblem(OptionalMembers):
     alike: bool = True
     time_name: str | None = None
     warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        rows = f"{counted(sum(self.layout.rows), 'row')} in {counted(len(self.layout.rows), 'record')}"
+        offered = ", ".join([*(one.id for one in self.candidates), *(one.name for one in self.ports)]) or "none"
+        values = counted(len(self.declared), "parameter")
+        return f"ModelProblem({', '.join(self.layout.outputs)}: {rows}, {values}, candidates: {offered})"
 
     @cached_property
     def over_floor(self) -> float:

@@ -187,7 +187,7 @@ class LiveTracker:
         self._mends.clear()
         if start.choice is not None:
             self.which, self.undecided = WhichMarkers(frame.luma), True
-        words = "found the four markers" + ("" if start.moving is not None else "; the stick that moves will tell")
+        words = "found the four markers" + ("" if start.moving is not None else "; which stick moves is not known yet")
         self._tell(frame.time_s, frame.index, "found", words)
         return True
 
