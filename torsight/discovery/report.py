@@ -42,7 +42,7 @@ class FoundEffect(Frozen):
     """An accepted effect as declared, with its fitted values and values for people that follow from them.
 
     ``probability`` is the posterior weight of the sets that hold it, among the named set and its rivals; ``gain`` is
-    the information that is lost without it.
+    the log evidence that is lost without it.
     """
 
     id: str
