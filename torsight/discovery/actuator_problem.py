@@ -227,10 +227,12 @@ class ActuatorProblem(OptionalMembers):
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what noise left in the temperatures does to the angle, the tops of half-cycles apart.
 
-        Errors of the size that the conditioning gives are drawn and driven through the model.
+        Errors of the size that the conditioning gives are drawn and driven through the model. Where a disk that had
+        rested lets go, nobody knows between two rows, either.
         """
         found = self._off_by(self._smooth_drives, values, effects)
-        return np.sqrt(np.mean(found**2, axis=1)) if found.shape[1] else np.zeros(len(self.rows))
+        _, jumps = self._seen(self.drive, values, effects)
+        return np.sqrt(np.mean(found**2, axis=1) + jumps**2) if found.shape[1] else jumps
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what one standard deviation of each error that many samples share does to the angle (n, k), degrees.
@@ -256,9 +258,14 @@ class ActuatorProblem(OptionalMembers):
         return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
+        return self._seen(drive, values, effects)[0]
+
+    def _seen(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> tuple[Floats, Floats]:
+        """Return the angle at the kept rows and its standard deviation where it jumps between them, degrees."""
         if drive not in self._thinned:
             self._thinned[drive] = drive.at(self.rows)
-        return self.model(effects).angle_rad(self._thinned[drive], values, history=self.history) / DEG
+        angle_rad, sigma_rad = self.model(effects).seen_rad(self._thinned[drive], values, history=self.history)
+        return angle_rad / DEG, sigma_rad / DEG
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
