@@ -19,7 +19,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.effects.clock_offset import EFFECT as CLOCK_OFFSET
 from torsight.actuator.fit_result import middle_deg
-from torsight.actuator.laws import laws_of
+from torsight.actuator.laws import FAMILIES, laws_of
 from torsight.actuator.model import ActuatorModel, PhaseLaw
 from torsight.actuator.ports import History
 from torsight.actuator.record.segments import by_role
@@ -243,6 +243,15 @@ class ActuatorProblem(OptionalMembers):
         """
         found = self._off_by(self._lasting_drives, values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
+
+    def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
+        """Return the law's values on its nodes at which it does what an effect does, where the family can read them."""
+        read, own = FAMILIES[law.id].read, load_effects().get(effect)
+        if read is None or own is None or law.id not in own.laws:
+            return None
+        model = self.model((effect,))
+        known = {p.name: values[p.name] for p in model.parameters if p.name in values}
+        return read(model.ports(self.drive, known, history=self.history), law.nodes)
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
         """Return what rows that were not fitted say of the effects, in log units: whether the tracker saw an event."""
