@@ -14,7 +14,7 @@ from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_tab
 from torsight.actuator.effects import STAGES, Effect, chosen_effects, load_effects
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import History, Ports
-from torsight.actuator.simulation import Simulation, angle_of_ports, run_ports
+from torsight.actuator.simulation import Simulation, angle_of_ports, run_ports, seen_of_ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import SPRING_B, Rig, values_of_b
 from torsight.core.errors import ConfigError, InputError, require_kind
@@ -236,6 +236,12 @@ class ActuatorModel:
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
         """Return the angle (n,) that :meth:`simulate` gives, alone: a fit asks for it tens of thousands of times."""
         return angle_of_ports(self.ports(drive, values, history=history), **self._as_stepped(drive))
+
+    def seen_rad(
+        self, drive: Drive, values: Mapping[str, float], *, history: History | None = None
+    ) -> tuple[Floats, Floats]:
+        """Return the angle (n,) that rows are expected to show, and how far a jump between two rows leaves it open."""
+        return seen_of_ports(self.ports(drive, values, history=history), **self._as_stepped(drive))
 
     def _as_stepped(self, drive: Drive) -> dict[str, Any]:
         tanaka = self.phase_law == "tanaka"

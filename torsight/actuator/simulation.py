@@ -151,6 +151,28 @@ def angle_of_ports(
     return _read(out[0] - 0.5 * ports.rig.theta_p_rad, ports)
 
 
+def seen_of_ports(
+    ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
+) -> tuple[Floats, Floats]:
+    """Return the angle (n,) that is expected at the rows, and its standard deviation (n,) there, rad.
+
+    A film and a log say what happened between two of their rows, not when: either rounds the instant at which a disk
+    lets go to its row, so that it jumps up to a row before or after that of the model, as the sum of two roundings has
+    it (a triangle). The row before the jump and the row after it then show it with the probabilities (1 − s)² / 2 and
+    1 − s² / 2, s the part of the step that has passed.
+    """
+    out, _ = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
+    theta_a, sigma = out[0], np.zeros(out.shape[1])
+    rows = 1 + np.flatnonzero(out[5, 1:])
+    if len(rows):
+        jump, passed = out[5, rows], out[6, rows]
+        theta_a = theta_a.copy()
+        for beside, early in ((rows - 1, 0.5 * (1.0 - passed) ** 2), (rows, 1.0 - 0.5 * passed**2)):
+            theta_a[beside] += jump * (early - (beside == rows))
+            sigma[beside] = np.hypot(sigma[beside], np.abs(jump) * np.sqrt(early * (1.0 - early)))
+    return _read(theta_a - 0.5 * ports.rig.theta_p_rad, ports), sigma
+
+
 def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg: float | None) -> tuple[Floats, Floats]:
     """Return what :func:`torsight.actuator.stepping.kernel.run` gives."""
     start = _unread(start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad

@@ -19,7 +19,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.effects.clock_offset import EFFECT as CLOCK_OFFSET
 from torsight.actuator.fit_result import middle_deg
-from torsight.actuator.laws import laws_of
+from torsight.actuator.laws import FAMILIES, laws_of
 from torsight.actuator.model import ActuatorModel, PhaseLaw
 from torsight.actuator.ports import History
 from torsight.actuator.record.segments import by_role
@@ -227,10 +227,12 @@ class ActuatorProblem(OptionalMembers):
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what noise left in the temperatures does to the angle, the tops of half-cycles apart.
 
-        Errors of the size that the conditioning gives are drawn and driven through the model.
+        Errors of the size that the conditioning gives are drawn and driven through the model. Where a disk that had
+        rested lets go, nobody knows between two rows, either.
         """
         found = self._off_by(self._smooth_drives, values, effects)
-        return np.sqrt(np.mean(found**2, axis=1)) if found.shape[1] else np.zeros(len(self.rows))
+        _, jumps = self._seen(self.drive, values, effects)
+        return np.sqrt(np.mean(found**2, axis=1) + jumps**2) if found.shape[1] else jumps
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what one standard deviation of each error that many samples share does to the angle (n, k), degrees.
@@ -241,6 +243,15 @@ class ActuatorProblem(OptionalMembers):
         """
         found = self._off_by(self._lasting_drives, values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
+
+    def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
+        """Return the law's values on its nodes at which it does what an effect does, where the family can read them."""
+        read, own = FAMILIES[law.id].read, load_effects().get(effect)
+        if read is None or own is None or law.id not in own.laws:
+            return None
+        model = self.model((effect,))
+        known = {p.name: values[p.name] for p in model.parameters if p.name in values}
+        return read(model.ports(self.drive, known, history=self.history), law.nodes)
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
         """Return what rows that were not fitted say of the effects, in log units: whether the tracker saw an event."""
@@ -256,9 +267,14 @@ class ActuatorProblem(OptionalMembers):
         return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
+        return self._seen(drive, values, effects)[0]
+
+    def _seen(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> tuple[Floats, Floats]:
+        """Return the angle at the kept rows and its standard deviation where it jumps between them, degrees."""
         if drive not in self._thinned:
             self._thinned[drive] = drive.at(self.rows)
-        return self.model(effects).angle_rad(self._thinned[drive], values, history=self.history) / DEG
+        angle_rad, sigma_rad = self.model(effects).seen_rad(self._thinned[drive], values, history=self.history)
+        return angle_rad / DEG, sigma_rad / DEG
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:

@@ -204,6 +204,14 @@ class OptionalMembers(Protocol):
             raise NotImplementedError(f"{type(self).__name__} has laws, but no with_laws")
         return self
 
+    def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
+        """Return the law's values on its nodes (k,) at which it does what an effect does that is a usual form of it.
+
+        None where that is not known: the law is then measured from nothing.
+        """
+        del effect, law, values
+        return None
+
     def predict_many(
         self: NeededMembers, values: Sequence[Mapping[str, float]], effects: Sequence[str]
     ) -> list[Floats]:

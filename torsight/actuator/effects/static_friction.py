@@ -7,8 +7,9 @@ e excess after a long rest, t_r time at rest, t_0 time of growth (s). p = 1: con
 and with a jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
 
 Let go, the disk jumps to where sliding friction balances the springs (s = 0), or, carried by its inertia, by s times as
-much past it, where friction holds it until the torque has risen again. Without damping s = 1: what the springs give up
-is spent on friction alone (Rabinowicz, Friction and Wear of Materials (1995), chapter 4).
+much past it, where friction holds it until the torque has risen again; what it would have slid without the drop of the
+friction is no part of the jump. Without damping s = 1: what the springs give up is spent on friction alone (Rabinowicz,
+Friction and Wear of Materials (1995), chapter 4).
 """
 
 from __future__ import annotations

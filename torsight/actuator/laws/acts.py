@@ -61,6 +61,13 @@ def friction_dwell(ports: Ports, law: Curve) -> Ports:
     return ports.with_dwell(np.maximum(1.0, 1.0 + law(DWELL_DECADES)))
 
 
+def dwell_of(ports: Ports, decades: Floats) -> Floats:
+    """Return the share by which friction is raised after rests, over decades of seconds."""
+    if ports.dwell_factor is None:
+        return np.zeros_like(decades)
+    return np.interp(decades, DWELL_DECADES, ports.dwell_factor) - 1.0
+
+
 def friction_direction(ports: Ports, law: Curve) -> Ports:
     """Change the friction for a falling (−1) and a rising angle (1) by a share."""
     down, up = (np.maximum(0.0, 1.0 + law(np.full_like(ports.grid_rad(), sign))) for sign in (-1.0, 1.0))

@@ -37,6 +37,8 @@ class Family:
         From nodes to the bank.
     time_like : bool
         True where the driver only counts time or cycles.
+    read : callable, optional
+        The inverse of ``apply``: from ports and places on the driver (k,) to the law that has made them, if one has.
     """
 
     id: str
@@ -51,6 +53,7 @@ class Family:
     kernels: Callable[[Floats], tuple[Kernel, ...]]
     spring: str = "both"
     time_like: bool = False
+    read: Callable[[Ports, Floats], Floats] | None = None
 
 
 _ALL: Final = (
@@ -78,7 +81,7 @@ _ALL: Final = (
     Family("friction_angle_rate_deg_s", "friction", "angle_rate_deg_s", "", "friction over the rate of the angle",
            "friction", acts.friction_speed, nodes.speed_nodes, 0.1, banks.from_zero),
     Family("friction_dwell_s", "friction", "dwell_s", "", "friction over the time at rest", "friction",
-           acts.friction_dwell, nodes.dwell_nodes, 0.1, banks.from_zero),
+           acts.friction_dwell, nodes.dwell_nodes, 0.1, banks.from_zero, read=acts.dwell_of),
     Family("friction_direction", "friction", "direction", "", "friction over the direction", "friction",
            acts.friction_direction, nodes.signs, 0.1, banks.antisymmetric),
     Family("friction_cycle", "friction", "cycle", "", "friction over the half-cycles", "friction", acts.friction_cycle,

@@ -24,6 +24,8 @@ what rate ξ changed before;
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,11 +33,14 @@ from torsight.actuator.stepping.kernel_balance import (
     AHEAD,
     AT_REST,
     BEFORE,
+    BEGUN,
     CHANGED,
     CROSS,
     FACTOR,
     FLOOR,
     HEATING,
+    JUMP,
+    LET_GO,
     MOVE,
     MOVE_2,
     OTHER,
@@ -44,6 +49,7 @@ from torsight.actuator.stepping.kernel_balance import (
     PER_S,
     REST_S,
     SCALE,
+    SHORT,
     SIGN,
     SLIDING,
     TAU_NOW,
@@ -98,6 +104,11 @@ from torsight.actuator.stepping.kernel_roots import (
 from torsight.actuator.stepping.samples import Samples
 from torsight.core.compiled import compiled, inlined, shared
 from torsight.core.units import Floats
+
+_LETS_STAND: Final = 0.1
+"""Share of its sliding value by which friction has to fall before a disk has come to a standstill, a choice; if none,
+an overshoot of no length would change the angle. Records of a rig with mass lose nothing with half of it, 50 log units
+with twice."""
 
 
 @shared
@@ -227,6 +238,13 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
     g[CHANGED] = 0.0
 
 
+@inlined
+def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
+    """Return where a slide ends that may be as long as in the sample before, and the change between the two before."""
+    guess = 2.0 * state.g[MOVE] - state.g[MOVE_2]
+    return slide(sense, guess, first, state, p, o, tables, sections) if first > 0.0 else state.g[X_NOW]
+
+
 @shared
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Bring the active spring to rest in this sample; return whether it slid.
@@ -242,26 +260,34 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
         limit = load_torque(x, sense, hold, c, p, o, tables)
         reached = wire_fraction(limit, c, p, sections, w) if attempt == 0 else g[XI_NOW]
-        if sense * (limit - made_torque(x, reached, c, q, p, tables)) > SLIP_TOLERANCE:
+        over = sense * (limit - made_torque(x, reached, c, q, p, tables))
+        if over > SLIP_TOLERANCE:
             begins = q[SLIDING] != sense
             if begins or q[AT_REST] > 0.0:
                 slide_anew(sense, limit, reached if attempt == 0 else g[XI_NOW], state, p, tables)
-            if begins or hold > scale:
-                first = excess(x, sense, state, p, o, tables, sections)
-            else:
-                first = sense * (limit - made_torque(x, reached, c, q, p, tables))
-            if first > 0.0:
-                # As far as in the sample before, and the change between the two before.
-                g[X_NOW] = slide(sense, 2.0 * g[MOVE] - g[MOVE_2], first, state, p, o, tables, sections)
+            held = x
+            if hold > scale:
+                # As far as it would slide if friction did not fall: the rest of the way is the jump.
+                c[SCALE] = hold
+                held = _slid(sense, excess(x, sense, state, p, o, tables, sections), state, p, o, tables, sections)
+                c[SCALE] = scale
+            first = excess(x, sense, state, p, o, tables, sections) if begins or hold > scale else over
+            g[X_NOW] = _slid(sense, first, state, p, o, tables, sections)
             g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
             g[XI_NOW] = advance(g[TAU_NOW], c, p, sections, w)
             if hold > scale and p["swing"] > 0.0:
                 # Inertia carries it past the balance: there friction holds it until its torque has risen again.
-                g[X_NOW] += p["swing"] * (g[X_NOW] - x)
+                g[X_NOW] += p["swing"] * (g[X_NOW] - held)
                 transform_at_rest(state, p, tables, sections)
-                q[SLIDING] = 0.0
+                # The reference state is taken anew after that as far as friction, which drops there, has let it stand.
+                stands = min(1.0, p["swing"] * (hold / scale - 1.0) / _LETS_STAND)
+                q[BEGUN], q[AT_REST] = q[BEGUN] + stands * (g[XI_NOW] - q[BEGUN]), 0.0
             g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
+            if hold > scale:
+                g[JUMP], g[LET_GO] = g[X_NOW] - held, g[SHORT + attempt] / (g[SHORT + attempt] + over)
+            g[SHORT], g[SHORT + 1] = 0.0, 0.0
             return True
+        g[SHORT + attempt] = max(0.0, -over)
         if attempt == 0:
             transform_at_rest(state, p, tables, sections)
     return False
@@ -298,6 +324,7 @@ def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w
     for j in range(w.shape[1]):
         w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * c[PER_S]
         w[XI_BEFORE, j] = w[0, j]
+    g[JUMP] = 0.0
     known = not starts and c[PER_S] > 0.0
     c[BEFORE] = (g[X_NOW] - c[X0]) * c[PER_S] if known else 0.0
     c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
@@ -306,7 +333,7 @@ def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with so many sections of the wire, not yet wound."""
-    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(11), np.ones((7, sections))
+    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(15), np.ones((7, sections))
     c[FACTOR] = 1.0
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
     return State(c, q, g, w, q.copy(), w.copy(), np.empty(2))
@@ -363,7 +390,7 @@ def step_through(
             g[CHANGED] = 1.0
         wound[1 - who] = max(wound[1 - who], theta_p - g[X_NOW])
         theta_a = g[X_NOW] if who == 0 else theta_p - g[X_NOW]
-        out[0, k] = theta_a
+        out[0, k], out[5, k], out[6, k] = theta_a, c[SIGN] * g[JUMP], g[LET_GO]
         out[1 + who, k] = g[XI_NOW]
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
@@ -403,11 +430,12 @@ def run(
 
     Returns
     -------
-    (5, n) float64
-        θ^A (rad), ξ of A and B, torque of A and B (N·m).
+    (7, n) float64
+        θ^A (rad), ξ of A and B, torque of A and B (N·m); by how much θ^A jumped where the disk let go after a rest
+        (rad, else 0), and after which part of the sample.
     (2,) float64
         By how much A and B are unwound in the end (rad).
     """
-    out, state = np.empty((5, samples.active.size)), _new_state(sections.shape[1])
+    out, state = np.zeros((7, samples.active.size)), _new_state(sections.shape[1])
     step_through(out, state, samples, recoverable, springs, tables, sections, theta_start)
     return out, state.wound

@@ -43,6 +43,9 @@ TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD = 8, 9, 10, 11, 12, 13, 14
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR, BEGUN, AT_REST = 0, 1, 2, 3, 4, 5, 6, 7
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+SHORT, JUMP, LET_GO = 11, 13, 14
+"""Places of g: what either way was short of sliding by, N·m; by how much a disk that had rested jumped in this sample;
+and the part of the sample after which it let go."""
 PACE, XI_BEFORE = 5, 6
 """Rows of w: by how much ξ changed per second over the sample before, and ξ at its end."""
 

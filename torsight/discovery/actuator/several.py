@@ -277,6 +277,10 @@ class SeveralRecords(OptionalMembers):
         each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
         return np.asarray(block_diag(*each))
 
+    def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
+        """Return the law's values on its nodes at which it does what an effect does, as the first record has it."""
+        return self.parts[0].curve_of(self.effect_of(effect), law, self.values_of(0, values))
+
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
         """Return what rows that were not fitted say of the effects, in log units."""
         return sum(part.also_seen(*self._own(k, values, effects)) for k, part in enumerate(self.parts))

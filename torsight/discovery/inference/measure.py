@@ -108,6 +108,7 @@ def measure_law(
     likelihood: Likelihood,
     iterations: int = ITERATIONS,
     known: Mapping[str, Floats] | None = None,
+    curve: Floats | None = None,
 ) -> Measured:
     """Measure a law beside the base model and a set of effects.
 
@@ -127,8 +128,10 @@ def measure_law(
         Steps at most.
     known : mapping of str to (n,) float64, optional
         Derivatives at the start by some of the values, where a fit without the law has them.
+    curve : (k,) float64, optional
+        Values of the law on its nodes from which to begin; none where left out.
     """
-    return _Measurement(problem, law, effects, likelihood).run(start, iterations, known or {})
+    return _Measurement(problem, law, effects, likelihood).run(start, iterations, known or {}, curve)
 
 
 class _Measurement:
@@ -164,11 +167,15 @@ class _Measurement:
         f = u[m:]
         return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
 
-    def run(self, start: Mapping[str, float], iterations: int, known: Mapping[str, Floats]) -> Measured:
+    def run(
+        self, start: Mapping[str, float], iterations: int, known: Mapping[str, Floats], curve: Floats | None
+    ) -> Measured:
         """Step from a start until nothing is gained."""
         m, k = len(self._names), len(self._law.nodes)
         u = np.zeros(m + k)
         u[:m] = [start[name] for name in self._names]
+        if curve is not None:
+            u[m:] = curve
         slopes = Slopes(self._model, self._space, u, guess=self._guess(known))
         last: _Member | None = None
         for _ in range(iterations):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -239,12 +240,19 @@ class Search:
         ]
 
     def _exchange(self, item: tuple[EffectSet, str, str]) -> Explanation:
-        """Return a set with another member in the place of one, fitted from where the set is."""
+        """Return a set with another member in the place of one, fitted from where the set is.
+
+        A law begins as the curve that it has as the usual form in whose place it is tried, where that is known: it can
+        do what that does, and the way there from nothing may lead over what derivatives do not see.
+        """
         best, members = self._explanations[item[0]], less(item[0], item[1])
         fitter, laws = _fitter_of(best, members)
         fit = fitter.at(fitter.ordered(members), best.fit.values, near=best.fit)
         without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
-        return self._extended_by(without, item[2])
+        law = self._laws.get(item[2])
+        if law is None:
+            return self.with_effect(without, item[2])
+        return self._with_law(without, law, curve=best.fitter.problem.curve_of(item[1], law, best.fit.values))
 
     def _grow(self, work: list[tuple[EffectSet, str]], *, step: str) -> None:
         """Extend fitted sets, each by one member, unless that was done before, and keep what comes of it."""
@@ -268,24 +276,23 @@ class Search:
             return replace(parent, fit=fit, log_evidence=evidence)
         return self._settled(parent.fitter.problem, fit, parent.laws)
 
-    def _with_law(self, parent: Explanation, law: Law) -> Explanation:
+    def _with_law(self, parent: Explanation, law: Law, *, curve: Floats | None = None) -> Explanation:
         """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
 
         Where what is missing has pulled the base values off, the second start comes down into the valley where the
         priors are content. Where no value has a prior that would tell, the problem's other places are further starts.
+        From a curve that is given it is measured from the set's optimum alone.
         """
         problem, fit = parent.fitter.problem, parent.fit
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
-        under = parent.likelihood
-        found = [measure_law(problem, law, fit.values, effects=parent.members, likelihood=under, known=known)]
-        if self._pulled(parent) > _SETTLED:
+        measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood)
+        found = [measure(fit.values, known=known, curve=curve)]
+        if curve is None and self._pulled(parent) > _SETTLED:
             nominal = parent.fitter.nominal
             known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
-            means = {**fit.values, **nominal.values}
-            found.append(measure_law(problem, law, means, effects=parent.members, likelihood=under, known=known))
-        elif all(parameter.sigma is None for parameter in problem.parameters):
-            starts = [{**fit.values, **place} for place in problem.elsewhere]
-            found += [measure_law(problem, law, one, effects=parent.members, likelihood=under) for one in starts]
+            found.append(measure({**fit.values, **nominal.values}, known=known))
+        elif curve is None and all(parameter.sigma is None for parameter in problem.parameters):
+            found += [measure({**fit.values, **place}) for place in problem.elsewhere]
         best = max(found, key=lambda measured: measured.log_evidence)
         return self._explained(problem, parent.laws, best, parent.members)
 
