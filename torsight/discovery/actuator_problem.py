@@ -22,24 +22,19 @@ from torsight.actuator.fit_result import middle_deg
 from torsight.actuator.laws import FAMILIES, laws_of
 from torsight.actuator.model import ActuatorModel, PhaseLaw
 from torsight.actuator.ports import History
-from torsight.actuator.record.segments import by_role
-from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.series import pair_means, runs, scatter, usual_step
+from torsight.core.series import pair_means
 from torsight.core.units import DEG, Flags, Floats, Ints
+from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
 from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
 
 RESOLUTION_DEG: Final = 0.1
 """A difference that nobody would miss: 0.02 % of the stroke."""
 _NOISE_DRAWS: Final = 6
-_REST_SPEED_DEG_S: Final = 0.02
-_REST_LEAST_S: Final = 8.0
-_STOPPED_DEG: Final = 0.5
-"""Way to where the angle comes to rest within which it has stopped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +81,7 @@ class ActuatorProblem(OptionalMembers):
     @cached_property
     def _way(self) -> Floats:
         """How far every row of the drive has come since the first, in steps of angle, temperatures or time."""
-        return np.cumsum(_steps(self.drive))
+        return way_of(self.drive)
 
     @cached_property
     def _at_rest(self) -> Flags:
@@ -286,72 +281,6 @@ class ActuatorProblem(OptionalMembers):
         return tuple(with_errors(self.drive, error_c) for error_c in lasting_errors(self.drive))
 
 
-def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
-    """Return the rows between which the angle or a temperature changes enough to matter.
-
-    The stepping is exact for steps of any length between which temperatures rise or fall: rows only have to sample the
-    residual. One is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
-    changes of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within
-    two seconds, one every 1.5 s within fifteen. Such an end is where the driven temperature turns down, where it is
-    highest, and (behind a slow sensor, before either) where the angle stops. The same rows are kept where the angle
-    sets off from a rest: friction over the speed is not exact for steps in which it does. ``way`` (n,) is how far every
-    row has come (:func:`_steps`, summed), ``at_rest`` (n,) where the angle stands still.
-    """
-    active, _ = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
-    interval = usual_step(drive.time_s)
-    smooth = _running_median(drive.angle_rad / DEG)
-    keep = np.zeros(len(drive), bool)
-    keep[np.flatnonzero(np.diff(np.floor(way))) + 1] = True
-    turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
-    near, far, second = (max(1, round(span_s / interval)) for span_s in (2.0, 15.0, 1.5))
-    for place in [*turn, *_starts(at_rest, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
-        keep[max(0, place - near) : place + near] = True
-        keep[max(0, place - far) : place + far : second] = True
-    change = np.flatnonzero(np.diff(drive.cycles.half))
-    keep[change], keep[change + 1] = True, True
-    keep[[0, -1]] = True
-    return np.flatnonzero(keep)
-
-
-def _starts(at_rest: Flags, angle_deg: Floats) -> list[int]:
-    """Return the rows at which the angle sets off from a rest."""
-    found = []
-    for _, stop in runs(at_rest):
-        away = np.abs(angle_deg[stop - 1 :] - angle_deg[stop - 1]) > _STOPPED_DEG
-        if away.any():
-            found.append(stop - 1 + int(np.argmax(away)))
-    return found
-
-
-def _steps(drive: Drive) -> Floats:
-    """Return how far every row (n,) has come from the one before, in steps of angle, temperatures or time."""
-    active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
-    angle_deg = _running_median(drive.angle_rad / DEG)
-    steps = ((active, 1.0), (passive, 2.0), (angle_deg, 5.0), (drive.time_s, 30.0))
-    each = [np.abs(np.diff(values, prepend=values[0])) / step for values, step in steps]
-    return np.asarray(np.max(each, axis=0))
-
-
-def _tops(active: Floats, angle_deg: Floats, half: Ints, turns: Ints) -> list[int]:
-    """Return the rows before each turn at which the driven temperature is highest, and at which the angle stops."""
-    found = []
-    for turn in turns.tolist():
-        first = int(np.searchsorted(half, half[turn]))
-        found.append(first + int(np.argmax(active[first : turn + 1])))
-        moving = np.flatnonzero(np.abs(angle_deg[first : turn + 1] - angle_deg[turn]) > _STOPPED_DEG)
-        if len(moving):
-            found.append(first + int(moving[-1]))
-    return found
-
-
-def _running_median(values: Floats) -> Floats:
-    """Return the median of five neighbours, gaps bridged by lines: what moves, without the reading noise."""
-    good = np.isfinite(values)
-    filled = np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
-    padded = np.pad(filled, 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
-
-
 def _means_between(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:
     """Return mean angle and its sigma, degrees, over as many rows on either side as lie nearer to no other kept row."""
     gap = np.diff(rows)
@@ -384,32 +313,3 @@ def _candidate(effect: Effect, angle_rad: Floats) -> Candidate:
         # Clocks that differ do so whatever the form in time.
         any_form=effect.is_clock,
     )
-
-
-def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
-    """Return where the angle stands still for at least eight seconds.
-
-    A sample rests where the angle, averaged over the half window before it and after it, moves by less than 0.02 °/s
-    or than the averages' own noise would show.
-    """
-    n = len(time_s)
-    interval = usual_step(time_s)
-    half = max(2, round(0.5 * _REST_LEAST_S / interval))
-    filled = np.interp(time_s, time_s[valid], observed[valid])
-    noise = scatter(filled)
-    total = np.concatenate([[0.0], np.cumsum(filled)])
-    index = np.arange(n)
-    low, high = np.maximum(index - half, 0), np.minimum(index + half, n - 1)
-    before = (total[index + 1] - total[low]) / (index + 1 - low)
-    after = (total[high + 1] - total[index]) / (high + 1 - index)
-    span = 0.5 * (high - low) * interval + 1e-9
-    limit = np.maximum(_REST_SPEED_DEG_S * span, 4.0 * noise * np.sqrt(2.0 / half))
-    still = np.abs(after - before) < limit
-    return _long_runs(still, least=2 * half)
-
-
-def _long_runs(flag: Flags, *, least: int) -> Flags:
-    kept = np.zeros(len(flag), bool)
-    for start, stop in runs(flag):
-        kept[start:stop] = stop - start >= least
-    return kept

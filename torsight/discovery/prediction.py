@@ -18,8 +18,8 @@ from torsight.core.progress import Progress, silent
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import span
+from torsight.discovery.actuator.kept_rows import rest_mask
 from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
-from torsight.discovery.actuator_problem import rest_mask
 
 _DRAWS: Final = 8
 """Draws of the temperatures' noise."""
