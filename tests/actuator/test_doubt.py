@@ -111,6 +111,20 @@ def test_noise_of_the_temperatures_counts_where_an_incomplete_heating_ends(log) 
     assert np.array_equal(sigma_deg, again)
 
 
+def test_rows_beside_a_jump_do_not_know_when_between_them_the_disk_let_go(log) -> None:
+    spec = ActuatorModel(reference_spec(), ("static_friction",))
+    values = {**spec.nominal(), "static_excess": 0.6}
+    model = FittedModel(spec, values, doubt=Doubt((), np.zeros((0, 0)), residual_deg=0.1, rest_residual_deg=0.1))
+    found = predict_with_sigma(model, log, start_angle_rad=START_RAD)
+    # The first jump's rows; nothing else of this log makes the prediction wrong by more.
+    at = int(np.argmax(np.abs(np.diff(found.angle_rad)) > 10.0 * DEG))
+    jump_rad = abs(found.angle_rad[at + 1] - found.angle_rad[at])
+    beside, before = found.sigma_rad[at : at + 2], found.sigma_rad[at - 1]
+    assert before < 0.2 * DEG
+    # Of the triangle of two roundings at least an eighth lies on one row's wrong side, at most half on the other's.
+    assert (7.0 / 64.0) ** 0.5 * jump_rad < beside.max() < 0.55 * jump_rad
+
+
 def test_a_value_stays_within_its_bounds_and_a_model_without_doubt_says_nothing(log) -> None:
     wide = model_with(Doubt(("tau_c_mnm",), np.array([[1e4]]), 0.1))
     found = predict_with_sigma(wide, log, start_angle_rad=START_RAD)

@@ -27,7 +27,7 @@ from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
-from torsight.core.units import DEG
+from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 
@@ -161,6 +161,11 @@ class FittedModel(Frozen, Shown):
         """Simulate a log that is prepared, with what the record of the fit has left behind."""
         start_rad = drive.start_angle_rad
         return self.model.simulate(drive, self._values_from(start_rad), history=self.history(start_rad))
+
+    def jumps_rad(self, drive: Drive) -> Floats:
+        """Return how far open the rows (n,) beside a jump leave the angle: its instant is known to roundings, rad."""
+        start_rad = drive.start_angle_rad
+        return self.model.seen_rad(drive, self._values_from(start_rad), history=self.history(start_rad))[1]
 
     def neighbours(self) -> Iterator[tuple[FittedModel, FittedModel]]:
         """Give pairs of models one standard deviation to either side, along each axis of the values' uncertainty."""

@@ -68,12 +68,13 @@ def predict_with_sigma(
 ) -> PredictedAngle:
     """Predict a later temperature log and say, for every instant, how far to trust the prediction.
 
-    Five things make a prediction wrong, and their squares are added: the noise of the reading at which it starts, as
+    Six things make a prediction wrong, and their squares are added: the noise of the reading at which it starts, as
     much as the record of the fit had (both neighbours are simulated: a motion may forget where it started); what the
     model leaves on held-out half-cycles, in motion and at rest; what the values are uncertain by (the
     log is simulated one standard deviation to either side along every axis of their uncertainty); how far other
-    credible explanations of the record predict something else, by their parts of the probability; and the noise of the
-    log's temperatures, drawn: where an incomplete heating ends, its error stays in the angle. Where explanations lie
+    credible explanations of the record predict something else, by their parts of the probability; the noise of the
+    log's temperatures, drawn: where an incomplete heating ends, its error stays in the angle; and in the rows beside a
+    jump of a disk that lets go after a rest, when between them that was. Where explanations lie
     apart the angle has no normal distribution: ±1.96 sigma hold at least 95 % of it then, and reach what each
     explanation predicts.
 
@@ -105,6 +106,7 @@ def predict_with_sigma(
     rest = rest_mask(simulation.time_s, angle / DEG, known) if known.any() else known
     motion_deg, rest_deg = model.doubt.left_deg
     square, others = (np.where(rest, rest_deg, motion_deg) * DEG) ** 2, list(_others(model, drive))
+    square += model.jumps_rad(drive)[rows] ** 2
     alternatives = list(model.alternatives())
     whole = len(others) + len(alternatives)
     for done, (other, its_drive, weight) in enumerate(others):
