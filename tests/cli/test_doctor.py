@@ -196,6 +196,15 @@ def test_a_programme_that_never_moves_anything_is_to_be_done_again(tmp_path: Pat
     assert "47.6 °C" in ordered(findings)[0].text
 
 
+@pytest.mark.parametrize(("springs", "count"), [("abab", 0), ("abba", 1)])
+def test_a_spring_that_is_heated_twice_in_a_row_is_told(tmp_path: Path, springs: str, count: int) -> None:
+    about = [{"start_s": 30.0 + 250.0 * k, "peak_c": 80.0, "rate_c_s": 0.5} for k in range(4)]
+    log = write_log(tmp_path / "temps.csv", list(zip(springs, about, strict=True)), length_s=1100.0)
+    findings, _ = check_programme(check_log(log), reference_spec(), where="temps.csv")
+    texts = [one.text for one in findings if "had not wound back" in one.text]
+    assert [text.split(" with ")[0] for text in texts] == ["1 half-cycle"] * count
+
+
 def test_a_film_is_known_as_well_as_its_noise_allows(tmp_path: Path) -> None:
     """Cramér–Rao for a disc whose rim is sharp but for the pixel itself: σ_x = (σ/C) / √(π r)."""
     rig = Rig(lambda t: 60.0 - 60.0 * t, frames=45, texture=0.0)
