@@ -1,4 +1,5 @@
 """The actuator's side of discovery.
 
-Records (angles in degrees, temperatures in °C) in; drivers, errors of the temperatures, curves and laws for people out.
+Records (angles in degrees, temperatures in °C) in; rows, rests, drivers, errors of the temperatures, curves and laws
+for people out.
 """
