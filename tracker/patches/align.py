@@ -9,6 +9,10 @@ For small δ this is linear in all that is unknown, and the derivatives belong t
 every frame. W is replaced by W D⁻¹ until δ vanishes (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput.
 Vision 56, 2004, section 3.2, with a linear change of light as in its part 3). The template stays, so nothing drifts.
 Where something lies over a part of the patch, its points are weighed down (Tukey's biweight) and the fit repeated.
+
+A drawn template knows nothing of uneven ink: what that leaves is the same in every frame, and as large at single points
+as what lies over them. It is perpendicular to all that is fitted, so to take it out of the picture of a whole patch
+changes nothing, and to learn it lets nothing drift; but it does change what is fitted to a part.
 """
 
 from __future__ import annotations
@@ -42,6 +46,10 @@ _OTHER_SEEN: Final = 1.5
 """What a point may be off at least before it is taken for something else, over the template's spread. Of a drawn tag
 it is a fifth of the step from black to white, which smear shorter than a module leaves; texture is shaded anew as it
 turns under the light."""
+_AROUND: Final = 1.5
+"""Standard deviation, in steps of the grid, of the surroundings in which a drawn template is held against the picture:
+uneven ink is a line one or two steps wide, and what lies over a tag is wider. With 1.0 ink is now and then taken for
+something else; 1.5 and 2.5 do the same."""
 _FEW: Final = 0.005
 """Share of such points that does not matter: it is what noise makes."""
 _BLUR: Final = 0.5
@@ -59,7 +67,8 @@ class Fit:
     ``inside``: the same for the part that was named at the template's making. ``light``, ``residual``: brightness at
     the template's mean, and root mean square of what the model leaves, grey levels; ``gain``: contrast over the
     template's; ``kept``: share of the points that were used, for the others show something else; ``covariance`` (k, k):
-    of the last δ, for white noise of the size of ``residual``.
+    of the last δ, for white noise of the size of ``residual``; ``left`` (n,): what the model leaves at the points of a
+    drawn template over the gain, None where a part is hidden.
     """
 
     warp: Floats
@@ -70,6 +79,7 @@ class Fit:
     residual: float
     kept: float
     covariance: Floats
+    left: Floats | None
 
 
 class Patch:
@@ -106,6 +116,7 @@ class Patch:
         around = np.exp(0.25j * np.pi * np.arange(8)) if round_ else np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
         self._rim = half_px * np.stack([around.real, around.imag])
         self._other = _OTHER_DRAWN if soft else _OTHER_SEEN
+        self._share = self._around(np.ones(len(x))) if soft else None
         self._solve_for(look, x, y, soft=soft)
         self._template = Template(
             np.stack([x, y]), np.ascontiguousarray(self._inverse), self.generators, self._rim, half_px, self.spread
@@ -168,8 +179,11 @@ class Patch:
         high_px = (float(min(left + side, width)), float(min(top + side, height)))
         return Part(np.asarray(blurred, dtype=np.float32), left, top, low_px, high_px)
 
-    def align(self, luma: NDArray[np.uint8], warp: Floats) -> Fit | None:
-        """Return how the patch lies near a first guess; None where it leaves the picture or is not found."""
+    def align(self, luma: NDArray[np.uint8], warp: Floats, lasting: Floats | None = None) -> Fit | None:
+        """Return how the patch lies near a first guess; None where it leaves the picture or is not found.
+
+        ``lasting`` (n,) is what fits usually leave (:attr:`Fit.left`).
+        """
         if not self.in_picture(warp, luma):
             return None
         cut = self.cut(luma, warp)
@@ -180,16 +194,24 @@ class Patch:
         values = seen[self._index]
         found = self._inverse @ values
         left = values - self._basis @ found
-        weight = self._weights(left, found)
+        square = np.square(left)
+        if self._share is not None:
+            square = self._around(square) / self._share
+        weight = _tukey(square, self._limit(left, found))
         if np.count_nonzero(weight) > (1.0 - _FEW) * len(weight):
             return self._fit(seen, found, warp, np.ones(len(values)), self._inverse)
-        return self._align_in_part(cut, warp, weight)
+        return self._align_in_part(cut, warp, left, found, lasting)
 
-    def _align_in_part(self, cut: Part, warp: Floats, weight: Floats) -> Fit | None:
+    def _align_in_part(
+        self, cut: Part, warp: Floats, left: Floats, found: Floats, lasting: Floats | None
+    ) -> Fit | None:
         """Go on with the points that show the patch, and learn meanwhile which do."""
+        usual = np.zeros(len(left)) if lasting is None else lasting
+        left = left - found[GAIN] * usual
+        weight = _tukey(np.square(left), self._limit(left, found))
         for _ in range(_ROUNDS):
             seen = sample(cut, warp, self._grid)
-            values = seen[self._index]
+            values = seen[self._index] - found[GAIN] * usual
             weighted = weight[:, None] * self._basis
             normal = weighted.T @ self._basis
             normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
@@ -202,16 +224,22 @@ class Patch:
             if not good:
                 return None
             moved, warp = largest_step(warp, after, self._rim), after
-            weight = self._weights(values - self._basis @ found, found)
+            left = values - self._basis @ found
+            weight = _tukey(np.square(left), self._limit(left, found))
             if moved < _STOP_PX:
                 break
         return self._fit(seen, found, warp, weight, inverse)
 
-    def _weights(self, left: Floats, found: Floats) -> Floats:
-        """Return Tukey's weights of the points from what the model leaves at them."""
-        sigma = robust_sigma(left)
-        limit = max(self._other * self.spread * abs(float(found[GAIN])), _TUKEY * sigma)
-        return np.asarray(np.square(np.clip(1.0 - np.square(left / limit), 0.0, None)))
+    def _limit(self, left: Floats, found: Floats) -> float:
+        """Return what the model leaves at least at a point that shows something else."""
+        return max(self._other * self.spread * abs(float(found[GAIN])), _TUKEY * robust_sigma(left))
+
+    def _around(self, values: Floats) -> Floats:
+        """Return the sum of values (n,) around every point, weighted by a normal distribution."""
+        grid = np.zeros(self._side * self._side, np.float32)
+        grid[self._index] = values
+        seen = cv2.GaussianBlur(grid.reshape(self._side, -1), (0, 0), _AROUND, borderType=cv2.BORDER_CONSTANT)
+        return np.asarray(seen.ravel()[self._index], dtype=np.float64)
 
     def _fit(self, seen: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
         values, root = seen.ravel()[self._index], np.sqrt(weight)
@@ -233,6 +261,7 @@ class Patch:
             residual=math.sqrt(variance),
             kept=float(np.count_nonzero(weight > 0.0)) / len(weight),
             covariance=variance * self._spread_of(seen, inverse),
+            left=left / gain if self._share is not None and inverse is self._inverse else None,
         )
 
     def _spread_of(self, seen: Floats, inverse: Floats) -> Floats:
@@ -287,6 +316,11 @@ def _generators(half_px: float) -> Floats:
         [[0, 0, 0], [0, 0, 0], [0, r * r, 0]],
     ]
     return np.array(found, dtype=np.float64)
+
+
+def _tukey(square: Floats, limit: float) -> Floats:
+    """Return Tukey's weights of points from the squares of what the model leaves at them."""
+    return np.asarray(np.square(np.clip(1.0 - square / limit**2, 0.0, None)))
 
 
 def _correlation(one: Floats, other: Floats) -> float:
