@@ -41,7 +41,7 @@ def film_of(markers: pd.DataFrame, path: Path) -> Path:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made_up")
-    write_made_up_run(folder, half_cycles=2, rate_hz=5.0)
+    write_made_up_run(folder, half_cycles=2, rate_hz=2.0)
     film_of(pd.read_csv(folder / "markers.csv"), folder / "film.mkv")
     write_recording(folder, film=folder / "film.mkv")
     return folder
