@@ -34,7 +34,8 @@ def follow_dots() -> None:
 
 
 def follow_patches() -> None:
-    """Compile the following of textures and tags: ten frames."""
+    """Compile the following of textures and tags, ten frames, and the drawing of the tests' films."""
+    from films import Rig
     from flat_films import FlatFilm, Sprite, texture_picture
 
     from tracker.detect.marker_file import read_markers
@@ -50,6 +51,7 @@ def follow_patches() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = film.write(Path(folder) / "film.mkv")
         track_film(open_source(path), markers=read_markers({"kind": "texture", **inner_outer}))
+    next(Rig(lambda time_s: 0.0 * time_s).pictures())
 
 
 def integrate_and_model() -> None:

@@ -44,15 +44,11 @@ _RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
 or six moves the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
 
 
-def _rate_fit(at: Floats) -> tuple[Floats, Floats]:
-    """Return the powers of some places, and what makes the best coefficients of them from values there."""
-    powers = np.vander(at, _RATE_POWERS + 1, increasing=True)
-    return powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64)
-
-
 _RATE_AT: Final = np.linspace(-1.0, 1.0, _RATE_POINTS)
-_RATE_FIT: Final = _rate_fit(_RATE_AT)
-"""Where a polynomial's points lie on a stroke, and its fit where all of them are known: nearly always."""
+"""Where a polynomial's points lie on a stroke."""
+_POWERS: Final = np.vander(_RATE_AT, _RATE_POWERS + 1, increasing=True)
+_FIT: Final = np.asarray(np.linalg.pinv(_POWERS), dtype=np.float64)
+"""What makes the best coefficients of values there, where all of them are known: nearly always."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +79,7 @@ def _wire(
         noise = signal.value_sigma**2 + (lag_s * signal.slope_sigma) ** 2
         variance[pick] = noise + (crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
         known[pick] = there
-        for number in np.unique(crossings.stroke[pick]):
-            rows = np.flatnonzero(crossings.stroke == number)
-            rate[rows], rate_sigma[rows] = _smooth_rate(signal, at_s[rows])
+        rate[pick], rate_sigma[pick] = _smooth_rates(signal, at_s[pick], crossings.stroke[pick])
     return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known & covered, columns)
 
 
@@ -105,25 +99,32 @@ def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> 
     return usual + kept
 
 
-def _smooth_rate(signal: EvenSignal, at_s: Floats) -> tuple[Floats, Floats]:
-    """Return the rate of a temperature at some instants of one stroke, and its sigma, from one polynomial."""
-    first, last = float(at_s.min()), float(at_s.max())
+def _smooth_rates(signal: EvenSignal, at_s: Floats, stroke: Ints) -> tuple[Floats, Floats]:
+    """Return the rate of a temperature at some instants (n,) of strokes, and its sigma, from a polynomial for each."""
+    _, own = np.unique(stroke, return_inverse=True)
+    first, last = np.full(own.max() + 1, np.inf), np.full(own.max() + 1, -np.inf)
+    np.minimum.at(first, own, at_s)
+    np.maximum.at(last, own, at_s)
     middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
-    value, _, known = signal.at(middle + half * _RATE_AT)
-    if np.count_nonzero(known) < 2 * _RATE_POWERS:
-        return signal.at(at_s)[1], np.full(len(at_s), signal.slope_sigma)
-    powers, solver = _RATE_FIT if known.all() else _rate_fit(_RATE_AT[known])
-    coefficient = solver @ value[known]
-    x = (at_s - middle) / half
-    design = np.stack([k * x ** max(k - 1, 0) for k in range(_RATE_POWERS + 1)], axis=1) / half
+    value, _, known = signal.at(middle[:, None] + half[:, None] * _RATE_AT)
+    value, count = np.where(known, value, 0.0), np.sum(known, axis=1)
+    fit = np.repeat(_FIT[None], len(value), axis=0)
+    partly = count < _RATE_POINTS
+    if partly.any():
+        fit[partly] = np.linalg.pinv(_POWERS * known[partly, :, None])
+    coefficient = (fit @ value[..., None])[..., 0]
+    x = (at_s - middle[own]) / half[own]
+    design = np.stack([k * x ** max(k - 1, 0) for k in range(_RATE_POWERS + 1)], axis=1) / half[own, None]
     # As many points as there are steps of the signal carry noise of their own, each as large as a raw point's.
-    independent = max(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
-    spread = solver @ solver.T * (np.count_nonzero(known) / independent) * signal.point_sigma**2
+    independent = np.maximum(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
+    spread = fit @ np.swapaxes(fit, -1, -2) * (count / independent * signal.point_sigma**2)[:, None, None]
     # Across a corner no polynomial follows: such rates tell nothing.
-    missed = rms(value[known] - powers @ coefficient)
-    excess = np.sqrt(max(missed**2 - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
-    sigma = np.sqrt(np.einsum("ij,jk,ik->i", design, spread, design))
-    return np.asarray(design @ coefficient), np.hypot(sigma, excess)
+    missed = np.sum(np.where(known, value - coefficient @ _POWERS.T, 0.0) ** 2, axis=1) / np.maximum(count, 1)
+    excess = np.sqrt(np.maximum(missed - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
+    sigma = np.sqrt(np.sum((spread[own] @ design[..., None])[..., 0] * design, axis=1))
+    few = (count < 2 * _RATE_POWERS)[own]
+    rate = np.where(few, signal.at(at_s)[1], np.sum(design * coefficient[own], axis=1))
+    return rate, np.where(few, signal.slope_sigma, np.hypot(sigma, excess[own]))
 
 
 def refine(

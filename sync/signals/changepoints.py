@@ -118,27 +118,27 @@ def _thinned(time_s: Floats, temp_c: Floats, noise: float) -> tuple[Floats, Floa
 def _losses(x: Floats, y: Floats, at: Floats, lags: Floats, shape: Shape) -> Floats:
     """Return the mean square that is left, for every time and lag."""
     loss = np.full((len(at), len(lags)), np.inf)
-    for i, change_s in enumerate(at):
-        away = x - change_s
-        if np.count_nonzero(away < 0) < shape.powers_before + 2 or np.count_nonzero(away > 0) < 5:
-            continue
-        steady = [away**power for power in range(shape.powers_before + 1)]
-        rising = [[lagged_ramp(away, lag_s, shape.split) for lag_s in lags.tolist()]]
-        if shape.decay_s is not None:
-            rising.append([lagged_decay(away, shape.decay_s, lag_s, shape.split) for lag_s in lags.tolist()])
-        curves = np.empty((len(lags), len(x), len(steady) + len(rising)))
-        curves[:, :, : len(steady)] = np.stack(steady, axis=1)
-        for column, shown in enumerate(rising, start=len(steady)):
-            curves[:, :, column] = shown
-        loss[i] = _squares(y, curves) / max(len(y) - curves.shape[2], 1)
+    away = x - at[:, None]
+    tried = (np.sum(away < 0, axis=1) >= shape.powers_before + 2) & (np.sum(away > 0, axis=1) >= 5)
+    if not tried.any():
+        return loss
+    away = away[tried, None, :]
+    curves = [away**power for power in range(shape.powers_before + 1)]
+    curves.append(lagged_ramp(away, lags[:, None], shape.split))
+    if shape.decay_s is not None:
+        curves.append(lagged_decay(away, shape.decay_s, lags[:, None], shape.split))
+    columns = np.empty((len(away), len(lags), len(x), len(curves)))
+    for place, curve in enumerate(curves):
+        columns[..., place] = curve
+    loss[tried] = _squares(y, columns) / max(len(y) - len(curves), 1)
     return loss
 
 
 def _squares(y: Floats, curves: Floats) -> Floats:
-    """Return the sums of squares that the best sums of curves (k, n, m) leave of values (n,)."""
-    basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=1, keepdims=True), 1e-12))
-    left = y - (basis @ (y @ basis)[:, :, np.newaxis])[:, :, 0]
-    return np.asarray(np.sum(left**2, axis=1))
+    """Return the sums of squares that the best sums of curves (..., n, m) leave of values (n,)."""
+    basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=-2, keepdims=True), 1e-12))
+    left = y - (basis @ (y @ basis)[..., np.newaxis])[..., 0]
+    return np.asarray(np.sum(left**2, axis=-1))
 
 
 def _weights(loss: Floats, unit: float, count: int) -> Floats:
@@ -221,7 +221,7 @@ def _decay(time_s: Floats, temp_c: Floats, segment: HeatingSegment) -> float | N
     x, y = x[::group], y[::group]
 
     def loss(log_decay: float) -> float:
-        return float(_squares(y, np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1)[np.newaxis])[0])
+        return float(_squares(y, np.stack([np.ones_like(x), np.exp(-x / np.exp(log_decay))], axis=1)))
 
     span = float(np.log(x[-1]))
     found = minimize_scalar(loss, bounds=(span - 2.0, span + 1.2), method="bounded", options={"xatol": 1e-4})

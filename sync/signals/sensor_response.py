@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-import math
+from typing import Final
 
 import numpy as np
 
 from torsight.core.units import Floats
 
+_NONE_S: Final = 1e-9
+"""A lag that is as good as none: it is divided by."""
 
-def lagged_ramp(x_s: Floats, lag_s: float, split: float = 0.0) -> Floats:
-    """Return what a sensor with a lag in one stage, or in two, shows of ``max(x, 0)``."""
+
+def lagged_ramp(x_s: Floats, lag_s: Floats | float, split: float = 0.0) -> Floats:
+    """Return what a sensor with a lag in one stage, or in two, shows of ``max(x, 0)``; lags go with the times."""
     x = np.maximum(x_s, 0.0)
-    if lag_s <= 0.0:
-        return x
-    late = np.zeros_like(x)
-    for weight, stage_s in _stages(lag_s, split):
-        late += weight * stage_s * np.exp(-x / stage_s)
+    late = sum(weight * stage_s * np.exp(-x / stage_s) for weight, stage_s in _stages(lag_s, split))
     return np.asarray(x - lag_s + late)
 
 
-def lagged_decay(x_s: Floats, decay_s: float, lag_s: float, split: float = 0.0) -> Floats:
+def lagged_decay(x_s: Floats, decay_s: float, lag_s: Floats | float, split: float = 0.0) -> Floats:
     """Return what a sensor with a lag in one stage, or in two, shows of ``1 - exp(-x / decay)`` from x = 0 on."""
     x = np.maximum(x_s, 0.0)
-    if lag_s <= 0.0:
-        return np.asarray(1.0 - np.exp(-x / decay_s))
-    left = np.zeros_like(x)
+    left, plain = np.zeros(()), decay_s * np.exp(-x / decay_s)
     for weight, stage_s in _stages(lag_s, split):
         # Where both times are equal the fraction has a limit; a thousandth beside it will do.
-        own_s = 1.002 * stage_s if math.isclose(stage_s, decay_s, rel_tol=1e-3) else stage_s
-        left += weight / (decay_s - own_s) * (decay_s * np.exp(-x / decay_s) - own_s * np.exp(-x / own_s))
+        own_s = np.where(np.abs(stage_s - decay_s) <= 1e-3 * decay_s, 1.002 * stage_s, stage_s)
+        left = left + weight / (decay_s - own_s) * (plain - own_s * np.exp(-x / own_s))
     return np.asarray(1.0 - left)
 
 
-def _stages(lag_s: float, split: float) -> list[tuple[float, float]]:
+def _stages(lag_s: Floats | float, split: float) -> list[tuple[float, Floats]]:
     """Return two first-order lags in a row as a weighted sum of both: weights and times, the weights adding up to 1."""
+    whole_s = np.maximum(lag_s, _NONE_S)
     if split <= 0.0:
-        return [(1.0, lag_s)]
-    first_s, second_s = (1.0 - split) * lag_s, split * lag_s
-    return [(first_s / (first_s - second_s), first_s), (-second_s / (first_s - second_s), second_s)]
+        return [(1.0, whole_s)]
+    first, second = 1.0 - split, split
+    return [(first / (first - second), first * whole_s), (-second / (first - second), second * whole_s)]

@@ -29,25 +29,26 @@ class Values:
     theta_p: float = 6 * math.pi
     tau_c: float = 0.79e-3
 
-    @property
-    def c2(self) -> float:
-        return 32.0 / (math.pi * self.d_m**3)
-
-    def k(self, modulus: float) -> float:
-        return self.d_m / (2.0 * self.length_m) / self.c2 * modulus
+    def __post_init__(self) -> None:
+        # Once: the bisections ask millions of times.
+        self.c2 = 32.0 / (math.pi * self.d_m**3)
+        self.k_a, self.k_m, self.k_s = (
+            self.d_m / (2.0 * self.length_m) / self.c2 * modulus for modulus in (self.e_a, self.e_m, self.e_s)
+        )
+        self.tau_cr = self.k_m * self.theta_cr
 
     def k_of(self, xi: float) -> float:
-        return self.k(self.e_a) + xi * (self.k(self.e_m) - self.k(self.e_a))
+        return self.k_a + xi * (self.k_m - self.k_a)
 
     def loading(self, theta: float) -> float:
         if theta <= self.theta_cr:
-            return self.k(self.e_m) * theta
-        return self.k(self.e_m) * self.theta_cr + self.k(self.e_s) * (theta - self.theta_cr)
+            return self.k_m * theta
+        return self.tau_cr + self.k_s * (theta - self.theta_cr)
 
     def martensite(self, theta: float, wound: float) -> float:
-        return min(
-            self.loading(theta), self.loading(max(wound, theta)) - self.k(self.e_m) * (max(wound, theta) - theta)
-        )
+        if theta >= wound:
+            return self.loading(theta)
+        return min(self.loading(theta), self.loading(wound) - self.k_m * (wound - theta))
 
 
 def bisect(function, low: float, high: float, steps: int = 46) -> float:
@@ -150,11 +151,11 @@ class Oracle:
         for way in (-1.0, 1.0):
 
             def over(angle: float, way: float = way) -> float:
-                return v.martensite(v.theta_p - angle, wound) - way * v.tau_c - tau - v.k(v.e_m) * (angle - theta)
+                return v.martensite(v.theta_p - angle, wound) - way * v.tau_c - tau - v.k_m * (angle - theta)
 
             if way * over(theta) > 1e-12:
                 end = bisect(over, theta, theta + way * 8.0)
-                return end, tau + v.k(v.e_m) * (end - theta)
+                return end, tau + v.k_m * (end - theta)
         return theta, tau
 
     def _law(self, temp: float, direction: int, tau: float, xi: float, xi_0: float) -> float:

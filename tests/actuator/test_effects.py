@@ -96,7 +96,8 @@ def made_with(effects: dict, *, seed: int, **sections: dict):
             "rig": {"as_declared": True},
             "sensor": {"sample_s": 0.05, "noise_c": 0.02},
             "effects": effects,
-        }
+        },
+        rate_hz=2.0,
     )
 
 

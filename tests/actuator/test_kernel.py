@@ -17,7 +17,7 @@ from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 
-HALVES = [(0, [(82.0, 0.2)]), (1, [(62.0, 0.3), (55.0, 0.2), (80.0, 0.15)]), (0, [(58.0, 0.25)]), (1, [(84.0, 0.3)])]
+HALVES = [(0, [(82.0, 0.4)]), (1, [(62.0, 0.6), (55.0, 0.4), (80.0, 0.3)]), (0, [(58.0, 0.5)]), (1, [(84.0, 0.6)])]
 TOGETHER = [
     ("position_friction", "stiffening", "viscous_friction"),
     ("coil_friction", "end_stops", "nonuniform_temperature"),

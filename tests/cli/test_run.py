@@ -63,7 +63,7 @@ phase_rad = -1.1
 [thermal]
 wire_capacity_j_per_k = 0.6
 [film]
-fps = 5.0
+fps = 4.0
 crf = 12
 [camera]
 width_px = 288

@@ -6,15 +6,19 @@ at several points (and instants, for smear), each of which looks up which surfac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
 import av
+import numba
 import numpy as np
 
 LOSSLESS = ("ffv1", "rawvideo")
+_BLOCK = 8
+"""Samples are drawn in squares of so many: most of them see ground only."""
 
 
 @dataclass
@@ -174,11 +178,10 @@ class Rig:
                 dx, dy = dx + self.bump[1], dy + self.bump[2]
             planes = still if dx == dy == 0 else self.planes(*np.meshgrid(xs - dx, ys - dy))
             picture = self._expose(planes, ground, time_s, (dx, dy))
-            picture = picture * light * (1.0 + self.flicker * np.sin(2 * np.pi * 7.3 * time_s))
+            gain = 1.0 + self.flicker * np.sin(2 * np.pi * 7.3 * time_s)
             if self.dark_s is not None and self.dark_s[0] <= time_s < self.dark_s[1]:
-                picture = picture * 0.02
-            noisy = picture + rng.normal(0.0, 1.0, picture.shape) * self.noise
-            yield np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+                gain *= 0.02
+            yield _developed(picture, light, float(gain), rng.standard_normal(picture.shape), float(self.noise))
 
     def _part(self) -> tuple[slice, slice]:
         """Return the part of the picture in which anything but ground can be seen."""
@@ -220,60 +223,32 @@ class Rig:
         j = np.clip(np.rint(np.arange(width) - shift[0]).astype(int) + 20, 0, width + 39)
         whole = ground[np.ix_(i, j)]
         columns, rows = self._part()
-        picture = np.repeat(np.repeat(whole[rows, columns].astype(np.float32), s, axis=0), s, axis=1)
+        picture = _sampled(whole[rows, columns], s)
         layers = [
             (planes[0], self.base_deg, self.base_px, self.stick, self.base_radius_px or self.radius_px),
             (planes[1], self.base_deg + angle, self.moving_px, 0.97 * self.stick, self.radius_px),
         ]
         if self.base_on_top:
             layers.reverse()
-        for (x, y), turn, radii, brightness, dot_px in layers:
-            self._draw_stick(picture, x, y, turn, radii, brightness, dot_px)
-        x, y = planes[1]
+        for plane, turn, radii, brightness, dot_px in layers:
+            way = (math.cos(math.radians(turn)), math.sin(math.radians(turn)))
+            ends = (-float(self.overhang_px), float(radii[1] + self.overhang_px))
+            _draw_stick(picture, *plane, way, ends, float(self.half_width_px), float(brightness), s)
+            for radius in radii:
+                self._blend(picture, plane, (radius * way[0], radius * way[1], dot_px), self.dot)
         if self.hub_px:
-            self._blend(picture, x, y, self.hub_px, self.ground * 0.9)
-        for ex, ey, er in self.extra_dots:
-            near = planes[0]
-            self._blend(picture, near[0] - ex, near[1] - ey, er, self.dot)
+            self._blend(picture, planes[1], (0.0, 0.0, self.hub_px), self.ground * 0.9)
+        for dot in self.extra_dots:
+            self._blend(picture, planes[0], dot, self.dot)
         for cover in self.covers:
             if cover.start_s <= time_s < cover.end_s:
                 self._draw_cover(picture, planes[1], cover, angle)
-        fine = picture.reshape(picture.shape[0] // s, s, picture.shape[1] // s, s)
-        whole[rows, columns] = sum(fine[:, i, :, j] for i in range(s) for j in range(s)) / (s * s)
+        _averaged(picture, s, whole[rows, columns])
         return whole
 
-    def _draw_stick(self, picture, x, y, turn_deg, radii, brightness, dot_px) -> None:
-        c, d = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
-        ends = (-self.overhang_px, radii[1] + self.overhang_px)
-        middle, half = (ends[0] + ends[1]) / 2.0, (ends[1] - ends[0]) / 2.0 + dot_px
-
-        def near(x, y, slack):
-            off = np.abs(c * x + d * y - middle) < half + slack
-            return off & (np.abs(-d * x + c * y) < max(self.half_width_px, dot_px) + slack)
-
-        part = self._around(near, x, y)
-        picture, x, y = picture[part], x[part], y[part]
-        along, across = c * x + d * y, -d * x + c * y
-        on = np.abs(across) < self.half_width_px
-        on &= (along > ends[0]) & (along < ends[1])
-        picture[on] = brightness
-        for radius in radii:
-            self._blend(picture, along - radius, across, dot_px, self.dot)
-
-    def _blend(self, picture, x, y, radius: float, brightness: float) -> None:
-        """Draw a disc; samples on its rim take the share of their own area that it covers."""
-        part = self._around(lambda x, y, slack: x**2 + y**2 < (radius + slack) ** 2, x, y)
-        picture, square = picture[part], x[part] ** 2 + y[part] ** 2
-        near = square < (radius + 1.0) ** 2
-        share = np.clip((radius - np.sqrt(square[near])) * self.samples + 0.5, 0.0, 1.0)
-        picture[near] += share * (brightness - picture[near])
-
-    def _around(self, near, x, y) -> tuple[slice, slice]:
-        """Return the rows and columns about what is near by the word of every eighth sample: most see ground only."""
-        found = near(x[::8, ::8], y[::8, ::8], 24.0 / self.samples)
-        spans = [np.flatnonzero(found.any(axis=axis)) for axis in (1, 0)]
-        rows, columns = (slice(max(0, 8 * n[0] - 8), 8 * n[-1] + 16) if len(n) else slice(0) for n in spans)
-        return rows, columns
+    def _blend(self, picture, plane, disc: tuple[float, float, float], brightness: float) -> None:
+        x, y, radius = disc
+        _draw_disc(picture, *plane, (float(x), float(y), float(radius)), float(brightness), self.samples)
 
     def _draw_cover(self, picture, plane, cover: Cover, angle: float) -> None:
         spots = self._spots(angle)
@@ -294,6 +269,82 @@ class Rig:
             a = np.deg2rad(turn)
             spots += [(r * np.cos(a), r * np.sin(a)) for r in radii]
         return spots
+
+
+@numba.njit(cache=True)
+def _slack(samples):
+    """Return how far from a block's first sample nothing of the block lies any more, px."""
+    return 3.0 * _BLOCK / samples
+
+
+@numba.njit(cache=True)
+def _draw_stick(picture, x, y, way, ends, half_width, brightness, samples):
+    """Draw a bar along a direction, between two distances from the axis."""
+    slack = _slack(samples)
+    middle, half = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
+    for top in range(0, picture.shape[0], _BLOCK):
+        for left in range(0, picture.shape[1], _BLOCK):
+            along = way[0] * x[top, left] + way[1] * y[top, left]
+            across = way[0] * y[top, left] - way[1] * x[top, left]
+            if abs(along - middle) > half + slack or abs(across) > half_width + slack:
+                continue
+            for i in range(top, min(top + _BLOCK, picture.shape[0])):
+                for j in range(left, min(left + _BLOCK, picture.shape[1])):
+                    along = way[0] * x[i, j] + way[1] * y[i, j]
+                    across = way[0] * y[i, j] - way[1] * x[i, j]
+                    if abs(across) < half_width and ends[0] < along < ends[1]:
+                        picture[i, j] = brightness
+
+
+@numba.njit(cache=True)
+def _draw_disc(picture, x, y, disc, brightness, samples):
+    """Draw a disc (centre, radius); samples on its rim take the share of their own area that it covers."""
+    middle_x, middle_y, radius = disc
+    slack = _slack(samples)
+    for top in range(0, picture.shape[0], _BLOCK):
+        for left in range(0, picture.shape[1], _BLOCK):
+            if (x[top, left] - middle_x) ** 2 + (y[top, left] - middle_y) ** 2 > (radius + slack) ** 2:
+                continue
+            for i in range(top, min(top + _BLOCK, picture.shape[0])):
+                for j in range(left, min(left + _BLOCK, picture.shape[1])):
+                    away = np.hypot(x[i, j] - middle_x, y[i, j] - middle_y)
+                    if away < radius + 1.0:
+                        share = min(max((radius - away) * samples + 0.5, 0.0), 1.0)
+                        picture[i, j] += share * (brightness - picture[i, j])
+
+
+@numba.njit(cache=True)
+def _sampled(picture, samples):
+    """Return the samples of a picture of which each pixel is alike all over."""
+    fine = np.empty((picture.shape[0] * samples, picture.shape[1] * samples), np.float32)
+    for i in range(fine.shape[0]):
+        for j in range(picture.shape[1]):
+            for k in range(samples):
+                fine[i, j * samples + k] = picture[i // samples, j]
+    return fine
+
+
+@numba.njit(cache=True)
+def _averaged(fine, samples, picture):
+    """Write into a picture the means of its pixels' samples."""
+    for i in range(picture.shape[0]):
+        for j in range(picture.shape[1]):
+            total = 0.0
+            for k in range(samples):
+                for m in range(samples):
+                    total += fine[i * samples + k, j * samples + m]
+            picture[i, j] = total / samples**2
+
+
+@numba.njit(cache=True)
+def _developed(picture, light, gain, noise, sigma):
+    """Return the grey levels that a sensor makes of light, under noise of a standard deviation."""
+    found = np.empty(picture.shape, np.uint8)
+    for i in range(picture.shape[0]):
+        for j in range(picture.shape[1]):
+            level = np.rint(picture[i, j] * light[i, j] * gain + noise[i, j] * sigma)
+            found[i, j] = np.uint8(min(max(level, 0.0), 255.0))
+    return found
 
 
 @cache

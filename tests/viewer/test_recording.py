@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Self
 
@@ -13,6 +14,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from grey_film import write_grey
 from made_up_run import SIZE_PX, documents, write_made_up_run
 
 from torsight.core.errors import InputError, OutputError
@@ -26,22 +28,23 @@ from torsight.viewer.screenshots import WHOLE, take_pictures
 
 def film_of(markers: pd.DataFrame, path: Path) -> Path:
     """Write a lossless film with the four markers as dark dots on grey."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"FFV1"), 10.0, SIZE_PX)
-    for row in markers.to_dict("records"):
-        picture = np.full((SIZE_PX[1], SIZE_PX[0], 3), 150, np.uint8)
-        for name in MARKERS:
-            if row[f"{name}_valid"]:
-                place = (round(row[f"{name}_x_px"]), round(row[f"{name}_y_px"]))
-                cv2.circle(picture, place, 6, (20, 20, 20), -1, cv2.LINE_AA)
-        writer.write(picture)
-    writer.release()
-    return path
+
+    def pictures() -> Iterator[np.ndarray]:
+        for row in markers.to_dict("records"):
+            picture = np.full((SIZE_PX[1], SIZE_PX[0]), 150, np.uint8)
+            for name in MARKERS:
+                if row[f"{name}_valid"]:
+                    place = (round(row[f"{name}_x_px"]), round(row[f"{name}_y_px"]))
+                    cv2.circle(picture, place, 6, 20, -1, cv2.LINE_AA)
+            yield picture
+
+    return write_grey(path, pictures(), fps=10.0)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made_up")
-    write_made_up_run(folder, half_cycles=2, rate_hz=5.0)
+    write_made_up_run(folder, half_cycles=2, rate_hz=2.0)
     film_of(pd.read_csv(folder / "markers.csv"), folder / "film.mkv")
     write_recording(folder, film=folder / "film.mkv")
     return folder

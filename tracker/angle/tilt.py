@@ -166,7 +166,9 @@ class _Paths:
     def averaged(self, left: Floats) -> Floats:
         """Return the sums (m, q) of values (n, q) of frames that are alike over the roots of their numbers."""
         group, root = self._groups
-        return np.stack([np.bincount(group, column) for column in left.T], axis=1) / root
+        columns = left.shape[1]
+        places = group[:, None] * columns + np.arange(columns)
+        return np.bincount(places.ravel(), left.ravel()).reshape(-1, columns) / root
 
     @cached_property
     def _groups(self) -> tuple[Ints, Floats]:
@@ -179,19 +181,38 @@ class _Paths:
 
         The noise is that of the picture, carried along: a map that shrinks must not gain by making all errors smaller.
         """
-        flat, slopes = rectify(self.points, values[:5])
-        away = flat - values[8:10]
-        radius = np.hypot(away[..., 0], away[..., 1])
-        angle = np.arctan2(away[..., 1], away[..., 0])
-        outwards = away / radius[..., None]
-        round_ = np.stack([-outwards[..., 1], outwards[..., 0]], axis=-1)
-        deep, wide = (_variance(_times(way, slopes), self.covariance) for way in (outwards, round_))
+        (x, y), (xx, xy, yx, yy) = _mapped(*self._places, values)
+        away_x, away_y = x - values[8], y - values[9]
+        radius, angle = np.hypot(away_x, away_y), np.arctan2(away_y, away_x)
+        out_x, out_y = away_x / radius, away_y / radius
+        deep = self._variance(out_x * xx + out_y * yx, out_x * xy + out_y * yy)
+        wide = self._variance(out_x * yx - out_y * xx, out_x * yy - out_y * xy)
         # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
-        faster = np.linalg.det(slopes.mean(axis=1)) * _square(self.points) / _square(flat)
+        determinant = 0.25 * (xx.sum(axis=1) * yy.sum(axis=1) - xy.sum(axis=1) * yx.sum(axis=1))
+        faster = determinant * self._square / _square(x, y)
         ahead = faster * (self.lead_rad @ values[5:7]) + values[7] * self.carried * np.hypot(*(1.0 / values[10:12]))
-        apart = np.angle(np.exp(1j * (angle[:, 1] - angle[:, 0] - values[12] - ahead)))
+        apart = angle[:, 1] - angle[:, 0] - values[12] - ahead
+        apart -= 2.0 * np.pi * np.rint(apart / (2.0 * np.pi))
         across = np.sqrt(np.sum(wide / radius**2, axis=1))
         return np.column_stack([(radius - values[10:12]) / np.sqrt(deep), apart / across])
+
+    def _variance(self, by_x: Floats, by_y: Floats) -> Floats:
+        """Return the variances (n, 2) of a sum of a marker's coordinates, each times something."""
+        xx, both, yy = self._spreads
+        return np.asarray(by_x**2 * xx + by_x * by_y * both + by_y**2 * yy)
+
+    @cached_property
+    def _places(self) -> tuple[Floats, Floats]:
+        return np.ascontiguousarray(self.points[..., 0]), np.ascontiguousarray(self.points[..., 1])
+
+    @cached_property
+    def _spreads(self) -> tuple[Floats, Floats, Floats]:
+        own = self.covariance
+        return own[..., 0, 0].copy(), own[..., 0, 1] + own[..., 1, 0], own[..., 1, 1].copy()
+
+    @cached_property
+    def _square(self) -> Floats:
+        return _square(*self._places)
 
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return what makes the misfits independent."""
@@ -203,9 +224,9 @@ class _Paths:
         return lambda left: np.asarray(factor @ left)
 
 
-def _square(points: Floats) -> Floats:
-    """Return the squared distance between both markers (n, 2, 2)."""
-    return np.asarray(np.sum((points[:, 1] - points[:, 0]) ** 2, axis=1))
+def _square(x: Floats, y: Floats) -> Floats:
+    """Return the squared distance (n,) between both markers (n, 2)."""
+    return np.asarray((x[:, 1] - x[:, 0]) ** 2 + (y[:, 1] - y[:, 0]) ** 2)
 
 
 def _without_far(paths: _Paths, start: Floats, prior: Floats) -> tuple[Floats, _Paths]:
@@ -330,30 +351,22 @@ def rectify(points: Floats, values: Floats) -> tuple[Floats, Floats]:
 
     Also the derivatives (..., 2, 2).
     """
-    e1, e2, l1, l2, k = values[:5]
-    x, y = points[..., 0], points[..., 1]
+    flat, slopes = _mapped(points[..., 0], points[..., 1], values)
+    return np.stack(flat, axis=-1), np.stack(slopes, axis=-1).reshape(*points.shape, 2)
+
+
+def _mapped(x: Floats, y: Floats, values: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, ...]]:
+    """Return the same in coordinates: new x and y, and their derivatives: of x by x and by y, of y by x and by y."""
+    e1, e2, l1, l2, k = values[:5].tolist()
     bend = 1.0 + k * (x * x + y * y)
     u, v = x * bend, y * bend
-    depth = 1.0 + l1 * u + l2 * v
-    flat_x, flat_y = ((1.0 + e1) * u + e2 * v) / depth, (e2 * u + (1.0 - e1) * v) / depth
-    by_u = np.stack([(1.0 + e1 - l1 * flat_x) / depth, (e2 - l1 * flat_y) / depth], axis=-1)
-    by_v = np.stack([(e2 - l2 * flat_x) / depth, (1.0 - e1 - l2 * flat_y) / depth], axis=-1)
-    xx, xy, yy = bend + 2.0 * k * x * x, 2.0 * k * x * y, bend + 2.0 * k * y * y
-    slopes = np.stack(
-        [by_u * xx[..., None] + by_v * xy[..., None], by_u * xy[..., None] + by_v * yy[..., None]], axis=-1
-    )
-    return np.stack([flat_x, flat_y], axis=-1), slopes
-
-
-def _times(rows: Floats, matrices: Floats) -> Floats:
-    """Return rows (..., 2) times matrices (..., 2, 2)."""
-    return rows[..., :1] * matrices[..., 0, :] + rows[..., 1:] * matrices[..., 1, :]
-
-
-def _variance(rows: Floats, covariance: Floats) -> Floats:
-    """Return the variances of rows (..., 2) times what has a covariance (..., 2, 2)."""
-    along = _times(rows, covariance) * rows
-    return np.asarray(along[..., 0] + along[..., 1])
+    deep = 1.0 / (1.0 + l1 * u + l2 * v)
+    flat_x, flat_y = ((1.0 + e1) * u + e2 * v) * deep, (e2 * u + (1.0 - e1) * v) * deep
+    x_u, y_u = (1.0 + e1 - l1 * flat_x) * deep, (e2 - l1 * flat_y) * deep
+    x_v, y_v = (e2 - l2 * flat_x) * deep, (1.0 - e1 - l2 * flat_y) * deep
+    u_x, both, v_y = bend + 2.0 * k * x * x, 2.0 * k * x * y, bend + 2.0 * k * y * y
+    slopes = (x_u * u_x + x_v * both, x_u * both + x_v * v_y, y_u * u_x + y_v * both, y_u * both + y_v * v_y)
+    return (flat_x, flat_y), slopes
 
 
 def _first_circles(points: Floats) -> Floats:

@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pandas as pd
+from grey_film import write_grey
 
 from torsight.viewer.live.screen.latency import Latency
 
@@ -59,10 +60,8 @@ def write_film(path: Path, frames: int, *, ruler: bool = False) -> np.ndarray:
 
 def film_angles(path: Path, angles: np.ndarray, *, fps: float, ruler: bool = False) -> None:
     """Write the film of given angles, deg."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"FFV1"), fps, SIZE_PX)
-    for index, angle in enumerate(angles.tolist()):
-        writer.write(cv2.cvtColor(picture(angle, seed=index, ruler=ruler), cv2.COLOR_GRAY2BGR))
-    writer.release()
+    pictures = (picture(angle, seed=index, ruler=ruler) for index, angle in enumerate(angles.tolist()))
+    write_grey(path, pictures, fps=fps)
 
 
 def picture_angles_deg(markers: pd.DataFrame) -> np.ndarray:

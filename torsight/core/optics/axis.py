@@ -16,7 +16,7 @@ import numpy as np
 from torsight.core.errors import NoResultError
 from torsight.core.minimise import jacobian_of
 from torsight.core.optics.camera import Intrinsics, Pose
-from torsight.core.optics.circles import Circles, axis_basis, common_centre, on_unit_plane, tilted
+from torsight.core.optics.circles import Circles, axis_basis, on_unit_plane, tilted
 from torsight.core.optics.geometry import meeting_point, rotation_vector
 from torsight.core.optics.hanging import USUAL_PX, spread_rows
 from torsight.core.optics.sights import Sight
@@ -27,6 +27,9 @@ _FEWEST_FRAMES: Final = 8
 and nine values are shared, so that eight give more than twice of what is needed ..."""
 _SMALLEST_ARC_RAD: Final = np.pi / 6
 """... and the part of a turn, 30°, that they have to span: a shorter arc lies on circles of many tilts."""
+_TILTS_RAD: Final = np.arange(0.05, 1.2, 0.05)
+_TURNS_RAD: Final = np.arange(0.0, 2.0 * np.pi, np.pi / 12)
+"""Where a fit may begin: how far the axis is tilted, and which way; closer than the fit can find its way from."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +118,7 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
     rows = spread_rows(np.arctan2(stick[:, 1], stick[:, 0]), known)
     _require_frames(len(rows))
     sight = Sight.of(position_px[rows], covariance_px2[rows], intrinsics)
-    _, lines = sight.lines()
+    _, lines = sight.lines
     found = [
         Circles.begun([sight], start, on_unit_plane(lines, start, lines.mean(axis=(0, 1)))).fitted()
         for start in _start_directions(lines)
@@ -190,22 +193,29 @@ def _start_directions(lines: Floats) -> list[Floats]:
     toward = -lines.mean(axis=(0, 1))
     toward /= np.linalg.norm(toward)
     u, v = axis_basis(toward)
-    best: list[tuple[float, Floats]] = []
-    for tilt in np.arange(0.0, 1.2, 0.05):
-        turns = np.arange(0.0, 2.0 * np.pi, np.pi / 12) if tilt else np.zeros(1)
-        for turn in turns:
-            direction = np.cos(tilt) * toward + np.sin(tilt) * (np.cos(turn) * u + np.sin(turn) * v)
-            best.append((_roundness(lines, direction), direction))
-    best.sort(key=lambda item: item[0])
-    first = best[0][1]
+    tilt = np.append(0.0, np.repeat(_TILTS_RAD, len(_TURNS_RAD)))[:, None]
+    turn = np.append(0.0, np.tile(_TURNS_RAD, len(_TILTS_RAD)))[:, None]
+    aside = np.cos(turn) * u + np.sin(turn) * v
+    tried = np.cos(tilt) * toward + np.sin(tilt) * aside
+    across = (np.cos(tilt) * aside - np.sin(tilt) * toward, np.cos(turn) * v - np.sin(turn) * u)
+    first = tried[int(np.argmin(_roundness(lines, tried, across)))]
     mirrored = 2.0 * (first @ toward) * toward - first
     return [first, mirrored / np.linalg.norm(mirrored)]
 
 
-def _roundness(lines: Floats, direction: Floats) -> float:
-    place = on_unit_plane(lines, direction, lines.mean(axis=(0, 1)))
-    radius = np.linalg.norm(place - common_centre(place, direction), axis=-1)
-    return float(np.sum((radius - radius.mean(axis=0)) ** 2) / np.sum(radius**2))
+def _roundness(lines: Floats, directions: Floats, across: tuple[Floats, Floats]) -> Floats:
+    """Return how far from circles paths (n, 2, 3) are about each of some directions (k, 3), and two ways across it."""
+    through = lines.mean(axis=(0, 1))
+    depth = (directions @ through) / (lines @ directions.T)
+    x, y = (depth * (lines @ way.T) for way in across)
+    # The circles' common centre by linear least squares, the markers' own radii already out of it.
+    square = x**2 + y**2
+    left = [part - part.mean(axis=0) for part in (x, y, square)]
+    xx, xy, xs, yy, ys = (np.sum(left[i] * left[j], axis=(0, 1)) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2)))
+    normal = np.stack((xx, xy, xy, yy), axis=-1).reshape(-1, 2, 2)
+    centre = 0.5 * np.linalg.pinv(normal, hermitian=True) @ np.stack((xs, ys), axis=-1)[..., None]
+    radius = np.hypot(x - centre[:, 0, 0], y - centre[:, 1, 0])
+    return np.asarray(np.sum((radius - radius.mean(axis=0)) ** 2, axis=(0, 1)) / np.sum(radius**2, axis=(0, 1)))
 
 
 def _arc(circles: Circles) -> float:

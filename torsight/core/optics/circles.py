@@ -13,6 +13,7 @@ that is the same as in pixels.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -43,9 +44,9 @@ def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
     """
     u = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
     # Shorter than the root of rounding, its direction would be rounding.
-    if np.linalg.norm(u) < np.sqrt(np.finfo(np.float64).eps):
+    if u @ u < np.finfo(np.float64).eps:
         u = np.array([0.0, 0.0, 1.0]) - direction[2] * direction
-    u /= np.linalg.norm(u)
+    u /= math.sqrt(u @ u)
     return u, cross_matrix(direction) @ u
 
 
@@ -140,7 +141,7 @@ class Circles:
         First across each marker's path, then along it, less what the frame's own θ takes up.
         """
         across, along, slopes = [], [], []
-        points, ways = _on_circles(self.frame, values, self._refined(values, self._first_angle(values))[0])
+        points, ways = _on_circles(self.frame, values, self._best_angle(values, self._first_angle(values)))
         for sight in self.sights:
             error, slope = sight.error(points, ways)
             size = np.linalg.norm(slope, axis=-1, keepdims=True)
@@ -164,9 +165,8 @@ class Circles:
         ``near_rad`` (n,) are angles to begin with, where they are known already.
         """
         values = self.values if values is None else values
-        angle, information, chi_squared = self._refined(
-            values, self._first_angle(values) if near_rad is None else near_rad
-        )
+        angle = self._best_angle(values, self._first_angle(values) if near_rad is None else near_rad)
+        information, chi_squared = self._weighed(values, angle)
         known = information > 0.0
         with np.errstate(divide="ignore"):
             variance = np.where(known, 1.0 / information, np.nan)
@@ -206,40 +206,48 @@ class Circles:
         """Return θ (n,) as lines of sight tell it where they meet the circles' planes."""
         direction = tilted(self.frame, values[_TILT])
         u, v = axis_basis(direction)
+        across = np.stack((u, v), axis=1)
+        middle = values[_POINT] + np.outer([0.0, values[_RISE]], direction)
         total = np.zeros(len(self.sights[0].ray), np.complex128)
         for sight in self.sights:
-            eye, lines = sight.lines()
-            for marker in (0, 1):
-                middle = values[_POINT] + marker * values[_RISE] * direction
-                line = lines[:, marker]
-                with np.errstate(all="ignore"):
-                    away = eye + ((middle - eye) @ direction / (line @ direction))[:, None] * line - middle
-                    turn = np.exp(1j * (np.arctan2(away @ v, away @ u) - marker * values[_BETWEEN]))
-                    # A plane that is seen from the side tells little.
-                    facing = np.abs(line @ direction) / np.linalg.norm(line, axis=1)
-                total += np.where(sight.seen[:, marker], np.nan_to_num(turn) * np.nan_to_num(facing), 0.0)
+            eye, lines = sight.lines
+            with np.errstate(all="ignore"):
+                toward = lines @ direction
+                away = ((middle - eye) @ direction / toward)[..., None] * (lines @ across) - (middle - eye) @ across
+                turn = np.arctan2(away[..., 1], away[..., 0]) - np.array([0.0, values[_BETWEEN]])
+                # A plane that is seen from the side tells little.
+                facing = np.abs(toward) / np.sqrt(np.sum(lines**2, axis=-1))
+                told = facing * np.exp(1j * turn)
+            total += np.where(sight.seen & np.isfinite(told), told, 0.0).sum(axis=1)
         return np.angle(total)
 
-    def _refined(self, values: Floats, angle: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return θ (n,) at its best, the information about it, and the misfit χ²."""
-        weights = [sight.precision for sight in self.sights]
+    def _best_angle(self, values: Floats, angle: Floats) -> Floats:
+        """Return θ (n,) at its best, from a guess near it."""
         for _ in range(_ANGLE_STEPS):
-            gradient, information, _ = self._sums(values, angle, weights)
+            gradient, information = np.zeros((2, len(angle)))
+            points, ways = _on_circles(self.frame, values, angle)
+            for sight in self.sights:
+                error, slope = (part.reshape(-1, 4) for part in sight.error(points, ways))
+                pull = _times(sight.precision, slope)
+                gradient += np.sum(pull * error, axis=1)
+                information += np.sum(pull * slope, axis=1)
             angle = angle - gradient / np.where(information > 0.0, information, 1.0)
-        _, information, chi_squared = self._sums(values, angle, weights)
-        return angle, information, chi_squared
+        return angle
 
-    def _sums(self, values: Floats, angle: Floats, weights: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
-        """Return of every frame's χ² half the derivative by θ, its Gauss-Newton curvature, and χ² itself."""
+    def _weighed(self, values: Floats, angle: Floats) -> tuple[Floats, Floats]:
+        """Return the information about θ (n,) at a value of it, and the misfit χ² (n,)."""
         points, ways = _on_circles(self.frame, values, angle)
-        gradient, information, chi_squared = np.zeros((3, len(angle)))
-        for sight, weight in zip(self.sights, weights, strict=True):
+        information, chi_squared = np.zeros((2, len(angle)))
+        for sight in self.sights:
             error, slope = (part.reshape(-1, 4) for part in sight.error(points, ways))
-            pull = np.einsum("nij,nj->ni", weight, slope)
-            gradient += np.sum(pull * error, axis=1)
-            information += np.sum(pull * slope, axis=1)
-            chi_squared += np.einsum("ni,nij,nj->n", error, weight, error)
-        return gradient, information, chi_squared
+            information += np.sum(_times(sight.precision, slope) * slope, axis=1)
+            chi_squared += np.sum(_times(sight.precision, error) * error, axis=1)
+        return information, chi_squared
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    """Return matrices (n, k, k) times vectors (n, k)."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, Floats]:
@@ -287,4 +295,4 @@ def common_centre(position: Floats, direction: Floats) -> Floats:
 def tilted(frame: Floats, tilt: Floats) -> Floats:
     """Return a direction that is tilted against the third vector of a frame."""
     vector = tilt[0] * frame[0] + tilt[1] * frame[1] + frame[2]
-    return np.asarray(vector / np.linalg.norm(vector))
+    return np.asarray(vector / math.sqrt(vector @ vector))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from torsight.core.optics.geometry import ray_from_pixel
 from torsight.core.units import Flags, Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Sight:
     """Both markers of a stick as one camera sees them.
 
@@ -57,7 +58,7 @@ class Sight:
             ray, covariance, np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
         )
 
-    @property
+    @cached_property
     def seen(self) -> Flags:
         """Where each marker (n, 2) is seen."""
         return np.asarray(np.isfinite(self.ray[..., 0]))
@@ -75,14 +76,15 @@ class Sight:
         covariance[:, part, part] = np.eye(2)
         return replace(self, ray=ray, covariance=covariance)
 
-    @property
+    @cached_property
     def precision(self) -> Floats:
         """Inverse (n, 4, 4) of the covariance; nought for a marker that is not seen."""
         known = np.repeat(self.seen, 2, axis=1)
         return np.asarray(np.linalg.inv(self.covariance) * known[:, :, None] * known[:, None, :])
 
+    @cached_property
     def lines(self) -> tuple[Floats, Floats]:
-        """Return the eye (3,) and the lines of sight (n, 2, 3) in the first camera's coordinates."""
+        """The eye (3,) and the lines of sight (n, 2, 3) in the first camera's coordinates."""
         ray = np.concatenate((self.ray, np.ones_like(self.ray[..., :1])), axis=-1)
         return -self.rotation.T @ self.shift, ray @ self.rotation
 
