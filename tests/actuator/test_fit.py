@@ -12,7 +12,7 @@ from actuator_programmes import programme
 
 from tests.docs.documented import documented_names
 from torsight.actuator import fit_model
-from torsight.actuator.fit_result import require_motion
+from torsight.actuator.fit_result import heated_again, require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.wrong_frames import wrong_frames
@@ -102,6 +102,17 @@ def test_a_characterised_value_that_the_fit_pulls_far_off_is_named():
     assert [name for name in spec.uncertainty if f"{name} " in words] == far
     assert not any(abs(off[name]) > 1.0 for name in bad.silent_about if name in off)
     assert not any("contradicts" in note for note in good.notes)
+
+
+def test_a_spring_that_is_heated_twice_in_a_row_is_told():
+    model, told = ActuatorModel(reference_spec()), []
+    for springs in ((0, 1, 0), (0, 1, 1)):
+        log, _ = programme([(spring, [(80.0, 0.4)]) for spring in springs])
+        drive = model.prepare_log(log, start_angle_rad=3.0)
+        told.append(heated_again(drive))
+        begins_s = drive.time_s[np.flatnonzero(np.diff(drive.cycles.half)) + 1]
+    assert told[0] == []
+    assert [words.split(" although ")[0] for words in told[1]] == [f"Spring B is heated again at {begins_s[1]:.0f} s"]
 
 
 def test_json_has_the_keys_of_the_contract():

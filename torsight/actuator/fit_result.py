@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -249,6 +250,18 @@ def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str
         f"angle and temperatures makes {number(floor_deg, 2)}°: 'torsight discover' names what the model lacks; where "
         "the error is a large part of that range, check the actuator file first"
     )
+
+
+def heated_again(drive: Drive) -> list[str]:
+    """Return what to say of springs that are heated twice in a row: what they carry then is not the model's."""
+    begins_s = drive.time_s[np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))]
+    return [
+        f"Spring {'AB'[spring]} is heated again at {begin_s:.0f} s although the other one has not wound it back: until "
+        "that has happened the model's angle may be off by more than 10°, which no effect explains; heat the springs "
+        "in turn"
+        for begin_s, (before, spring) in zip(begins_s[1:], pairwise(drive.cycles.springs), strict=True)
+        if spring == before
+    ]
 
 
 def nothing_explained(result: FitResult, *, where: str) -> NoResultError:

@@ -11,7 +11,7 @@ import numpy as np
 
 from torsight.actuator.doubt import Alternative, Doubt, principal_axes
 from torsight.actuator.effects import Effect, load_effects
-from torsight.actuator.fit_result import require_motion
+from torsight.actuator.fit_result import heated_again, require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
@@ -94,7 +94,7 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
     blocks = () if findings.before is None else tuple(label for label, _ in findings.before.folds)
     floor = noise_floor(problem, chosen, findings.field.stretches)
     return DiscoveryReport(
-        **decided(problem, findings, record=problem, seed=seed),
+        **decided(problem, findings, records=[problem], seed=seed),
         before=before,
         after=after,
         held_out=blocks,
@@ -106,13 +106,19 @@ def _report(problem: ActuatorProblem, findings: Findings, *, seed: int, progress
 
 
 def decided(
-    problem: Problem, findings: Findings, *, record: ActuatorProblem, seed: int, effect_of: Callable[[str], str] = str
+    problem: Problem,
+    findings: Findings,
+    *,
+    records: Sequence[ActuatorProblem],
+    seed: int,
+    effect_of: Callable[[str], str] = str,
 ) -> dict[str, Any]:
     """Return the members of a report that follow from the decision, be it on one record or on several.
 
-    The ``record``, or one of them, tells the rig's exact values and the range in which laws are shown; ``effect_of``
-    gives a candidate's effect where that has another id.
+    The first of the ``records`` tells the rig's exact values and the range in which laws are shown; ``effect_of`` gives
+    a candidate's effect where that has another id.
     """
+    record = records[0]
     field, decision = findings.field, findings.decision
     base, chosen = field.plain, decision.chosen
     fixed = fixed_values(record)
@@ -127,7 +133,10 @@ def decided(
         "plain_parameters": estimates(base) | fixed,
         "pulls": pulls,
         "plain_pulls": plain_pulls,
-        "notes": notes_of(findings, *(characterised(record.spec, listed) for listed in (pulls, plain_pulls))),
+        "notes": (
+            *notes_of(findings, *(characterised(record.spec, listed) for listed in (pulls, plain_pulls))),
+            *dict.fromkeys(note for one in records for note in heated_again(one.drive)),
+        ),
         "evidence": evidence_of(findings),
         "covariance": covariance(chosen),
         "laws": measured_laws(record, chosen, law_shares(field, chosen), names),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.fit_result import FitResult, misfit, notes_of_fit, quiet, require_motion
+from torsight.actuator.fit_result import FitResult, heated_again, misfit, notes_of_fit, quiet, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.errors import require_kind
@@ -115,7 +115,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
         cycle=fitted_cycle(drive, simulation, values),
         converged=known.settled,
         silent_about=silent_about,
-        notes=(*attention, *notes_of_fit(model, silent_about, ratio, rows)),
+        notes=(*attention, *heated_again(drive), *notes_of_fit(model, silent_about, ratio, rows)),
         attention=attention,
         reading_deg=single_reading_deg(problem, found, Stretches.of(problem)),
     )

@@ -206,7 +206,7 @@ def _report(
 ) -> JointReport:
     decision, last = findings.decision, len(problem.parts) - 1
     base, chosen = findings.field.plain, decision.chosen
-    shared = decided(problem, findings, record=problem.parts[0], seed=seed, effect_of=problem.effect_of)
+    shared = decided(problem, findings, records=problem.parts, seed=seed, effect_of=problem.effect_of)
     records = _records(problem, findings, shared["parameters"], names, progress=progress)
     before, after = _pooled(problem, [one.before for one in records]), _pooled(problem, [one.after for one in records])
     floor = _mean_square(problem, [one.noise_floor_deg for one in records])
