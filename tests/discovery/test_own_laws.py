@@ -259,6 +259,7 @@ def test_a_law_is_the_same_for_one_value_as_for_many() -> None:
     law = Curve(nodes, values)
     np.testing.assert_array_equal([law(one) for one in at.tolist()], np.interp(at, nodes, values))
     assert law.asked.tolist() == [-np.inf, np.inf]
+    assert [Curve()(one) for one in (-1.0, 0.0, np.nan)] == [0.0] * 3
 
 
 def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:

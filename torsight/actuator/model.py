@@ -234,13 +234,16 @@ class ActuatorModel:
         return run_ports(self.ports(drive, values or {}, history=history), **self._as_stepped(drive))
 
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
-        """Return the angle (n,) that :meth:`simulate` gives, alone: a fit asks for it tens of thousands of times."""
+        """Return the angle (n,) that :meth:`simulate` gives, alone."""
         return angle_of_ports(self.ports(drive, values, history=history), **self._as_stepped(drive))
 
     def seen_rad(
         self, drive: Drive, values: Mapping[str, float], *, history: History | None = None
     ) -> tuple[Floats, Floats]:
-        """Return the angle (n,) that rows are expected to show, and how far a jump between two rows leaves it open."""
+        """Return the angle (n,) that rows are expected to show, and how far a jump between two rows leaves it open.
+
+        A fit asks for it tens of thousands of times.
+        """
         return seen_of_ports(self.ports(drive, values, history=history), **self._as_stepped(drive))
 
     def _as_stepped(self, drive: Drive) -> dict[str, Any]:

@@ -225,8 +225,8 @@ class ActuatorProblem(OptionalMembers):
         Errors of the size that the conditioning gives are drawn and driven through the model. Where a disk that had
         rested lets go, nobody knows between two rows, either.
         """
-        found = self._off_by(self._smooth_drives, values, effects)
-        _, jumps = self._seen(self.drive, values, effects)
+        clean, jumps = self._seen(self.drive, values, effects)
+        found = self._off_by(self._smooth_drives, clean, values, effects)
         return np.sqrt(np.mean(found**2, axis=1) + jumps**2) if found.shape[1] else jumps
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
@@ -236,7 +236,7 @@ class ActuatorProblem(OptionalMembers):
         ripple's peaks is one for all heatings. Errors that move the angle nowhere by a tenth of the resolution are left
         out: those of the tops of complete heatings.
         """
-        found = self._off_by(self._lasting_drives, values, effects)
+        found = self._off_by(self._lasting_drives, self.predict(values, effects), values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
     def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
@@ -254,11 +254,12 @@ class ActuatorProblem(OptionalMembers):
         ways = [known[name].seen for name in effects if name in known]
         return sum(seen(drive.time_s, drive.angle_rad, self.time_s, values) for seen in ways if seen is not None)
 
-    def _off_by(self, drives: Sequence[Drive], values: Mapping[str, float], effects: Sequence[str]) -> Floats:
-        """Return by how much the angle (n, k) differs where other drives take the record's place, degrees."""
+    def _off_by(
+        self, drives: Sequence[Drive], clean: Floats, values: Mapping[str, float], effects: Sequence[str]
+    ) -> Floats:
+        """Return by how much the angle (n, k) is off ``clean`` where other drives take the record's place, degrees."""
         if not drives:
             return np.zeros((len(self.rows), 0))
-        clean = self.predict(values, effects)
         return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:

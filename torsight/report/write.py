@@ -124,10 +124,11 @@ def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
     """Return everything that the page shows, by the names that its template uses."""
+    title = headline(results)
     shown: dict[str, Any] = {
         "name": results.folder.resolve().name,
-        "title": headline(results),
-        "headline": with_symbols(headline(results)),
+        "title": title,
+        "headline": with_symbols(title),
         "lead": page_content.lead(results),
         "tiles": page_content.tiles(results),
         "facts": page_content.facts(results),

@@ -90,6 +90,8 @@ class Curve:
     def _at_one(self, at: float) -> float:
         """Return what ``numpy.interp`` would, in a third of its time: an integrator in Python asks at every step."""
         self._remember(at, at)
+        if self.off:
+            return 0.0
         nodes, values = self._lines
         if at <= nodes[0]:
             return values[0]
