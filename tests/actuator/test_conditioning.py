@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
@@ -48,6 +50,18 @@ def test_noise_is_measured(interval_s, noise_c):
     time_s, _, read = logged(interval_s, noise_c)
     # The median of a few thousand absolute differences is good to a few per cent; cooling adds a little.
     assert measure_noise(time_s, read)[0] == pytest.approx(noise_c, rel=0.1)
+
+
+@pytest.mark.parametrize("noise_c", [0.05, 0.058, 0.08, 0.12])
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_a_rounded_log_is_measured_with_what_rounding_adds(noise_c: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(0.0, 2000.0, 0.25)
+    wire = 23.0 + 60.0 * np.abs(np.sin(time_s / 300.0))
+    read = 0.1 * np.round((wire + noise_c * rng.standard_normal(len(wire))) / 0.1)
+    noise, correlation = measure_noise(time_s, read)
+    assert noise == pytest.approx(math.hypot(noise_c, 0.1 / math.sqrt(12.0)), rel=0.1)
+    assert correlation <= 2.0
 
 
 def test_noise_that_was_interpolated_onto_a_faster_clock_is_found():

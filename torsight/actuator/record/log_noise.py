@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import scatter, scatter_of_rows, usual_step
+from torsight.core.series import scatter_of_rows, usual_step
 from torsight.core.units import Floats
 
 _MAX_STRIDE_S: Final = 2.0
@@ -26,7 +26,7 @@ def resolution(temp_c: Floats) -> float:
 def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     """Return the noise's standard deviation in °C and over how many samples it is correlated.
 
-    Third differences do not see lines and parabolas; their median does not see corners. A stride of s samples sees
+    Third differences do not see lines and parabolas; their scale does not see corners. A stride of s samples sees
     noise whose neighbours within s samples are alike. How many are alike is read off the quieter parts of the log:
     where the temperature itself bends over a few strides it would pass for noise that is alike over many samples.
     """
@@ -37,7 +37,7 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     strides = strides[len(temp_c) >= 3 * strides + 8]
     if not len(strides):
         return 0.0, 1.0
-    whole = np.array([scatter(temp_c, stride=stride) for stride in strides])
+    whole = np.array([scatter_of_rows(temp_c[None], stride=stride)[0] for stride in strides])
     # As many of the longest strides in a part as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
     parts = _parts(temp_c, count)
