@@ -10,6 +10,7 @@ Examples
     python benchmarks/discovery/run.py --part report --jobs 2 --out report.jsonl && \
         python benchmarks/discovery/report.py report.jsonl --diagram reliability.png
     python benchmarks/discovery/run.py --part forms-usual --match double --out usual.jsonl
+    python benchmarks/discovery/run.py --part work --match clean- --digit 0.1 --out rounded.jsonl
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import time
 import traceback
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -144,10 +146,25 @@ def _record(case: Case, cache: Path | None) -> Record:
     return record
 
 
-def _work(case: Case, cache: Path | None, make_only: bool) -> dict[str, Any] | None:  # noqa: FBT001 - one caller
+def _rounded(record: Record, digit_c: float) -> Record:
+    """Return a record as a logger writes it whose last digit stands for so many °C."""
+    table, later = (
+        replace(
+            log,
+            temp_a_c=digit_c * np.round(log.temp_a_c / digit_c),
+            temp_b_c=digit_c * np.round(log.temp_b_c / digit_c),
+        )
+        for log in (record.table, record.later)
+    )
+    return replace(record, table=table, later=later)
+
+
+def _work(case: Case, cache: Path | None, digit_c: float, make_only: bool) -> dict[str, Any] | None:  # noqa: FBT001
     record = _record(case, cache)
     if make_only:
         return None
+    if digit_c > 0.0:
+        record = _rounded(record, digit_c)
     try:
         return run_case(case, record)
     except Exception:  # noqa: BLE001 - what a case breaks is a finding, and the others go on
@@ -164,6 +181,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--cache", type=Path, default=None, help="folder in which the records are kept")
+    parser.add_argument("--digit", type=float, default=0.0, help="round temperatures to so many °C, as loggers do")
     parser.add_argument("--make-only", action="store_true", help="only make the records")
     given = parser.parse_args(arguments)
     wanted = given.match.split(",")
@@ -173,7 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     done = {result["name"] for result in map(json.loads, lines) if "failed" not in result}
     left = [case for case in chosen if case.name not in done]
     with ProcessPoolExecutor(given.jobs) as pool:
-        tasks = [pool.submit(_work, case, given.cache, given.make_only) for case in left]
+        tasks = [pool.submit(_work, case, given.cache, given.digit, given.make_only) for case in left]
         for number, task in enumerate(as_completed(tasks), 1):
             result = task.result()
             if result is not None:

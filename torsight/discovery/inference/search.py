@@ -299,7 +299,10 @@ class Search:
     def _explained(
         self, problem: Problem, laws: tuple[Measured, ...], measured: Measured, members: EffectSet
     ) -> Explanation:
-        """Return a measured law as an explanation: its form is one more candidate."""
+        """Return a measured law as an explanation: its form is one more candidate.
+
+        It comes out of its measurement under the weights of what it was measured beside, and is fitted under its own.
+        """
         extended = problem.with_laws((*problem.forms, measured.form))
         likelihood = self._likelihood_at(extended, measured.values, (*members, measured.law.id))
         fitter = _weighted(likelihood, extended, measured.prediction)
@@ -307,9 +310,7 @@ class Search:
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(measured.values.values()))[place]
         fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
-        laws = (*laws, measured)
-        evidence = log_evidence(fitter, fit, likelihood) + _banks(laws)
-        return Explanation(fitter, fit, laws, likelihood, evidence, self._progress)
+        return self._settled(extended, fit, (*laws, measured))
 
     def _look_again(self, size: int) -> None:
         """Fit the best sets once more from where the others have led the base values, and the smaller ones, too.
@@ -368,10 +369,6 @@ class Search:
         ``longest`` is the correlation time, in samples, that is assumed at most.
         """
         best = self._best()
-        if best.laws:
-            # A law comes out of its measurement under the weights of what it was measured beside.
-            self._keep([self._settled(best.fitter.problem, best.fit, best.laws)])
-            best = self._best()
         before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
         said = best.likelihood.in_scales(best.residual)
         self._correlation_samples = min(correlation_samples(said, self._stretches), longest)
