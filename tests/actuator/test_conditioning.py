@@ -11,6 +11,7 @@ from numba.core.dispatcher import Dispatcher
 from torsight.actuator.record import conditioning, smoother
 from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.log_noise import measure_noise
+from torsight.core.units import Floats
 
 RATE_C_S = 0.12
 
@@ -52,16 +53,27 @@ def test_noise_is_measured(interval_s, noise_c):
     assert measure_noise(time_s, read)[0] == pytest.approx(noise_c, rel=0.1)
 
 
+def rounded(digit_c: float, noise_c: float, seed: int) -> tuple[Floats, Floats]:
+    """Return times and readings of heating and cooling between long rests, to a last digit."""
+    time_s = np.arange(0.0, 2000.0, 0.25)
+    wire = 23.0 + 60.0 * np.maximum(0.0, np.sin(time_s / 150.0) - 0.2)
+    noise = noise_c * np.random.default_rng(seed).standard_normal(len(wire))
+    return time_s, digit_c * np.round((wire + noise) / digit_c)
+
+
 @pytest.mark.parametrize("noise_c", [0.05, 0.058, 0.08, 0.12])
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_of_a_rounded_log_is_measured_with_what_rounding_adds(noise_c: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    time_s = np.arange(0.0, 2000.0, 0.25)
-    wire = 23.0 + 60.0 * np.abs(np.sin(time_s / 300.0))
-    read = 0.1 * np.round((wire + noise_c * rng.standard_normal(len(wire))) / 0.1)
-    noise, correlation = measure_noise(time_s, read)
+    noise, correlation = measure_noise(*rounded(0.1, noise_c, seed))
     assert noise == pytest.approx(math.hypot(noise_c, 0.1 / math.sqrt(12.0)), rel=0.1)
     assert correlation <= 2.0
+
+
+@pytest.mark.parametrize("digit_c", [0.1, 0.25, 0.5])
+def test_stairs_of_a_log_without_noise_of_its_own_are_noise(digit_c: float) -> None:
+    # Most of the log stands still. Stairs up a ramp are no white noise: it is known to a factor of two.
+    noise, _ = measure_noise(*rounded(digit_c, 0.02 * digit_c, 1))
+    assert 0.5 < noise / (digit_c / math.sqrt(12.0)) < 2.0
 
 
 def test_noise_that_was_interpolated_onto_a_faster_clock_is_found():

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import math
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from torsight.core.series import constant_runs, correlation_time, extremes, robust_sigma, runs, scatter, scatter_of_rows
+from torsight.core.series import constant_runs, correlation_time, extremes, robust_sigma, runs, scatter
 
 
 @given(st.lists(st.booleans()))
@@ -65,21 +64,6 @@ def test_scatter_is_that_of_the_readings_whatever_moves_slowly_and_whatever_glit
     value = 300.0 * np.sin(at / 2000.0) + 0.05 * rng.standard_normal(len(at))
     value[::500] += 40.0
     assert scatter(value[:8000], value[8000:8005], value[8005:], stride=stride) == pytest.approx(0.05, rel=0.05)
-
-
-@pytest.mark.parametrize("steps_per_sigma", [0.5, 0.7, 1.0, 1.7, 2.0])
-def test_scatter_of_rows_of_rounded_readings_holds_what_rounding_adds(steps_per_sigma: float) -> None:
-    rng = np.random.default_rng(11)
-    sigma = 1.0 / steps_per_sigma
-    value = np.round(np.linspace(0.0, 97.3, 20_000) + rng.normal(0.0, sigma, 20_000))
-    # Rounding to steps of one adds 1/12 to the variance (Sheppard).
-    assert scatter_of_rows(value[None])[0] == pytest.approx(math.sqrt(sigma**2 + 1.0 / 12.0), rel=0.05)
-
-
-def test_scatter_of_rows_that_mostly_stand_still_is_nothing() -> None:
-    value = np.zeros(1000)
-    value[::20] = 0.1
-    assert scatter_of_rows(value[None])[0] == 0.0
 
 
 @pytest.mark.parametrize("pieces", [1, 8])

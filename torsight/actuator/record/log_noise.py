@@ -6,12 +6,21 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import scatter_of_rows, usual_step
-from torsight.core.units import Floats
+from torsight.core.series import NORMAL_MEDIAN, constant_runs, differences, gain, usual_step
+from torsight.core.units import Floats, Ints
 
 _MAX_STRIDE_S: Final = 2.0
 """Noise whose neighbours are alike for longer is told from the wire by its size only; half and twice of it change
 nothing (benchmarks/actuator/log_constants.py)."""
+_ORDER: Final = 3
+_STILL_C: Final = 1e-3
+"""Readings that differ by less are one value: no thermometer's last digit is finer."""
+_BIWEIGHT: Final = 1.547645
+"""Size, in scales, from which a deviation counts as any larger one: half of them may be wrong, as for a median
+(Rousseeuw and Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256)."""
+_SCALE_ROUNDS: Final = 50
+_SCALE_DONE: Final = 1e-3
+"""Newton's steps end well before, at a tenth of what ten thousand readings leave open."""
 SHORTEST: Final = 16
 """Rows below which a log is taken as it is: a smoother has three values at its start, and each needs some five rows."""
 
@@ -37,16 +46,62 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     strides = strides[len(temp_c) >= 3 * strides + 8]
     if not len(strides):
         return 0.0, 1.0
-    whole = np.array([scatter_of_rows(temp_c[None], stride=stride)[0] for stride in strides])
+    whole = _whole(temp_c, strides)
+    if whole.max() < _STILL_C:
+        # Where a log stands still to its last digit, nothing is seen of its noise: more than half of the time.
+        temp_c = _without_rests(temp_c, longest)
+        whole = _whole(temp_c, strides)
     # As many of the longest strides in a part as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
     parts = _parts(temp_c, count)
-    of_parts = [np.concatenate([scatter_of_rows(part, stride=stride) for part in parts]) for stride in strides]
-    quiet = np.quantile(of_parts, 0.25, axis=1)
-    # Where a log stands still to its last digit nothing is seen of its noise.
+    of_parts = np.array([np.concatenate([_scatter(part, stride) for part in parts]) for stride in strides])
+    known = np.isfinite(of_parts).all(axis=0)
+    quiet = np.quantile(of_parts[:, known], 0.25, axis=1) if known.any() else np.zeros(len(strides))
     seen = quiet if quiet.min() > 0.0 else whole
     enough = strides[np.argmax(seen >= 0.8 * seen.max())]
     return float(whole[strides <= 2 * enough].max()), float(enough)
+
+
+def _whole(temp_c: Floats, strides: Ints) -> Floats:
+    """Return the standard deviation of a reading by stride (k,), from the whole log; 0 where it is not seen."""
+    return np.array([np.nan_to_num(_scatter(temp_c[None], int(stride))[0]) for stride in strides])
+
+
+def _without_rests(temp_c: Floats, longest: int) -> Floats:
+    """Return readings (n,) with NaN where more of them than that are one value: their noise hides in the last digit."""
+    changes = np.cumsum(np.abs(np.diff(temp_c, prepend=temp_c[0])) > _STILL_C)
+    out = temp_c.copy()
+    for begin, end in constant_runs(changes):
+        if end - begin > longest:
+            out[begin:end] = np.nan
+    return out
+
+
+def _scatter(rows: Floats, stride: int) -> Floats:
+    """Return the standard deviation of a reading in every row (m,) of many pieces of one length (m, n); NaN: not seen.
+
+    The median of rounded readings' differences is a multiple of the last digit. The M-estimate of scale with Tukey's
+    biweight is a smooth function of the differences: it sums over their steps as over a density, and is as blind to
+    outliers.
+    """
+    size = np.abs(differences(rows, stride, _ORDER))
+    known = np.isfinite(size)
+    scale, count = np.full(len(rows), np.nan), np.count_nonzero(known, axis=1)
+    left = np.flatnonzero(count)
+    scale[left] = np.nanmedian(size[left], axis=1) / NORMAL_MEDIAN
+    seen = 2 * np.count_nonzero(size > 0.0, axis=1) > count
+    scale[left[~seen[left]]] = 0.0
+    left = left[seen[left]]
+    for _ in range(_SCALE_ROUNDS):
+        inside = 1.0 - np.minimum(size[left] / (_BIWEIGHT * scale[left, None]), 1.0) ** 2
+        over = 0.5 - np.sum(inside**3, axis=1, where=known[left]) / count[left]
+        slope = np.sum(6.0 * (1.0 - inside) * inside**2, axis=1, where=known[left]) / count[left]
+        step = np.clip(over / slope, -0.5, 0.5)
+        scale[left] *= np.exp(step)
+        left = left[np.abs(step) > _SCALE_DONE]
+        if not len(left):
+            break
+    return np.asarray(scale / gain(_ORDER))
 
 
 def _parts(values: Floats, count: int) -> list[Floats]:

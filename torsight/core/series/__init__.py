@@ -21,14 +21,8 @@ BY_CHANCE: Final = NormalDist().inv_cdf(1.0 - 1e-9)
 """Standard deviations that chance reaches once in 10⁹ samples, which are a year of film: beyond is another cause."""
 APART: Final = math.sqrt(2.0) * BY_CHANCE
 """The same of one sample's, for the difference of two."""
-_NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
+NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
-_BIWEIGHT: Final = 1.547645
-"""Size, in scales, from which a deviation counts as any larger one: half of them may be wrong, as for a median
-(Rousseeuw and Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256)."""
-_SCALE_ROUNDS: Final = 50
-_SCALE_DONE: Final = 1e-3
-"""Newton's steps end well before, at a tenth of what ten thousand samples leave open."""
 
 
 def runs(flag: Flags) -> list[tuple[int, int]]:
@@ -120,7 +114,7 @@ def rms(values: Floats) -> float:
 
 def robust_sigma(deviation: Floats) -> float:
     """Return the standard deviation of normal deviations (n,) from their median size: outliers hardly move it."""
-    return float(np.median(np.abs(deviation))) / _NORMAL_MEDIAN
+    return float(np.median(np.abs(deviation))) / NORMAL_MEDIAN
 
 
 def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
@@ -130,33 +124,11 @@ def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
     median is blind to the odd outlier. Those of white noise have the variance of one sample times the sum of the
     squared binomial coefficients, which is C(2 order, order): 6 for the second difference, 20 for the third.
     """
-    differences = np.concatenate([_difference(piece, stride, order) for piece in pieces])
-    return robust_sigma(differences) / _gain(order)
+    found = np.concatenate([differences(piece, stride, order) for piece in pieces])
+    return robust_sigma(found) / gain(order)
 
 
-def scatter_of_rows(rows: Floats, *, stride: int = 1, order: int = 3) -> Floats:
-    """Return :func:`scatter` of every row (m,) of many pieces of one length (m, n), of samples that may be rounded.
-
-    The median of rounded samples' differences is a multiple of the last digit. The M-estimate of scale with Tukey's
-    biweight is a smooth function of the differences: it sums over their steps as over a density, from noise of half a
-    digit on, and is as blind to outliers. Where half of the differences are 0 it is 0.
-    """
-    size = np.abs(_difference(rows, stride, order))
-    scale = np.median(size, axis=1) / _NORMAL_MEDIAN
-    scale[2 * np.count_nonzero(size, axis=1) <= size.shape[1]] = 0.0
-    left = np.flatnonzero(scale)
-    for _ in range(_SCALE_ROUNDS):
-        inside = 1.0 - np.minimum(size[left] / (_BIWEIGHT * scale[left, None]), 1.0) ** 2
-        over = 0.5 - np.mean(inside**3, axis=1)
-        step = np.clip(over / np.mean(6.0 * (1.0 - inside) * inside**2, axis=1), -0.5, 0.5)
-        scale[left] *= np.exp(step)
-        left = left[np.abs(step) > _SCALE_DONE]
-        if not len(left):
-            break
-    return np.asarray(scale / _gain(order))
-
-
-def _gain(order: int) -> float:
+def gain(order: int) -> float:
     """Return the standard deviation of a difference of white noise, in those of a sample."""
     return math.sqrt(float(math.comb(2 * order, order)))
 
@@ -167,8 +139,8 @@ def share_explained(measured: Floats, fitted: Floats) -> float:
     return 1.0 - float(np.sum((measured - fitted) ** 2)) / total if total > 0.0 else float("nan")
 
 
-def _difference(piece: Floats, stride: int, order: int) -> Floats:
-    """Return the differences of a piece (n,), or of every one of many (m, n)."""
+def differences(piece: Floats, stride: int, order: int) -> Floats:
+    """Return the differences of that order of a piece (n,), or of every one of many (m, n)."""
     count = max(0, piece.shape[-1] - order * stride)
     total = np.zeros((*piece.shape[:-1], count))
     for step in range(order, -1, -1):
