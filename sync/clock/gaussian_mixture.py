@@ -16,8 +16,8 @@ from torsight.core.records import ClockMap
 from torsight.core.units import PPM, Flags, Floats
 
 MOST_HYPOTHESES: Final = 12
-"""Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log.
-Half and twice of them give the same clock (benchmarks/sync/constants.py)."""
+"""Alternatives that are kept beside each other, likeliest first: ranges of offset, where in one of them the answer may
+lie, causes of stops, gaps of a log. Half and twice of them give the same clock (benchmarks/sync/constants.py)."""
 NEGLIGIBLE_LOG: Final = 20.0
 """Alternatives that are less likely by this logarithm are left out: e⁻²⁰ = 2·10⁻⁹ is what quantiles are solved to."""
 
@@ -120,5 +120,6 @@ def _quantile(mean: Floats, sigma: Floats, weight: Floats, share: float) -> floa
 
     matters = weight > np.exp(-NEGLIGIBLE_LOG)
     mean, sigma, weight = mean[matters], np.maximum(sigma[matters], 1e-12), weight[matters] / weight[matters].sum()
+    # Beyond nine standard deviations a normal distribution has no weight in floating point.
     low, high = float((mean - 9.0 * sigma).min()), float((mean + 9.0 * sigma).max())
     return float(brentq(lambda x: float(weight @ ndtr((x - mean) / sigma)) - share, low, high, xtol=1e-9))

@@ -149,7 +149,7 @@ def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, aft
             if not rows.any():
                 break
             sides.append(_best_shifts(film, switchings.at(rows)))
-        if len(sides) < len(("before", "behind")) or not all(count for count, _ in sides):
+        if len(sides) < 2 or not all(count for count, _ in sides):
             continue
         apart_s = min((a - b for a in sides[0][1] for b in sides[1][1] if a - b > -1.0), key=abs, default=None)
         total = sides[0][0] + sides[1][0]
@@ -168,6 +168,7 @@ def _with_gaps(
     # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
     sigmas = [10.0, 2.0 * PRIORS.drift_sigma_ppm * PPM, *gap_sigma_s]
     mean = np.zeros(len(sigmas))
+    # Near the answer already: the prior of 10 s is to pull at nothing.
     mean[0] = float(np.median(offset_s))
     gaussian = Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
     for away, seen, later, spread in zip(away_s, offset_s, behind, variance, strict=True):

@@ -59,6 +59,7 @@ def _gap(
         right = _edge(time_s[behind], temperature[behind], noise, end=False)
         if left is None or right is None:
             continue
+        # The jump is divided by the rate: known to an eighth, it gives the gap to an eighth.
         rate = 0.5 * (left[1] + right[1])
         rate_sigma = math.hypot(left[3], right[3]) / 2.0
         bend = abs(left[1] - right[1])

@@ -105,6 +105,7 @@ def _blocks(time_s: Floats) -> Ints:
     to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
     backs = np.append(np.flatnonzero(step < 0) + 1, len(time_s))
     for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
+        # One row by itself has no step that could be told from a restart.
         if at < begin + 2:
             continue
         behind = time_s[at:]
@@ -148,6 +149,7 @@ def _ordered_block(row: Ints, time_s: Floats, counts: dict[str, list[int]], firs
         place = int(np.searchsorted(good, stamp))
         room = (good[place] if place < len(good) else np.inf) - (good[place - 1] if place else -np.inf)
         position = int(np.count_nonzero(kept[:index]))
+        # Room for one more row, as far as a logger's steps vary.
         if room > 1.3 * step_s and np.isfinite(room):
             kind = "reordered"
         elif 0 < position < len(good) and good[position] - good[position - 1] > 1.3 * step_s:
