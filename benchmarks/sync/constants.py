@@ -31,7 +31,7 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parent))
 
-from clock_coverage import light_of, pair_of, records, restarted
+from clock_coverage import led_of, pair_of, records, restarted
 from prior_sensitivity import Answer, compared
 
 import sync
@@ -69,7 +69,7 @@ def changed(module: str, name: str) -> Iterator[float]:
     return half_and_twice(name, importlib.import_module(f"sync.{module}"), *MODULES)
 
 
-def clocks(pairs: Sequence[Any], folder: Path, *, light: bool) -> list[Answer | None]:
+def clocks(pairs: Sequence[Any], folder: Path, *, led: bool) -> list[Answer | None]:
     """Return error and interval of the offset of every pair, s from the truth; None where there is no answer."""
     found: list[Answer | None] = []
     for number, pair in enumerate(pairs):
@@ -78,7 +78,7 @@ def clocks(pairs: Sequence[Any], folder: Path, *, light: bool) -> list[Answer | 
         if number % 2:
             reading = read_temperature_log(restarted(pair, np.random.default_rng([number, 4]), folder))
         try:
-            clock = find_clock(angles, reading, light=light_of(pair) if light else None).clock
+            clock = find_clock(angles, reading, light=led_of(pair) if led else None).clock
         except NoResultError:
             found.append(None)
             continue
@@ -160,15 +160,15 @@ def main() -> None:
             for constant in (one for one in names if options.only in one):
                 for factor in changed(module, constant):
                     print(f"{module + ' ' + constant:38s} x{factor:<3g} {cleaned(pairs, folder)}", flush=True)
-        usual = {light: clocks(pairs, folder, light=light) for light in (False, True)}
-        for light, word in ((False, "motion"), (True, "LED")):
-            print(f"as it is, {word}: {line(usual[light], usual[light])}", flush=True)
+        usual = {led: clocks(pairs, folder, led=led) for led in (False, True)}
+        for led, word in ((False, "motion"), (True, "LED")):
+            print(f"as it is, {word}: {line(usual[led], usual[led])}", flush=True)
         for module, names in CLOCK.items():
-            light = "led" in module
+            led = "led" in module
             for constant in (one for one in names if options.only in one):
                 for factor in changed(module, constant):
-                    other = clocks(pairs, folder, light=light)
-                    print(f"{module + ' ' + constant:38s} x{factor:<3g} {line(usual[light], other)}", flush=True)
+                    other = clocks(pairs, folder, led=led)
+                    print(f"{module + ' ' + constant:38s} x{factor:<3g} {line(usual[led], other)}", flush=True)
 
 
 if __name__ == "__main__":

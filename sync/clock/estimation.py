@@ -247,7 +247,7 @@ def _given(offset_s: float | None, *, drift_known: bool) -> Gaussian:
 
 
 def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
-    """Let the interval hold both readings of coarse stamps: cut off, as they are taken, and rounded."""
+    """Let the interval hold both readings of coarse timestamps: cut off, as they are taken, and rounded."""
     if step_s == 0.0:
         return clock
     low, high = clock.offset_ci95_s

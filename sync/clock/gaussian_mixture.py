@@ -62,7 +62,7 @@ class Gaussian:
 class UnknownGap:
     """A joint of the log: rows behind it may belong later than they were put, by an unknown time with one sigma.
 
-    ``after_s`` and ``begin_s`` are the stamps of the last row before and of the first behind, as they were joined.
+    ``after_s`` and ``begin_s`` are the timestamps of the last row before and of the first behind, as they were joined.
     """
 
     after_s: float
@@ -73,20 +73,20 @@ class UnknownGap:
 def log_time(
     film_s: Floats, point: Floats, gaps: Sequence[UnknownGap], *, middle_s: float
 ) -> tuple[Floats, Floats, Flags]:
-    """Return the joined log's stamps at film times, their derivatives by the unknowns, and where the log has rows.
+    """Return the joined log's timestamps at film times, their derivatives by the unknowns, and where the log has rows.
 
     ``point`` holds the offset at ``middle_s``, the drift, and the missing time of every gap.
     """
     away = film_s - middle_s
-    stamp = film_s + point[0] + point[1] * away
+    timestamp = film_s + point[0] + point[1] * away
     columns = [np.ones_like(film_s), away]
     covered = np.ones(len(film_s), dtype=np.bool_)
     for gap, missing_s in zip(gaps, point[2:], strict=True):
-        behind = stamp > gap.after_s
-        stamp = np.where(behind, stamp - missing_s, stamp)
-        covered &= ~behind | (stamp >= gap.begin_s)
+        behind = timestamp > gap.after_s
+        timestamp = np.where(behind, timestamp - missing_s, timestamp)
+        covered &= ~behind | (timestamp >= gap.begin_s)
         columns.append(np.where(behind, -1.0, 0.0))
-    return stamp, np.stack(columns, axis=1), covered
+    return timestamp, np.stack(columns, axis=1), covered
 
 
 def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:

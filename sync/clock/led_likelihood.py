@@ -1,6 +1,6 @@
 """An LED in the film that shows the heating switch: the same event on both clocks.
 
-A frame shows the light on when it went on at some time since the frame before, and a row of the log shows the switch on
+A frame shows the LED on when it went on at some time since the frame before, and a row of the log shows the switch on
 when it went on since the row before. So an event happened half an interval earlier than each first shows it, give or
 take half an interval. Those errors need not be independent: switchings that are whole frames apart meet the frames at
 the same phase every time, and averaging them gains nothing. So the intervals themselves are intersected, over a grid of
@@ -136,7 +136,7 @@ def _second_shift(film: Changes, switchings: Changes, index: Ints, partner: Ints
 
 
 def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, after_s: float) -> float | None:
-    """Return the time that is missing behind a joint of the log, s, by pairing the light on both sides of it.
+    """Return the time that is missing behind a joint of the log, s, by pairing the LED on both sides of it.
 
     None where one side alone pairs as many events as both. Of several answers the shortest is taken.
     """

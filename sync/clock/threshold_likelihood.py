@@ -53,7 +53,7 @@ _FIT: Final = np.asarray(np.linalg.pinv(_POWERS), dtype=np.float64)
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, slopes of the stamps."""
+    """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, timestamps' slopes."""
 
     temp_c: Floats
     rate_c_s: Floats

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tracker.frames.frame import FrameSource
 
 # benchmarks/sync/led.py measures what half and twice of these constants do. As they are 91 in 100 readings are whole,
-# which find all changes of lamps, bright and dim, that are given to 6 px, and no other one.
+# which find all changes of LEDs, bright and dim, that are given to 6 px, and no other one.
 _NEAR_PX: Final = 6
 """How far from the given place the LED is looked for: a place is clicked, or read off a picture, to a few pixels. With
 half of it 84 in 100 readings are whole, with twice of it 88."""

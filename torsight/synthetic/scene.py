@@ -116,7 +116,7 @@ class LightSettings:
 
 @dataclass(frozen=True, slots=True)
 class LedSettings:
-    """Section [led]: a lamp in the picture that is lit while a spring is switched on."""
+    """Section [led]: an LED in the picture that is lit while a spring is switched on."""
 
     radius_px: float = key(0.0, "size; 0 for none", lower=0.0, upper=100.0)
     position_px: tuple[float, float] = key((40.0, 40.0), "where it is seen")

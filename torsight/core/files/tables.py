@@ -14,7 +14,7 @@ from torsight.core.files.storage import first_row, number_column, read_json, rea
 from torsight.core.records import SyncedTable, clock_sigma_s, merged_columns
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 from torsight.core.units import DEG, Flags, Floats, Ints
-from torsight.core.words.plausible import MOST_TURNED_DEG, require_stamps, require_units
+from torsight.core.words.plausible import MOST_TURNED_DEG, require_timestamps, require_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +125,7 @@ def require_increasing(
             limit="a larger time than in the row before",
             do="sort or mend the table",
         )
-    require_stamps(time_s, where=f"{path}, column {column}")
+    require_timestamps(time_s, where=f"{path}, column {column}")
 
 
 def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:

@@ -1,4 +1,4 @@
-"""Writing films: H.264, FFV1, MJPEG or a folder of pictures, from 8-bit luma, with exact stamps."""
+"""Writing films: H.264, FFV1, MJPEG or a folder of pictures, from 8-bit luma, with exact timestamps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TICKS: Final = {
     "mjpeg": Fraction(1, 1000),
     "png": Fraction(1, 90000),
 }
-"""Resolution of the frames' stamps (Matroska counts milliseconds)."""
+"""Resolution of the frames' timestamps (Matroska counts milliseconds)."""
 
 SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
 

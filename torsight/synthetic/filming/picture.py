@@ -174,7 +174,7 @@ def draw_stick(canvas: Canvas, stick: Stick, first_row: int, spans: Ints) -> Non
 
 @njit(cache=True, nogil=True)
 def draw_bar(picture: Picture, light: Picture, ends_px: Floats, radius_px: float, level: float, blur_px: float) -> None:
-    """Draw a bar with round ends over the picture: a hand, a wire, or (both ends in one place) a lamp."""
+    """Draw a bar with round ends over the picture: a hand, a wire, or (both ends in one place) an LED."""
     ax, ay, bx, by = ends_px
     height, width = picture.shape
     reach = radius_px + 5.0 * blur_px
