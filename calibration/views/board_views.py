@@ -106,12 +106,8 @@ def find_views(
     Of films every ``step``-th frame is looked at, chosen by their length where that is not given; ``only`` some places
     in the row of pictures matter for the second camera of a pair.
 
-    Raises
-    ------
-    InputError
-        When a file cannot be read or two pictures differ in size or camera.
-    NoResultError
-        When no picture shows the board; the message names another board that is seen instead.
+    Raises InputError when a file cannot be read or two pictures differ in size or camera; NoResultError when no picture
+    shows the board; the message names another board that is seen instead.
     """
     files = expand(paths)
     films = any(is_film(path) for path in files)

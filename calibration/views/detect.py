@@ -75,6 +75,7 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
     if found is None:
         return None
     corner, rough = found
+    # Pixel centres are at whole numbers: the picture's edge, half a pixel before the first, stays where it is.
     rough = (rough + 0.5) * scale - 0.5
     points = board.points_mm()[corner]
     square_px = _smallest_square_px(points, rough, board.square_mm)

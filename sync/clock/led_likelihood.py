@@ -190,6 +190,7 @@ def _intersected(*, away_s: Floats, offset_s: Floats, film_step_s: Floats, log_s
     # Any drift of ordinary clocks is as good as another: drawing it to zero would shift the offset at the film's ends.
     log_weight = -0.5 * (drift / (1.1 * drift_sigma)) ** 8
     for away, seen, film_step, log_step in zip(away_s, offset_s, film_step_s, log_step_s, strict=True):
+        # The sum of two even errors has the density of a trapezoid: as wide as both, its top as wide as they differ.
         error = np.abs(seen - offset - drift * away)
         long, short = max(film_step, log_step) + PRIORS.led_jitter_s, min(film_step, log_step) + PRIORS.led_jitter_s
         inside = np.clip(0.5 * (long + short) - error, 0.0, short) / (long * short)

@@ -130,6 +130,7 @@ def _two_levels(value: Floats) -> tuple[float, float, float]:
     """Return the middles of two levels of values, and the noise of one value."""
     if len(value) < 2:
         return 0.0, 0.0, 0.0
+    # The parting and both medians in turn, until neither moves: two or three times, fifty at most.
     parting = 0.5 * float(value.min() + value.max())
     low = high = parting
     for _ in range(50):

@@ -69,10 +69,8 @@ def read_text_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> TextT
     The decimal sign is that of the columns that are used: what stands in others, as a note or a version, says nothing
     about it.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, empty, binary, without a needed column, or ambiguous in columns or decimal sign.
+    Raises InputError when the file is missing, empty, binary, without a needed column, or ambiguous in columns or
+    decimal sign.
     """
     text, repairs = _decode(path)
     lines = without_arrows(text.splitlines(), repairs)

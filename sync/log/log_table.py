@@ -57,11 +57,8 @@ class LogTable(TextTable):
 def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTable:
     """Read a log's table, text or Parquet.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be read, lacks a column that is needed or named, has a unit in its header that the column
-        cannot have, or timestamps that cannot be read.
+    Raises InputError when the file cannot be read, lacks a column that is needed or named, has a unit in its header
+    that the column cannot have, or timestamps that cannot be read.
     """
     refuse_folder(path)
     table = _parquet(path, chosen) if is_parquet(path) else read_text_table(path, chosen)

@@ -95,12 +95,12 @@ def _parabola(
 ) -> tuple[float, float, float, float] | None:
     edge = time_s[-1] if end else time_s[0]
     near = (np.abs(time_s - edge) <= window_s) & np.isfinite(temp_c)
-    # Spikes are not out yet: a median of three takes the lone ones.
     if np.count_nonzero(near) < 8:
         return None
     x, y = time_s[near] - edge, temp_c[near]
     design = np.stack([np.ones_like(x), x, x**2], axis=1)
     keep = np.ones(len(x), dtype=np.bool_)
+    # Spikes are not out yet: what lies four sigmas off goes, and the next fit sees more.
     for _ in range(3):
         coefficient, *_ = np.linalg.lstsq(design[keep], y[keep], rcond=None)
         away = np.abs(y - design @ coefficient)

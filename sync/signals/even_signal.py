@@ -1,4 +1,4 @@
-"""Even, smoothed pictures of a record: value and slope on a regular grid, with what is not known left out."""
+"""Even, smoothed signals of a record: value and slope on a regular grid, with what is not known left out."""
 
 from __future__ import annotations
 

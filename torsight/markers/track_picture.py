@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from tracker.frames.image_sequence import PictureSource
     from tracker.track import TrackResult
 
-NAME: Final = "track.png"
-"""The file's name in the folder of a track."""
 _OVER_THE_FILM: Final = 4
 """Frames beside the first one and the worst one, evenly spaced up to the last."""
 _PANEL_PX: Final = 420.0

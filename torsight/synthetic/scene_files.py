@@ -75,12 +75,7 @@ def record_scene(scene: Scene, *, out: Path) -> Path:
     The folder gets ``merged.csv``, whose path is returned, ``actuator.toml`` and ``truth.toml``. Film, camera, light
     and the log's clock do not matter, but for the frame rate.
 
-    Raises
-    ------
-    ConfigError
-        When the scene's motion is not a rig's.
-    OutputError
-        When a file cannot be written.
+    Raises ConfigError when the scene's motion is not a rig's; OutputError when a file cannot be written.
     """
     record = make_record(scene, rate_hz=scene.film.fps)
     write_merged(out / "merged.csv", record.table)

@@ -62,10 +62,7 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
 def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None) -> Flags | None:
     """Return a column of zeros and ones as flags; None where there is none of that name.
 
-    Raises
-    ------
-    InputError
-        When a field is no number.
+    Raises InputError when a field is no number.
     """
     if name not in table.columns:
         return None

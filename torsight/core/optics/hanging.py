@@ -26,6 +26,7 @@ from torsight.core.units import Flags, Floats, Ints
 USUAL_PX: Final = 0.02
 """Usual size of a marker's correlated errors, on films from lossless to CRF 30."""
 _LENGTHS_RAD: Final = (0.1, 0.35, 1.2)
+"""From 6° to 70°, each three and a half times the one before: shorter ones are white noise, longer ones an offset."""
 _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
 """Ratios of the size of the correlated errors to the usual one that are tried."""
 _SPREAD: Final = 1.2

@@ -44,7 +44,7 @@ then it adds to the residual's variance no more than twice that of the readings 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretched:
-    """The base model fitted over stretches that begin at what was measured, the others going on."""
+    """The plain model fitted over stretches that begin at what was measured, the others going on."""
 
     ode: Ode
     solution: Solution

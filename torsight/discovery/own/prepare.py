@@ -1,6 +1,6 @@
 """Before the search: where its fits begin, and which values only one block can tell.
 
-A fit that begins far from its goal may end in another valley. The base model is fitted from several points over its
+A fit that begins far from its goal may end in another valley. The plain model is fitted from several points over its
 bounds; for every candidate points are laid out over its bounds, and those go into the search from which, with the base
 relaxed linearly, less would be left than from the declared start. That costs a call per point where a fit costs tens.
 """
@@ -30,7 +30,7 @@ from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import without_readings
 
 _POINTS: Final = 12
-"""Points over the bounds at which the base model is looked at, and over a candidate's bounds ..."""
+"""Points over the bounds at which the plain model is looked at, and over a candidate's bounds ..."""
 _MOST_POINTS: Final = 48
 """... up to so many along one parameter, where the prediction moves far between two of them ..."""
 _STARTS: Final = 2
@@ -99,7 +99,7 @@ def _floor(problem: ModelProblem) -> Floats:
 
 
 def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretched | None]:
-    """Fit the base model from its start, from the best of several points, and from what stretches have told."""
+    """Fit the plain model from its start, from the best of several points, and from what stretches have told."""
     own = fitter.base()
     free = [p for p in problem.parameters if p.sigma is None and (math.isfinite(p.upper - p.lower) or p.value != 0.0)]
     if not free:

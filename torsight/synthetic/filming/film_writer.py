@@ -85,6 +85,7 @@ class _Encoder:
         # bitexact: no dates, versions or random identifiers in the container.
         self._container = av.open(str(path), "w", format=name, options={"fflags": "+bitexact"})
         self._stream: Any = self._add_stream(settings, size_px)
+        # Enough for both sides to go on, and some megabytes: whoever draws waits where the encoder is slower.
         self._queue: queue.Queue[tuple[int, Luma] | None] = queue.Queue(maxsize=16)
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="film encoder", daemon=True)
