@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.units import Floats, Ints
+from torsight.core.units import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,6 +131,8 @@ def _clock_timestamps(text: pd.Series[Any]) -> Timestamps | None:
 
 def _date_timestamps(text: pd.Series[Any]) -> Timestamps | None:
     """Read dates with a time of day, the parts of the date in whichever order is possible."""
+    import pandas as pd
+
     fields = text.str.extract(f"^{_DATE}[T,;\\s]+{_CLOCK}$")
     clock_s = _seconds_of_day(fields.iloc[:, 4:])
     numbers = [_numbers(fields.iloc[:, index]) for index in (0, 2, 3)]
@@ -146,26 +148,20 @@ def _date_timestamps(text: pd.Series[Any]) -> Timestamps | None:
             orders["month, day, year"] = (third, first, second)
     found = {}
     for name, (year, month, day) in orders.items():
-        if month.max() > 12 or day.max() > 31 or min(month.min(), day.min()) < 1:
-            continue
-        days = _days(np.where(year < 100, year + 2000, year), month, day)
-        found[name] = (days, (days - days[0]) * _DAY_S + clock_s[known] - clock_s[known][0])
+        parts = {"year": np.where(year < 100, year + 2000, year), "month": month, "day": day}
+        dates = pd.to_datetime(pd.DataFrame(parts), errors="coerce")
+        if not dates.isna().any():
+            since_s = (dates - dates.iloc[0]).dt.total_seconds().to_numpy() + clock_s[known] - clock_s[known][0]
+            found[name] = (np.datetime64(dates.iloc[0], "D"), since_s)
     if not found:
         return None
     name = min(found, key=lambda one: float(np.abs(np.diff(found[one][1], prepend=0.0)).max()))
-    days, since_s = found[name]
+    first_day, since_s = found[name]
     time_s = np.full(len(text), np.nan)
     time_s[known] = since_s
-    zero = np.datetime64(int(days[0]), "D") + np.timedelta64(round(clock_s[known][0] * 1e6), "us")
+    zero = first_day + np.timedelta64(round(clock_s[known][0] * 1e6), "us")
     note = f"dates read as {name}" if len(found) > 1 else None
     return Timestamps(time_s, zero=str(zero), note=note)
-
-
-def _days(year: Ints, month: Ints, day: Ints) -> Ints:
-    """Return days since 1970-01-01."""
-    months = (year - 1970).astype("timedelta64[Y]") + np.datetime64("1970", "Y")
-    first = (months.astype("datetime64[M]") + (month - 1)).astype("datetime64[D]")
-    return np.asarray((first + (day - 1)).astype(np.int64))
 
 
 def _named_months(text: pd.Series[Any]) -> Timestamps | None:
