@@ -233,6 +233,7 @@ def worst_view(error_px: Floats) -> int | None:
 
 def without_each(count: int, values: Callable[[range], Floats], *, words: str, progress: Progress) -> Floats:
     """Return the values (g, p) without each of g groups of the places of so many views or pairs, for a jackknife."""
+    # Every so many-th, not neighbours: these look alike, as the board was turned from one to the next.
     groups = min(count, _MOST_GROUPS)
     found = []
     for first in range(groups):

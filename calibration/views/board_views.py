@@ -188,6 +188,7 @@ def _chosen(views: Sequence[View]) -> list[View]:
     in the picture and in the board's tilt.
     """
     edges = np.array([view.edge_px for view in views])
+    # The sharpest fifth: a single frame may look sharper than the lens is.
     sharp = [view for view in views if view.edge_px <= _BLURRED * np.quantile(edges, 0.2)]
     traits = _traits(sharp)
     chosen = [int(np.argmin([view.edge_px for view in sharp]))]

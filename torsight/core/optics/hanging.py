@@ -63,6 +63,7 @@ def whitening(direction_rad: Floats, misfit: Callable[[Floats], Floats], values:
             left = flat - basis @ (basis.T @ flat)
             free = max(n * q - columns.shape[1], 1)
             white = max(1.0, float(np.sqrt(left @ left / free)))
+            # The restricted log-likelihood, white noise at its best, and the prior of the ratio.
             lost = float(np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-12))))
             score = -0.5 * q * float(np.sum(np.log(variance))) - lost - free * np.log(white)
             score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / _SPREAD) ** 2

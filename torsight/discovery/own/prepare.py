@@ -37,7 +37,7 @@ _STARTS: Final = 2
 """... of which so many, the best ones, are starts of a fit beside the declared one."""
 _BETTER: Final = 0.95
 """Share of the cost from the declared start below which another point is worth a fit."""
-_MUCH_BETTER: Final = 0.8
+MUCH_BETTER: Final = 0.8
 """Share of the cost below which a fit from another start has found another valley, which a person should know."""
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value that lies in one block where no other block can tell it."""
@@ -113,7 +113,7 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
     stretched = over_stretches(problem, fitter, own)
     led = [] if stretched is None else [led_on(problem, fitter, stretched)]
     best = min([own, *others, *led], key=lambda fit: fit.cost)
-    if best.cost >= _MUCH_BETTER * own.cost:
+    if best.cost >= MUCH_BETTER * own.cost:
         return min([own, best], key=lambda fit: fit.cost), [], stretched
     away = [p for p in free if abs(best.values[p.name] - own.values[p.name]) > 0.5 * _scale(p)]
     listed = ", ".join(f"{p.name} {own.values[p.name]:.4g} → {best.values[p.name]:.4g}" for p in away)
