@@ -75,7 +75,7 @@ def film_step(files: Sequence[Path]) -> int:
     return max(1, longest // _FILM_CANDIDATES)
 
 
-def read_pictures(files: Sequence[Path], *, step: int = 1) -> Iterator[Picture]:
+def read_pictures(files: Sequence[Path], *, step: int) -> Iterator[Picture]:
     """Give every picture, and every ``step``-th frame of every film, one at a time.
 
     Raises InputError when a file is neither a picture nor a film that can be decoded.

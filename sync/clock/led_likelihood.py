@@ -69,7 +69,7 @@ def match_led(
     log: TemperatureLog,
     *,
     near: tuple[float, float] | None = None,
-    gaps: Sequence[UnknownGap] = (),
+    gaps: Sequence[UnknownGap],
 ) -> LedMatch:
     """Pair the LED's changes with the switch's and estimate the clock.
 

@@ -54,7 +54,7 @@ class _Inputs:
 
 
 def motion_likelihood(
-    angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None = None, gaps: Sequence[UnknownGap] = ()
+    angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None, gaps: Sequence[UnknownGap]
 ) -> MotionLikelihood | None:
     """Weigh motion against temperature over the whole range of offsets.
 

@@ -134,7 +134,7 @@ def refine(
     start_s: float,
     prior: Gaussian,
     lag_s: float,
-    gaps: Sequence[UnknownGap] = (),
+    gaps: Sequence[UnknownGap],
 ) -> Gaussian | None:
     """Return the Gaussian about the clock for a given lag, from a start near the answer.
 
@@ -166,7 +166,7 @@ def scan(
     offset_s: Floats,
     prior: Gaussian,
     lag_s: float,
-    gaps: Sequence[UnknownGap] = (),
+    gaps: Sequence[UnknownGap],
 ) -> Floats:
     """Return the log-likelihood at some offsets, each held fixed; minus infinity where nothing is known."""
     log_likelihood = np.full(len(offset_s), -np.inf)

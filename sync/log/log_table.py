@@ -13,7 +13,6 @@ from sync.log.column_names import (
     CONTRACT,
     DATE,
     NEEDED,
-    NOTHING_CHOSEN,
     ChosenColumns,
     LogColumn,
     columns_note,
@@ -54,7 +53,7 @@ class LogTable(TextTable):
         return {CONTRACT[role]: spelling(column) for role, column in self.columns.items() if role in CONTRACT}
 
 
-def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTable:
+def read_log_table(path: Path, chosen: ChosenColumns) -> LogTable:
     """Read a log's table, text or Parquet.
 
     Raises InputError when the file cannot be read, lacks a column that is needed or named, has a unit in its header

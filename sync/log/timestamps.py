@@ -44,7 +44,7 @@ class OrderedTimestamps:
     repairs: tuple[Repair, ...]
 
 
-def order_timestamps(timestamp_s: Floats, *, first_line: int = 2) -> OrderedTimestamps:
+def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestamps:
     """Bring rows into the order of time, block by block.
 
     ``timestamp_s`` (n,) are the timestamps of the file, NaN where there is none; row 0 stands on its line

@@ -173,9 +173,9 @@ def cooling_start(
     segment: HeatingSegment,
     *,
     noise: float,
-    switch_s: Floats | None = None,
-    lag_s: float | None = None,
-    split: float = 0.0,
+    switch_s: Floats | None,
+    lag_s: float | None,
+    split: float,
 ) -> Changepoint | None:
     """Find the instant at which the power went off at the beginning of a cooling.
 

@@ -265,10 +265,5 @@ def _check(scene: Scene, *, where: str) -> None:
 
 def demo_scene() -> Scene:
     """Return the scene of ``torsight demo``, which comes with the package."""
-    return packaged_scene("demo")
-
-
-def packaged_scene(name: str) -> Scene:
-    """Return a scene that comes with the package, by its name."""
-    with resources.as_file(resources.files("torsight.synthetic") / "scenes" / f"{name}.toml") as path:
+    with resources.as_file(resources.files("torsight.synthetic") / "scenes" / "demo.toml") as path:
         return read_scene(path)

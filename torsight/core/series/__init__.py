@@ -128,10 +128,10 @@ def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
     return robust_sigma(differences) / _gain(order)
 
 
-def scatter_of_rows(rows: Floats, *, stride: int = 1, order: int = 3) -> Floats:
+def scatter_of_rows(rows: Floats, *, stride: int) -> Floats:
     """Return :func:`scatter` of every row (m,) of many pieces of one length (m, n)."""
-    size = np.median(np.abs(_difference(rows, stride, order)), axis=1)
-    return np.asarray(size / _NORMAL_MEDIAN / _gain(order))
+    size = np.median(np.abs(_difference(rows, stride, 3)), axis=1)
+    return np.asarray(size / _NORMAL_MEDIAN / _gain(3))
 
 
 def _gain(order: int) -> float:

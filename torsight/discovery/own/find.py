@@ -102,7 +102,7 @@ class KnownFit:
     settled: bool
 
 
-def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress = silent) -> KnownFit:
+def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -> KnownFit:
     """Fit a model with effects, by their ids, that are known to belong to it: a discovery without a choice.
 
     The plain model comes first, then one effect after the other, each time with all that came before.

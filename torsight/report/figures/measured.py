@@ -20,7 +20,7 @@ _MOST_EVENTS: Final = 60
 apart."""
 
 
-def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = ()) -> Figure | None:
+def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]]) -> Figure | None:
     """Draw the measured angle and its sigma over time, lost stretches shaded, the tracker's events marked."""
     time_s, degrees = column(angle, "time_s"), column(angle, "angle_deg")
     sigma, valid = column(angle, "angle_sigma_deg"), column(angle, "valid") > 0.5

@@ -211,7 +211,7 @@ def pairs_of_bars(
     *,
     unseen: Sequence[bool] = (),
     width: float = 860.0,
-    height: float = 200.0,
+    height: float,
     unit: str = "°",
 ) -> Panel:
     """Return a before and an after bar per name; a level that is not finite is left out."""
