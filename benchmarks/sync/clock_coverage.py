@@ -2,8 +2,8 @@
 
 Offsets within ±600 s, drifts within ±200 ppm, a fifth of the log's rows lost, one restart of its clock in a rest or on
 a ramp. The pairs of ``--kind slow``, ``fast`` and ``one_rate`` come from the tests' own generator, with and without a
-lag of the sensor; any other kind is an effect hidden in the synthetic rig (``rig_pairs.py``). ``--light`` uses a shared
-light instead of the motion. A seed that ``--out`` already holds is not run again. Seeds from 10000 on are for the
+lag of the sensor; any other kind is an effect hidden in the synthetic rig (``rig_pairs.py``). ``--led`` uses a shared
+LED instead of the motion. A seed that ``--out`` already holds is not run again. Seeds from 10000 on are for the
 report only.
 
 Run: python benchmarks/sync/clock_coverage.py --kind slow --seeds 200 --out slow.jsonl
@@ -74,15 +74,15 @@ def restarted(pair: Any, rng: np.random.Generator, folder: Path) -> Path:
     return path
 
 
-def light_of(pair: Any) -> LightEvents:
-    """Return the first frames that show each change of a light."""
+def led_of(pair: Any) -> LightEvents:
+    """Return the first frames that show each change of an LED."""
     time_s = np.sort(pair.switch_true_s.ravel())
     on = np.isin(time_s, pair.switch_true_s[:, 0])
     inside = (time_s > pair.film_s[1]) & (time_s < pair.film_s[-1])
     return LightEvents(pair.film_s[np.searchsorted(pair.film_s, time_s[inside])], on[inside])
 
 
-def study(kind: str, seed: int, *, light: bool, restart: bool, folder: Path) -> dict[str, Any]:
+def study(kind: str, seed: int, *, led: bool, restart: bool, folder: Path) -> dict[str, Any]:
     """Estimate the clock of one pair and hold it against the truth."""
     rng = np.random.default_rng([seed, 3])
     offset_s, drift_ppm = float(rng.uniform(-600, 600)), float(rng.uniform(-200, 200))
@@ -90,11 +90,11 @@ def study(kind: str, seed: int, *, light: bool, restart: bool, folder: Path) -> 
     pair = pair_of(kind, seed, lag_s, offset_s, drift_ppm)
     angles, log = records(pair)
     reading = read_temperature_log(restarted(pair, rng, folder)) if restart else LogReading(log)
-    row: dict[str, Any] = {"kind": kind, "light": light, "restart": restart, "seed": seed, "lag_s": lag_s}
+    row: dict[str, Any] = {"kind": kind, "led": led, "restart": restart, "seed": seed, "lag_s": lag_s}
     row["frame_s"] = float(np.median(np.diff(pair.film_s)))
     row["middle_s"] = 0.5 * float(pair.film_s[-1])
     try:
-        clock = find_clock(angles, reading, light=light_of(pair) if light else None).clock
+        clock = find_clock(angles, reading, light=led_of(pair) if led else None).clock
     except NoResultError as error:
         return row | {"failed": str(error)}
     return row | {
@@ -128,7 +128,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> str:
     middle = error_s + np.array([row["drift_error_ppm"] * 1e-6 * row["middle_s"] for row in good])
     frames = middle / np.array([row["frame_s"] for row in good])
     return (
-        f"{rows[0]['kind']}{' light' if rows[0]['light'] else ''}: {len(rows)} pairs, {len(rows) - len(good)} without "
+        f"{rows[0]['kind']}{' LED' if rows[0]['led'] else ''}: {len(rows)} pairs, {len(rows) - len(good)} without "
         f"an answer; offset held in {100 * np.mean((low <= 0) & (high >= 0)):.1f} %, drift in "
         f"{100 * np.mean((drift_low <= 0) & (drift_high >= 0)):.1f} %; median width {np.median(high - low):.3f} s, "
         f"{np.median(drift_high - drift_low):.0f} ppm; error median {np.median(error_s):+.4f} s, half within "
@@ -144,7 +144,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--no-restart", action="store_true")
-    parser.add_argument("--light", action="store_true")
+    parser.add_argument("--led", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("clock_coverage.jsonl"))
     parser.add_argument("--report", type=Path, nargs="+")
     options = parser.parse_args()
@@ -152,7 +152,7 @@ def main() -> None:
         lines = [line for path in options.report for line in path.read_text(encoding="utf-8").splitlines()]
         groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
         for row in map(json.loads, lines):
-            groups.setdefault((row["kind"], row["light"]), []).append(row)
+            groups.setdefault((row["kind"], row["led"]), []).append(row)
         for rows in groups.values():
             print(summary(rows))
         return
@@ -165,7 +165,7 @@ def main() -> None:
             kind = kinds[seed % len(kinds)]
             if (kind, seed) in done:
                 continue
-            row = study(kind, seed, light=options.light, restart=not options.no_restart, folder=Path(name))
+            row = study(kind, seed, led=options.led, restart=not options.no_restart, folder=Path(name))
             out.write(json.dumps(row) + "\n")
             out.flush()
             print(told(row), flush=True)

@@ -31,7 +31,7 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parent))
 
-from clock_coverage import light_of, pair_of, records, restarted
+from clock_coverage import led_of, pair_of, records, restarted
 from prior_sensitivity import Answer, compared
 
 import sync
@@ -45,12 +45,11 @@ CLOCK = {
     "log.restart_gaps": ("_WINDOW_S", "LONGEST_GAP_S"),
     "clock.gaussian_mixture": ("MOST_HYPOTHESES", "NEGLIGIBLE_LOG"),
     "clock.led_likelihood": ("_GRID",),
-    "clock.motion_likelihood": ("_STARTS",),
     "clock.offset_search": ("ALIKE", "_LEAST_EXPLAINED"),
     "clock.threshold_crossings": ("WHOLE_STROKE",),
     "clock.threshold_likelihood": ("_RATE_POWERS",),
     "signals.changepoints": ("MAX_LAG_S", "_POINTS"),
-    "signals.crossing_times": ("_NOISE_PER_STEP", "_STAMP_SHARE"),
+    "signals.crossing_times": ("_NOISE_PER_STEP",),
     "signals.even_signal": ("WINDOW_S",),
     "signals.heating_segments": ("_MIN_SHARE", "_HEATING_SHARE"),
     "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S"),
@@ -70,7 +69,7 @@ def changed(module: str, name: str) -> Iterator[float]:
     return half_and_twice(name, importlib.import_module(f"sync.{module}"), *MODULES)
 
 
-def clocks(pairs: Sequence[Any], folder: Path, *, light: bool) -> list[Answer | None]:
+def clocks(pairs: Sequence[Any], folder: Path, *, led: bool) -> list[Answer | None]:
     """Return error and interval of the offset of every pair, s from the truth; None where there is no answer."""
     found: list[Answer | None] = []
     for number, pair in enumerate(pairs):
@@ -79,7 +78,7 @@ def clocks(pairs: Sequence[Any], folder: Path, *, light: bool) -> list[Answer | 
         if number % 2:
             reading = read_temperature_log(restarted(pair, np.random.default_rng([number, 4]), folder))
         try:
-            clock = find_clock(angles, reading, light=light_of(pair) if light else None).clock
+            clock = find_clock(angles, reading, light=led_of(pair) if led else None).clock
         except NoResultError:
             found.append(None)
             continue
@@ -161,15 +160,15 @@ def main() -> None:
             for constant in (one for one in names if options.only in one):
                 for factor in changed(module, constant):
                     print(f"{module + ' ' + constant:38s} x{factor:<3g} {cleaned(pairs, folder)}", flush=True)
-        usual = {light: clocks(pairs, folder, light=light) for light in (False, True)}
-        for light, word in ((False, "motion"), (True, "LED")):
-            print(f"as it is, {word}: {line(usual[light], usual[light])}", flush=True)
+        usual = {led: clocks(pairs, folder, led=led) for led in (False, True)}
+        for led, word in ((False, "motion"), (True, "LED")):
+            print(f"as it is, {word}: {line(usual[led], usual[led])}", flush=True)
         for module, names in CLOCK.items():
-            light = "led" in module
+            led = "led" in module
             for constant in (one for one in names if options.only in one):
                 for factor in changed(module, constant):
-                    other = clocks(pairs, folder, light=light)
-                    print(f"{module + ' ' + constant:38s} x{factor:<3g} {line(usual[light], other)}", flush=True)
+                    other = clocks(pairs, folder, led=led)
+                    print(f"{module + ' ' + constant:38s} x{factor:<3g} {line(usual[led], other)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What half and twice of each constant that finds an LED on a film do, where the heating switch is known.
 
-Films of the synthetic rig with a lamp that is lit while a spring is heated: bright, and hardly brighter than the spots
+Films of the synthetic rig with an LED that is lit while a spring is heated: bright, and hardly brighter than the spots
 of the background; in quiet, well compressed pictures, and in noisy, flickering, badly compressed ones. Each is read
 with the place given exactly and 2, 4 and 6 px beside it. Columns: share of the readings that find every change of the
 switch and no other; of all changes that are found, the share that lie within two frames of one; rms distance of these,
@@ -37,7 +37,7 @@ FPS, PLACE, REACH = 20.0, (60, 60), 40
 
 
 class Cut:
-    """A film's frames around the lamp, as a source; the film itself is decoded once."""
+    """A film's frames around the LED, as a source; the film itself is decoded once."""
 
     def __init__(self, film: Path) -> None:
         x, y = PLACE
@@ -53,7 +53,7 @@ class Cut:
 
 
 def films(folder: Path) -> list[tuple[Cut, np.ndarray]]:
-    """Return films, cut around the lamp, with the times at which the switch changed."""
+    """Return films, cut around the LED, with the times at which the switch changed."""
     made = []
     ways = itertools.product((250.0, 160.0), (2.0, 4.0), ((1.5, 0.0, 18), (6.0, 0.05, 32)))
     for number, (level, radius, (noise, flicker, crf)) in enumerate(ways):
@@ -73,7 +73,7 @@ def films(folder: Path) -> list[tuple[Cut, np.ndarray]]:
 
 
 def read(made: list[tuple[Cut, np.ndarray]]) -> str:
-    """Return how the changes of the lamps are found."""
+    """Return how the changes of the LEDs are found."""
     whole, off = [], []
     for cut, changes_s in made:
         for beside in (0, 2, 4, 6):

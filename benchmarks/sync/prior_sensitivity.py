@@ -26,7 +26,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from clock_coverage import light_of, pair_of, records
+from clock_coverage import led_of, pair_of, records
 
 from sync import LogReading, find_clock
 from sync.clock.clock_priors import PRIORS, Priors
@@ -48,12 +48,12 @@ def changed(name: str, factor: float) -> Iterator[None]:
         object.__setattr__(PRIORS, name, was)
 
 
-def answers(pairs: Sequence[Any], *, light: bool) -> list[Answer]:
+def answers(pairs: Sequence[Any], *, led: bool) -> list[Answer]:
     """Return error and interval of the offset of every pair, s from the truth."""
     found = []
     for pair in pairs:
         angles, log = records(pair)
-        clock = find_clock(angles, LogReading(log), light=light_of(pair) if light else None).clock
+        clock = find_clock(angles, LogReading(log), light=led_of(pair) if led else None).clock
         low, high = clock.offset_ci95_s
         found.append((clock.offset_s - pair.offset_s, low - pair.offset_s, high - pair.offset_s))
     return found
@@ -81,16 +81,16 @@ def main() -> None:
         rng = np.random.default_rng([seed, 5])
         kind, lag_s = ("slow", "fast")[seed % 2], float(rng.choice([0.0, rng.uniform(0.0, 10.0)]))
         pairs.append(pair_of(kind, seed, lag_s, float(rng.uniform(-600, 600)), float(rng.uniform(-200, 200))))
-    usual = {light: answers(pairs, light=light) for light in (False, True)}
+    usual = {led: answers(pairs, led=led) for led in (False, True)}
     print(
         f"{len(pairs)} pairs; as they are: {compared(usual[False], usual[False])}; LED {compared(*[usual[True]] * 2)}"
     )
     for field in fields(Priors):
-        light = "led" in field.name
+        led = "led" in field.name
         for factor in (0.5, 2.0):
             with changed(field.name, factor):
-                other = answers(pairs, light=light)
-            print(f"{field.name:22s} x{factor:<3g} {compared(usual[light], other)}", flush=True)
+                other = answers(pairs, led=led)
+            print(f"{field.name:22s} x{factor:<3g} {compared(usual[led], other)}", flush=True)
 
 
 if __name__ == "__main__":

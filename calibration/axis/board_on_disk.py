@@ -71,12 +71,8 @@ def pose_on_disk(
     The camera stands still. The heights are those of the two sticks' markers above the board's face, towards the
     camera.
 
-    Raises
-    ------
-    InputError
-        When the corners do not fit the camera: it is another one, or its focus or zoom was changed.
-    NoResultError
-        When several pictures show the disk in nearly the same position.
+    Raises InputError when the corners do not fit the camera: it is another one, or its focus or zoom was changed;
+    NoResultError when several pictures show the disk in nearly the same position.
     """
     poses = [_board_pose(view, intrinsics) for view in views]
     solved = _fixed_place(views[0], intrinsics, poses[0], board)

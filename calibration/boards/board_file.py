@@ -102,10 +102,15 @@ class Board:
 
     def charuco(self) -> cv2.aruco.CharucoBoard:
         """Return OpenCV's own object for a ChArUco board."""
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        dictionary = dictionary_of(self.dictionary)
         board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, self.marker_mm, dictionary)
         board.setLegacyPattern(self.legacy)
         return board
+
+
+def dictionary_of(name: str) -> cv2.aruco.Dictionary:
+    """Return OpenCV's dictionary of markers by its name there."""
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
 def read_board(path: AnyPath) -> Board:

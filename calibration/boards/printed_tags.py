@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import cv2
 
+from calibration.boards.board_file import dictionary_of
 from calibration.boards.printing import LAYOUT, PAGES_MM, Drawing, Rectangle, Text, check_bar, draw_tag
 from torsight.core.errors import ConfigError
 
@@ -40,7 +41,7 @@ def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> Ta
     if not isinstance(getattr(cv2.aruco, name, None), int):
         usual = "4X4_50, 5X5_50, 6X6_50, APRILTAG_16h5, APRILTAG_25h9, APRILTAG_36h11"
         raise ConfigError("is no family of tags", where="--family", value=family, limit=f"one of OpenCV's, as {usual}")
-    count = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)).bytesList)
+    count = len(dictionary_of(name).bytesList)
     for option, number in (("--base-id", base_id), ("--moving-id", moving_id)):
         if not 0 <= number < count:
             raise ConfigError("is no tag of this family", where=option, value=number, limit=f"0 to {count - 1}")
@@ -57,7 +58,7 @@ def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> Ta
 def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
     """Return both tags beside each other on a page, with ticks to cut along and a bar to check the scale."""
     width_mm, height_mm = PAGES_MM[page]
-    border_mm = LAYOUT.tag_border * pair.side_mm / _modules(pair)
+    border_mm = LAYOUT.tag_border * pair.side_mm / (dictionary_of(f"DICT_{pair.family}").markerSize + 2)
     whole_mm = pair.side_mm + 2.0 * border_mm
     room_mm = (
         0.5 * width_mm - LAYOUT.margin_mm - 2.0 * LAYOUT.tick_mm,
@@ -84,10 +85,6 @@ def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
     bar, said = check_bar(page)
     foot = Text(LAYOUT.margin_mm, height_mm - LAYOUT.margin_mm, f"black squares of {pair.side_mm:g} mm; print at 100 %")
     return Drawing((width_mm, height_mm), (*shapes, bar), (*words, foot, said))
-
-
-def _modules(pair: TagPair) -> int:
-    return int(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{pair.family}")).markerSize) + 2
 
 
 def _ticks(left_mm: float, top_mm: float, whole_mm: float) -> list[Rectangle]:

@@ -18,7 +18,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from scipy.constants import inch, milli
 
-from calibration.boards.board_file import Board
+from calibration.boards.board_file import Board, dictionary_of
 from torsight.core.errors import ConfigError
 from torsight.core.files.figure_file import UNDATED, write_figure
 from torsight.core.files.paths import AnyPath
@@ -175,8 +175,8 @@ def _pattern(board: Board) -> list[Rectangle]:
 
 def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, side_mm: float) -> list[Rectangle]:
     """Return a tag whose black square has its top left corner at a place; runs of black modules are joined per row."""
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary_name))
-    modules = dictionary.markerSize + 2
+    dictionary = dictionary_of(dictionary_name)
+    modules = dictionary.markerSize + 2  # a black frame of one module around them
     bits = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, modules)) == 0
     module = side_mm / modules
     shapes = []

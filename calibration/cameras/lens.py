@@ -146,10 +146,7 @@ def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress:
 def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal["narrow", "wide"] = "narrow") -> Fit:
     """Fit focal lengths, centre and five distortion coefficients to views of a board.
 
-    Raises
-    ------
-    NoResultError
-        When the fit does not come out with finite numbers.
+    Raises NoResultError when the fit does not come out with finite numbers.
     """
     corners = [view.corners_px if window == "narrow" else view.wide_px for view in views]
     try:
@@ -160,6 +157,7 @@ def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal
             np.eye(3),
             np.zeros(5),
             flags=0,
+            # Until nothing moves any more: OpenCV's own 30 steps may end before.
             criteria=(cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-12),
         )
     except cv2.error as error:
@@ -206,6 +204,7 @@ def _without_bad(
         view = views[kept[worst]]
         shift = root_mean_square(view.wide_px - view.corners_px)
         why = f"its corners are {error[worst]:.2f} px off, the median of the views is {median:.2f} px"
+        # Where the window makes more than half of the error, blur or light is the cause, and that can be mended.
         if window == "wide" and shift > 0.5 * error[worst]:
             why += f"; they move by {shift:.2f} px with the window in which they are measured"
         aside.append(SetAside(kept.pop(worst), why))
@@ -234,6 +233,7 @@ def worst_view(error_px: Floats) -> int | None:
 
 def without_each(count: int, values: Callable[[range], Floats], *, words: str, progress: Progress) -> Floats:
     """Return the values (g, p) without each of g groups of the places of so many views or pairs, for a jackknife."""
+    # Every so many-th, not neighbours: these look alike, as the board was turned from one to the next.
     groups = min(count, _MOST_GROUPS)
     found = []
     for first in range(groups):

@@ -57,10 +57,7 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
 
     ``progress`` is told after every fit that leaves some of the pairs out.
 
-    Raises
-    ------
-    NoResultError
-        When too few pictures show the board in both cameras.
+    Raises NoResultError when too few pictures show the board in both cameras.
     """
     pairs = _common_views(left.kept_views, right.kept_views)
     _require_pairs(len(pairs))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from calibration.axis.board_on_disk import DiskPose
+from calibration.boards.board_file import Board
 from calibration.cameras.lens import PARAMETERS
 from calibration.cameras.stereo_pair import PairCalibration
 from calibration.quality.calibration_verdict import cells_covered
@@ -31,7 +33,7 @@ def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) 
         content["right"] = _lens(calibration.right)
         content["pair"] = _pair(calibration.pair)
     if calibration.disk is not None and calibration.disk_seen is not None:
-        content["axis"] = _axis(calibration, calibration.disk_seen)
+        content["axis"] = _axis(calibration.board, calibration.disk, calibration.disk_seen)
     return content
 
 
@@ -158,12 +160,9 @@ def _pair(pair: PairCalibration) -> dict[str, Any]:
     }
 
 
-def _axis(calibration: Calibration, seen: Seen) -> dict[str, Any]:
-    disk = calibration.disk
-    if disk is None:
-        return {}
+def _axis(board: Board, disk: DiskPose, seen: Seen) -> dict[str, Any]:
     return {
-        "board": calibration.board.content(),
+        "board": board.content(),
         "pictures": [{"name": source.name, "sha256": source.sha256} for source in seen.sources],
         "tilt_deg": disk.tilt_deg,
         "direction_sigma_deg": disk.direction_sigma_deg,

@@ -106,12 +106,8 @@ def find_views(
     Of films every ``step``-th frame is looked at, chosen by their length where that is not given; ``only`` some places
     in the row of pictures matter for the second camera of a pair.
 
-    Raises
-    ------
-    InputError
-        When a file cannot be read or two pictures differ in size or camera.
-    NoResultError
-        When no picture shows the board; the message names another board that is seen instead.
+    Raises InputError when a file cannot be read or two pictures differ in size or camera; NoResultError when no picture
+    shows the board; the message names another board that is seen instead.
     """
     files = expand(paths)
     films = any(is_film(path) for path in files)
@@ -192,6 +188,7 @@ def _chosen(views: Sequence[View]) -> list[View]:
     in the picture and in the board's tilt.
     """
     edges = np.array([view.edge_px for view in views])
+    # The sharpest fifth: a single frame may look sharper than the lens is.
     sharp = [view for view in views if view.edge_px <= _BLURRED * np.quantile(edges, 0.2)]
     traits = _traits(sharp)
     chosen = [int(np.argmin([view.edge_px for view in sharp]))]

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.boards.board_file import DICTIONARIES, Board
+from calibration.boards.board_file import DICTIONARIES, Board, dictionary_of
 from torsight.core.files.small_pictures import shrunk
 from torsight.core.units import Floats, Ints
 
@@ -42,9 +42,6 @@ _WINDOW_PER_EDGE: Final = 3.0
 corners err by a sixth more, with twice of it by 1 % less."""
 FEWEST_CORNERS: Final = 8
 """Corners of a board that a picture, or both of a pair, must show: twice those that determine a plane's pose."""
-_MOST_ALIKE: Final = 0.7
-"""Share of the places beyond the rim that must look like corners: a shadow makes some of them, no row. Half of it, and
-all but every twentieth, say the same of whole and of larger boards."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
@@ -74,11 +71,11 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
     """
     side_px = _QUICK_SIDE_PX if quick else _DETECTION_SIDE_PX
     scale, small = max(1.0, max(grey.shape) / side_px), shrunk(grey, side_px)
-    find = _charuco if board.kind == "charuco" else _chessboard
-    found = find(small, board, quick=quick)
+    found = _charuco(small, board) if board.kind == "charuco" else _chessboard(small, board, quick=quick)
     if found is None:
         return None
     corner, rough = found
+    # Pixel centres are at whole numbers: the picture's edge, half a pixel before the first, stays where it is.
     rough = (rough + 0.5) * scale - 0.5
     points = board.points_mm()[corner]
     square_px = _smallest_square_px(points, rough, board.square_mm)
@@ -146,8 +143,7 @@ def _first_square_is_dark(grey: Grey, grid: Floats) -> bool:
     return float(across.mean()) > 0.0
 
 
-def _charuco(grey: Grey, board: Board, *, quick: bool) -> tuple[Ints, Floats] | None:
-    del quick
+def _charuco(grey: Grey, board: Board) -> tuple[Ints, Floats] | None:
     corners, ids, _, _ = cv2.aruco.CharucoDetector(board.charuco()).detectBoard(grey)
     if corners is None or ids is None or len(ids) < FEWEST_CORNERS:
         return None
@@ -223,6 +219,7 @@ def goes_on(grey: Grey, view: View, board: Board) -> bool:
 
 def _are_corners(grey: Grey, points_mm: Floats, matrix: Floats, square_mm: float) -> bool:
     """Return whether most of these places lie between four squares of alternating colour."""
+    # Well inside the four squares, away from their edges' blur.
     offsets = 0.3 * square_mm * np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]])
     places = cv2.perspectiveTransform((points_mm[:, None] + offsets).reshape(-1, 1, 2), matrix)
     column, row = places.reshape(-1, 2).round().astype(int).T
@@ -231,7 +228,8 @@ def _are_corners(grey: Grey, points_mm: Floats, matrix: Floats, square_mm: float
     same = grey[row, column].astype(np.float64).reshape(-1, 4)
     contrast = np.abs(same[:, :2].mean(axis=1) - same[:, 2:].mean(axis=1))
     unlike = np.maximum(np.abs(same[:, 0] - same[:, 1]), np.abs(same[:, 2] - same[:, 3]))
-    return bool(np.mean(contrast > np.maximum(2.0 * unlike, 20.0)) > _MOST_ALIKE)
+    # A shadow makes some of the places look like corners, but not most of a row.
+    return bool(np.mean(contrast > np.maximum(2.0 * unlike, 20.0)) > 0.5)
 
 
 def other_boards_seen(grey: Grey, board: Board) -> str | None:
@@ -263,8 +261,7 @@ def _other_dictionary(grey: Grey) -> str | None:
     for name in DICTIONARIES:
         if not name.endswith("_1000"):
             continue
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-        _, ids, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(grey)
+        _, ids, _ = cv2.aruco.ArucoDetector(dictionary_of(name)).detectMarkers(grey)
         if ids is not None and len(ids) > most:
             best, most = f"{len(ids)} markers of {name[:-5]}_…, numbers {ids.min()} to {ids.max()}", len(ids)
     return best

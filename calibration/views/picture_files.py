@@ -75,13 +75,10 @@ def film_step(files: Sequence[Path]) -> int:
     return max(1, longest // _FILM_CANDIDATES)
 
 
-def read_pictures(files: Sequence[Path], *, step: int = 1) -> Iterator[Picture]:
+def read_pictures(files: Sequence[Path], *, step: int) -> Iterator[Picture]:
     """Give every picture, and every ``step``-th frame of every film, one at a time.
 
-    Raises
-    ------
-    InputError
-        When a file is neither a picture nor a film that can be decoded.
+    Raises InputError when a file is neither a picture nor a film that can be decoded.
     """
     for path in files:
         if is_film(path):
@@ -92,6 +89,7 @@ def read_pictures(files: Sequence[Path], *, step: int = 1) -> Iterator[Picture]:
 
 def _picture(path: Path) -> Picture:
     digest = file_hash(path)
+    # By its bytes: on Windows OpenCV opens no file whose name is not ASCII.
     data = np.fromfile(path, dtype=np.uint8)
     try:
         grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None

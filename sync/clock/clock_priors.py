@@ -72,7 +72,7 @@ class Priors:
     lag_model : float
         By how much of its lag a real sensor differs from a first-order one.
     led_jitter_s : float
-        Error of a frame's and of a row's stamp.
+        Error of a frame's and of a row's timestamp.
     led_repeats : float
         Switchings that meet the frames at one phase repeat one error: two are taken to tell as much as one.
     led_astray : float

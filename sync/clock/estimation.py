@@ -28,11 +28,9 @@ from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
 from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
-from torsight.core.words.plausible import LATEST_S, require_turns, require_units
+from torsight.core.words.plausible import FINEST_S, LATEST_S, require_turns, require_units
 from torsight.core.words.shown import Shown
 
-_EXACT: Final = 1e-6
-"""Standard deviation, s and ppm, of a value that is given: small against all others, and can be inverted."""
 WIDE_S: Final = 1.0
 """A wider interval is explained: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
 _ADVICE: Final = (
@@ -169,7 +167,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
         weighed = weigh_restarts(angles, reading, prior=prior)
     weighed, match = _paired(angles, weighed, reading, light, prior)
     gaussian = match.gaussian if prior is None else match.gaussian.without_drift()
-    if len(gaussian.mean) > len(("offset", "drift")):
+    if len(gaussian.mean) > 2:  # gaps beside offset and drift
         weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
     notes = list(_restart_notes(weighed))
     if match.rivals:
@@ -241,14 +239,15 @@ def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
 
 def _given(offset_s: float | None, *, drift_known: bool) -> Gaussian:
     """Return what is known about an offset, or None, and about the drift that is left."""
-    offset_sigma_s = LATEST_S if offset_s is None else _EXACT
-    drift_sigma_ppm = _EXACT if drift_known else PRIORS.drift_sigma_ppm
+    # A given value is exact to the finest step of any clock, s or ppm: with none the covariance could not be inverted.
+    offset_sigma_s = LATEST_S if offset_s is None else FINEST_S
+    drift_sigma_ppm = FINEST_S if drift_known else PRIORS.drift_sigma_ppm
     covariance = np.diag(np.square([offset_sigma_s, drift_sigma_ppm * PPM]))
     return Gaussian(np.array([offset_s or 0.0, 0.0]), covariance, 0.0)
 
 
 def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
-    """Let the interval hold both readings of coarse stamps: cut off, as they are taken, and rounded."""
+    """Let the interval hold both readings of coarse timestamps: cut off, as they are taken, and rounded."""
     if step_s == 0.0:
         return clock
     low, high = clock.offset_ci95_s

@@ -8,7 +8,6 @@ that are 60 times as long and as far apart fit nothing that they did not fit bef
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 from sync.clock.motion_likelihood import MotionLikelihood
 from sync.clock.offset_search import ALIKE, find_ranges
@@ -19,8 +18,6 @@ from torsight.core.errors import InputError
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 
-_MINUTE_S: Final = 60.0
-
 
 def require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: MotionLikelihood | None) -> None:
     """Refuse a film whose motion the log explains only with the film's times as minutes.
@@ -29,7 +26,7 @@ def require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: Motion
     """
     if likelihood is not None and likelihood.strokes - likelihood.matched <= 1:
         return
-    slower = replace(angles, time_s=_MINUTE_S * angles.time_s)
+    slower = replace(angles, time_s=60.0 * angles.time_s)
     strokes, signals = find_strokes(slower), log_signals(log, max_gap_s=longest_gap_s(log.time_s))
     if not strokes or not signals.segments:
         return

@@ -16,8 +16,8 @@ from torsight.core.records import ClockMap
 from torsight.core.units import PPM, Flags, Floats
 
 MOST_HYPOTHESES: Final = 12
-"""Alternatives that are kept beside each other, likeliest first: ranges of offset, causes of stops, gaps of a log.
-Half and twice of them give the same clock (benchmarks/sync/constants.py)."""
+"""Alternatives that are kept beside each other, likeliest first: ranges of offset, where in one of them the answer may
+lie, causes of stops, gaps of a log. Half and twice of them give the same clock (benchmarks/sync/constants.py)."""
 NEGLIGIBLE_LOG: Final = 20.0
 """Alternatives that are less likely by this logarithm are left out: e⁻²⁰ = 2·10⁻⁹ is what quantiles are solved to."""
 
@@ -62,7 +62,7 @@ class Gaussian:
 class UnknownGap:
     """A joint of the log: rows behind it may belong later than they were put, by an unknown time with one sigma.
 
-    ``after_s`` and ``begin_s`` are the stamps of the last row before and of the first behind, as they were joined.
+    ``after_s`` and ``begin_s`` are the timestamps of the last row before and of the first behind, as they were joined.
     """
 
     after_s: float
@@ -73,20 +73,20 @@ class UnknownGap:
 def log_time(
     film_s: Floats, point: Floats, gaps: Sequence[UnknownGap], *, middle_s: float
 ) -> tuple[Floats, Floats, Flags]:
-    """Return the joined log's stamps at film times, their derivatives by the unknowns, and where the log has rows.
+    """Return the joined log's timestamps at film times, their derivatives by the unknowns, and where the log has rows.
 
     ``point`` holds the offset at ``middle_s``, the drift, and the missing time of every gap.
     """
     away = film_s - middle_s
-    stamp = film_s + point[0] + point[1] * away
+    timestamp = film_s + point[0] + point[1] * away
     columns = [np.ones_like(film_s), away]
     covered = np.ones(len(film_s), dtype=np.bool_)
     for gap, missing_s in zip(gaps, point[2:], strict=True):
-        behind = stamp > gap.after_s
-        stamp = np.where(behind, stamp - missing_s, stamp)
-        covered &= ~behind | (stamp >= gap.begin_s)
+        behind = timestamp > gap.after_s
+        timestamp = np.where(behind, timestamp - missing_s, timestamp)
+        covered &= ~behind | (timestamp >= gap.begin_s)
         columns.append(np.where(behind, -1.0, 0.0))
-    return stamp, np.stack(columns, axis=1), covered
+    return timestamp, np.stack(columns, axis=1), covered
 
 
 def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:
@@ -120,5 +120,6 @@ def _quantile(mean: Floats, sigma: Floats, weight: Floats, share: float) -> floa
 
     matters = weight > np.exp(-NEGLIGIBLE_LOG)
     mean, sigma, weight = mean[matters], np.maximum(sigma[matters], 1e-12), weight[matters] / weight[matters].sum()
+    # Beyond nine standard deviations a normal distribution has no weight in floating point.
     low, high = float((mean - 9.0 * sigma).min()), float((mean + 9.0 * sigma).max())
     return float(brentq(lambda x: float(weight @ ndtr((x - mean) / sigma)) - share, low, high, xtol=1e-9))

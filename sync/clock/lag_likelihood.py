@@ -41,6 +41,7 @@ class LagMixture:
 
 def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
     """Return what the changepoints of a log say together."""
+    # At the end of the grid a lag is a bound and no value.
     usable = [
         changepoint
         for changepoint in changepoints

@@ -1,6 +1,6 @@
 """An LED in the film that shows the heating switch: the same event on both clocks.
 
-A frame shows the light on when it went on at some time since the frame before, and a row of the log shows the switch on
+A frame shows the LED on when it went on at some time since the frame before, and a row of the log shows the switch on
 when it went on since the row before. So an event happened half an interval earlier than each first shows it, give or
 take half an interval. Those errors need not be independent: switchings that are whole frames apart meet the frames at
 the same phase every time, and averaging them gains nothing. So the intervals themselves are intersected, over a grid of
@@ -69,7 +69,7 @@ def match_led(
     log: TemperatureLog,
     *,
     near: tuple[float, float] | None = None,
-    gaps: Sequence[UnknownGap] = (),
+    gaps: Sequence[UnknownGap],
 ) -> LedMatch:
     """Pair the LED's changes with the switch's and estimate the clock.
 
@@ -136,7 +136,7 @@ def _second_shift(film: Changes, switchings: Changes, index: Ints, partner: Ints
 
 
 def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, after_s: float) -> float | None:
-    """Return the time that is missing behind a joint of the log, s, by pairing the light on both sides of it.
+    """Return the time that is missing behind a joint of the log, s, by pairing the LED on both sides of it.
 
     None where one side alone pairs as many events as both. Of several answers the shortest is taken.
     """
@@ -149,7 +149,7 @@ def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, aft
             if not rows.any():
                 break
             sides.append(_best_shifts(film, switchings.at(rows)))
-        if len(sides) < len(("before", "behind")) or not all(count for count, _ in sides):
+        if len(sides) < 2 or not all(count for count, _ in sides):
             continue
         apart_s = min((a - b for a in sides[0][1] for b in sides[1][1] if a - b > -1.0), key=abs, default=None)
         total = sides[0][0] + sides[1][0]
@@ -168,6 +168,7 @@ def _with_gaps(
     # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
     sigmas = [10.0, 2.0 * PRIORS.drift_sigma_ppm * PPM, *gap_sigma_s]
     mean = np.zeros(len(sigmas))
+    # Near the answer already: the prior of 10 s is to pull at nothing.
     mean[0] = float(np.median(offset_s))
     gaussian = Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
     for away, seen, later, spread in zip(away_s, offset_s, behind, variance, strict=True):
@@ -189,6 +190,7 @@ def _intersected(*, away_s: Floats, offset_s: Floats, film_step_s: Floats, log_s
     # Any drift of ordinary clocks is as good as another: drawing it to zero would shift the offset at the film's ends.
     log_weight = -0.5 * (drift / (1.1 * drift_sigma)) ** 8
     for away, seen, film_step, log_step in zip(away_s, offset_s, film_step_s, log_step_s, strict=True):
+        # The sum of two even errors has the density of a trapezoid: as wide as both, its top as wide as they differ.
         error = np.abs(seen - offset - drift * away)
         long, short = max(film_step, log_step) + PRIORS.led_jitter_s, min(film_step, log_step) + PRIORS.led_jitter_s
         inside = np.clip(0.5 * (long + short) - error, 0.0, short) / (long * short)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -22,10 +21,6 @@ from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM, Flags, Floats
-
-_STARTS: Final = 4
-"""Local answers that are refined in one range of offsets, at least three steps of its scan apart. Half and twice of
-them give the same clock (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +54,7 @@ class _Inputs:
 
 
 def motion_likelihood(
-    angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None = None, gaps: Sequence[UnknownGap] = ()
+    angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None, gaps: Sequence[UnknownGap]
 ) -> MotionLikelihood | None:
     """Weigh motion against temperature over the whole range of offsets.
 
@@ -102,6 +97,7 @@ def motion_likelihood(
     # Offsets of all parts refer to one instant of the film.
     mixture = [gaussian.moved(best.middle_s - part.middle_s) for part in found for gaussian in part.mixture]
     mirrored = [replace(segment, spring="b" if segment.spring == "a" else "a") for segment in signals.segments]
+    # With the springs exchanged a motion fits at another half-cycle, which may be half an hour away.
     offsets = np.arange(ranges[0].low_s - 2000.0, ranges[0].high_s + 2000.0, 5.0)
     swapped = float(explained_share(strokes, mirrored, offsets).max()) > ranges[0].score + ALIKE
     return MotionLikelihood(
@@ -239,8 +235,9 @@ def _delays(
         return []
     order = np.argsort(log_likelihood)[::-1]
     starts: list[float] = []
+    # Nearer than three steps of the scan two starts climb the same maximum.
     for index in order[: max(20, len(order) // 4)]:
-        if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < _STARTS:
+        if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < MOST_HYPOTHESES:
             starts.append(float(offset_s[index]))
     found: list[Gaussian] = []
     for start_s in starts:

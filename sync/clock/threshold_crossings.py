@@ -86,7 +86,7 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
     cell = kind * len(_SHARES) + level
     same_cell = (cell[:, None] == cell[None, :]).astype(np.float64)
     far_both = far_deg[:, None] * far_deg[None, :]
-    tilt = 2.0 * share - 1.0
+    tilt = 2.0 * share - 1.0  # along a stroke, from −1 to 1
     # Both springs are of one make: where a stroke begins matters alike for both, and beyond that for each level anew.
     stress = (heating[:, None] == heating[None, :]) * (1.0 + tilt[:, None] * tilt[None, :])
     common = PRIORS.curve_sigma_c**2 * same_cell

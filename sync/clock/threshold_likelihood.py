@@ -53,7 +53,7 @@ _FIT: Final = np.asarray(np.linalg.pinv(_POWERS), dtype=np.float64)
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, slopes of the stamps."""
+    """Wire temperatures at the crossings for one clock: value, rate, variance without scatter, timestamps' slopes."""
 
     temp_c: Floats
     rate_c_s: Floats
@@ -134,7 +134,7 @@ def refine(
     start_s: float,
     prior: Gaussian,
     lag_s: float,
-    gaps: Sequence[UnknownGap] = (),
+    gaps: Sequence[UnknownGap],
 ) -> Gaussian | None:
     """Return the Gaussian about the clock for a given lag, from a start near the answer.
 
@@ -142,6 +142,7 @@ def refine(
     """
     point = prior.mean.copy()
     point[0] = start_s
+    # Temperatures are taken as straight lines around a point: no step may leave what is nearly one.
     limit = np.full(len(point), 5.0)
     limit[1] = 3e-4
     limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
@@ -165,13 +166,13 @@ def scan(
     offset_s: Floats,
     prior: Gaussian,
     lag_s: float,
-    gaps: Sequence[UnknownGap] = (),
+    gaps: Sequence[UnknownGap],
 ) -> Floats:
     """Return the log-likelihood at some offsets, each held fixed; minus infinity where nothing is known."""
     log_likelihood = np.full(len(offset_s), -np.inf)
     covariance = prior.covariance.copy()
     covariance[0, :] = covariance[:, 0] = 0.0
-    covariance[0, 0] = 1e-4
+    covariance[0, 0] = 1e-4  # held to 0.01 s: nothing could be inverted with 0
     for index, value in enumerate(offset_s):
         point = prior.mean.copy()
         point[0] = float(value)
@@ -189,7 +190,8 @@ def _linear(
     keep = wire.known
     rate = wire.rate_c_s[keep]
     jacobian = rate[:, None] * wire.columns[keep]
-    # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J.
+    # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J. The prior of the curve has its
+    # mean at 50 °C, between a room and the end of a heating.
     data = wire.temp_c[keep] - jacobian @ point - 50.0
     density = _density(crossings.stroke[keep], crossings.kind[keep], rate)
     common = crossings.common_c2[np.ix_(keep, keep)] + np.diag(wire.variance[keep])
@@ -291,6 +293,7 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
     """
     total = 0.0
     for number in np.unique(kind):
+        # The logarithm of a plateau's rate would count without end.
         strokes = np.unique(stroke[kind == number])
         logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
         total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))

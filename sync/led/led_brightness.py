@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tracker.frames.frame import FrameSource
 
 # benchmarks/sync/led.py measures what half and twice of these constants do. As they are 91 in 100 readings are whole,
-# which find all changes of lamps, bright and dim, that are given to 6 px, and no other one.
+# which find all changes of LEDs, bright and dim, that are given to 6 px, and no other one.
 _NEAR_PX: Final = 6
 """How far from the given place the LED is looked for: a place is clicked, or read off a picture, to a few pixels. With
 half of it 84 in 100 readings are whole, with twice of it 88."""
@@ -130,6 +130,7 @@ def _two_levels(value: Floats) -> tuple[float, float, float]:
     """Return the middles of two levels of values, and the noise of one value."""
     if len(value) < 2:
         return 0.0, 0.0, 0.0
+    # The parting and both medians in turn, until neither moves: two or three times, fifty at most.
     parting = 0.5 * float(value.min() + value.max())
     low = high = parting
     for _ in range(50):

@@ -18,7 +18,7 @@ from torsight.core.words.shown import Shown, span
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class LightEvents(Shown):
-    """Changes of the light on the film.
+    """Changes of the LED on the film.
 
     Attributes
     ----------

@@ -166,9 +166,7 @@ def _named(role: str, header: Sequence[str], chosen: ChosenColumns) -> list[int]
     """Return where a name stands that the user or the contract gives; in other spelling where it does not as it is."""
     name = chosen.names.get(role)
     if name is None:
-        return (
-            [index for index, one in enumerate(header) if one == CONTRACT.get(role, DATE)] if role in CONTRACT else []
-        )
+        return [index for index, one in enumerate(header) if one == CONTRACT.get(role)]
     tests = (lambda one: one, _folded, lambda one: _folded(split_unit(one)[0]))
     for spelling in tests:
         places = [index for index, one in enumerate(header) if spelling(one) == spelling(name)]
@@ -292,7 +290,7 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
         hint = f"did you mean '{folded[near[0]]}'?" if near else "name a column of the header"
         return InputError(f"has no column '{name}'", where=where, value=shown, do=f"it is named for {role}: {hint}")
     near = difflib.get_close_matches(name, list(header), n=1, cutoff=0.8)
-    example = ",".join(f"{one}={'NAME'}" for one in NEEDED)
+    example = ",".join(f"{one}=NAME" for one in NEEDED)
     hint = f"rename '{near[0]}', or " if near else ""
     do = f'{hint}say which columns to use: --columns "{example}", or [temperature] columns of an experiment'
     return InputError(f"has no column '{name}'", where=where, value=shown, do=do)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sync.log.column_names import NOTHING_CHOSEN, ChosenColumns, LogColumn
+from sync.log.column_names import ChosenColumns, LogColumn
 from sync.log.header import BLANKS, fields_of, find_header, require_columns, split_line, units_row, without_arrows
 from sync.log.labview import labview_header
 from sync.log.repairs import Repair
@@ -63,16 +63,14 @@ class TextTable(Frozen):
     columns: Mapping[str, LogColumn]
 
 
-def read_text_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> TextTable:
+def read_text_table(path: Path, chosen: ChosenColumns) -> TextTable:
     """Read delimited text with a header on any line: the first one that names time and both temperatures.
 
     The decimal sign is that of the columns that are used: what stands in others, as a note or a version, says nothing
     about it.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, empty, binary, without a needed column, or ambiguous in columns or decimal sign.
+    Raises InputError when the file is missing, empty, binary, without a needed column, or ambiguous in columns or
+    decimal sign.
     """
     text, repairs = _decode(path)
     lines = without_arrows(text.splitlines(), repairs)

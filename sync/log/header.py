@@ -91,8 +91,8 @@ def without_arrows(lines: list[str], repairs: list[Repair]) -> list[str]:
     for line, match in zip(lines, found, strict=True):
         rest = line if match is None else line[match.end() :]
         numbers = _PLAIN_ROW.fullmatch(rest) is not None
-        stamp = "" if match is None else match[1]
-        made.append(f"{stamp if numbers else ARRIVED}{delimiter}{rest}")
+        timestamp = "" if match is None else match[1]
+        made.append(f"{timestamp if numbers else ARRIVED}{delimiter}{rest}")
     return made
 
 

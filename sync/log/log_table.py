@@ -13,7 +13,6 @@ from sync.log.column_names import (
     CONTRACT,
     DATE,
     NEEDED,
-    NOTHING_CHOSEN,
     ChosenColumns,
     LogColumn,
     columns_note,
@@ -23,7 +22,7 @@ from sync.log.column_names import (
 )
 from sync.log.delimited_text import TextTable, read_text_table
 from sync.log.header import require_columns
-from sync.log.wall_clock import read_stamps
+from sync.log.wall_clock import read_timestamps
 from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table, refuse_folder, table_without_rows
 from torsight.core.units import Floats
@@ -41,8 +40,8 @@ class LogTable(TextTable):
 
     ``time_s`` is in seconds (NaN where a field is no number), temperatures are in °C; other fields that are no numbers
     are left as they are, and further columns keep their names. ``zero`` is the instant (ISO 8601) of time 0 where the
-    stamps are dates; ``notes`` are what a person should know: columns that were guessed or converted, dates that can be
-    read in two ways.
+    timestamps are dates; ``notes`` are what a person should know: columns that were guessed or converted, dates that
+    can be read in two ways.
     """
 
     zero: str | None
@@ -54,14 +53,11 @@ class LogTable(TextTable):
         return {CONTRACT[role]: spelling(column) for role, column in self.columns.items() if role in CONTRACT}
 
 
-def read_log_table(path: Path, chosen: ChosenColumns = NOTHING_CHOSEN) -> LogTable:
+def read_log_table(path: Path, chosen: ChosenColumns) -> LogTable:
     """Read a log's table, text or Parquet.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be read, lacks a column that is needed or named, has a unit in its header that the column
-        cannot have, or stamps that cannot be read.
+    Raises InputError when the file cannot be read, lacks a column that is needed or named, has a unit in its header
+    that the column cannot have, or timestamps that cannot be read.
     """
     refuse_folder(path)
     table = _parquet(path, chosen) if is_parquet(path) else read_text_table(path, chosen)
@@ -100,15 +96,15 @@ def _parquet(path: Path, chosen: ChosenColumns) -> TextTable:
 def _time(
     frame: pd.DataFrame, columns: Mapping[str, LogColumn], *, path: Path, first_line: int
 ) -> tuple[Any, str | None, str | None]:
-    """Return the stamps in seconds, the instant of second 0, and how dates were read."""
+    """Return the timestamps in seconds, the instant of second 0, and how dates were read."""
     column = columns["time"]
     values = frame.iloc[:, column.index]
     if DATE in columns:
         values = frame.iloc[:, columns[DATE].index].astype("string") + " " + values.astype("string")
-    stamps = read_stamps(values, where=f"{path}, column {spelling(column)}", first_line=first_line)
-    if not stamps.numeric:
-        return stamps.time_s, stamps.zero, stamps.note
-    if not column.name and column.unit is None and _counts_rows(stamps.time_s):
+    timestamps = read_timestamps(values, where=f"{path}, column {spelling(column)}", first_line=first_line)
+    if not timestamps.numeric:
+        return timestamps.time_s, timestamps.zero, timestamps.note
+    if not column.name and column.unit is None and _counts_rows(timestamps.time_s):
         # What a table library writes there is the number of the row.
         raise InputError(
             "has no column 'time_s'",
@@ -117,12 +113,12 @@ def _time(
             do="give the column of times a name; if these are seconds, say so: --units time=s",
         )
     factor = 1.0 if column.unit is None else column.unit.factor
-    return (stamps.time_s if factor == 1.0 else stamps.time_s * factor), None, None
+    return (timestamps.time_s if factor == 1.0 else timestamps.time_s * factor), None, None
 
 
-def _counts_rows(stamps: Floats) -> bool:
+def _counts_rows(timestamps: Floats) -> bool:
     """Return whether numbers are those of the rows: whole ones, each by one larger than that before."""
-    return bool(np.isfinite(stamps).all() and (np.diff(stamps) == 1.0).all() and stamps[0] in (0.0, 1.0))
+    return bool(np.isfinite(timestamps).all() and (np.diff(timestamps) == 1.0).all() and timestamps[0] in (0.0, 1.0))
 
 
 def _converted(values: pd.Series[Any], column: LogColumn) -> Any:

@@ -96,6 +96,7 @@ def spikes(time_s: Floats, temp_c: Floats) -> Flags:
     # What a straight flank or a corner moves within the window: the spread of the medians around.
     spread = np.maximum(np.abs(np.roll(middle, 4) - middle), np.abs(np.roll(middle, -4) - middle))
     spread[:4], spread[-4:] = spread[4:8].max(), spread[-8:-4].max()
+    # Beside a gap the neighbours lie too far away to say what the reading should be.
     lonely = np.maximum(np.diff(at_s, prepend=at_s[0]), np.diff(at_s, append=at_s[-1])) > 20 * usual_step(at_s)
     bad = (away > np.maximum(_SPIKE_FLOOR_C, APART * noise) + 2.0 * spread) & ~lonely
     found[index] = bad

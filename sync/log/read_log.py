@@ -14,21 +14,21 @@ from sync.log.log_table import NEEDED_NAMES, read_log_table
 from sync.log.outliers import RANGE_C, clean_channel, in_range
 from sync.log.repairs import LogReading, Repair
 from sync.log.restart_gaps import SHORTEST_STRETCH_S, join_blocks
-from sync.log.timestamps import OrderedStamps, longest_gap_s, order_stamps
+from sync.log.timestamps import OrderedTimestamps, longest_gap_s, order_timestamps
 from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.records import TemperatureLog
 from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats
-from torsight.core.words.plausible import require_stamps, require_units
+from torsight.core.words.plausible import require_timestamps, require_units
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _SWITCHES: Final = ("heat_a", "heat_b")
 _COARSE_SHARE: Final = 0.2
-"""A larger share of repeated stamps means stamps coarser than the rows, not rows written twice: stamps in whole seconds
-repeat in half of the rows and more of a log that needs them. Half and twice of it change nothing
+"""A larger share of repeated timestamps means timestamps coarser than the rows, not rows written twice: timestamps in
+whole seconds repeat in half of the rows and more of a log that needs them. Half and twice of it change nothing
 (benchmarks/sync/constants.py)."""
 _MIN_ROWS: Final = 3
 """Two steps of time: with one a usual step cannot be distinguished from a gap."""
@@ -53,8 +53,8 @@ def read_temperature_log(
     Returns
     -------
     LogReading
-        Time in seconds as stamped (from the first stamp where the stamps are dates), temperatures in °C with NaN where
-        no reading can be trusted, the heating switches where there are any, and all other columns.
+        Time in seconds as stamped (from the first timestamp where the timestamps are dates), temperatures in °C with
+        NaN where no reading can be trusted, the heating switches where there are any, and all other columns.
 
     Raises
     ------
@@ -68,10 +68,10 @@ def read_temperature_log(
     table = read_log_table(path, chosen_columns(columns, units))
     frame, first_line, repairs, spelled = table.frame, table.first_line, list(table.repairs), table.spelled
     time_column = f"{path}, column {spelled['time_s']}"
-    stamp_s = frame["time_s"].to_numpy(np.float64)
-    ordered = order_stamps(stamp_s, first_line=first_line)
+    timestamp_s = frame["time_s"].to_numpy(np.float64)
+    ordered = order_timestamps(timestamp_s, first_line=first_line)
     repairs += ordered.repairs
-    if np.count_nonzero(np.isfinite(stamp_s)) >= _MIN_ROWS:
+    if np.count_nonzero(np.isfinite(timestamp_s)) >= _MIN_ROWS:
         _require_order(ordered, len(frame), where=time_column)
     if len(ordered.row) < _MIN_ROWS:
         raise InputError(
@@ -89,9 +89,9 @@ def read_temperature_log(
             do="record it again, with a clock that runs",
         )
     series = {str(name): frame[name] for name in frame.columns if name != "time_s"}
-    stamps, numbers, texts = _distinct(ordered, series, first_line=first_line, repairs=repairs)
+    timestamps, numbers, texts = _distinct(ordered, series, first_line=first_line, repairs=repairs)
     readings = [in_range(numbers[name]) for name in NEEDED_NAMES[1:]]
-    time_s, restarts = join_blocks(stamps.time_s, stamps.block, readings)
+    time_s, restarts = join_blocks(timestamps.time_s, timestamps.block, readings)
     temperatures: dict[str, Floats] = {}
     for name in NEEDED_NAMES[1:]:
         temperatures[name], found = clean_channel(time_s, numbers[name], name=name)
@@ -125,9 +125,9 @@ def read_temperature_log(
     )
 
 
-def _require_order(ordered: OrderedStamps, rows: int, *, where: str) -> None:
-    """Refuse stamps that are no seconds, or too far out of order to be a clock's: every restart would be a guess."""
-    require_stamps(ordered.time_s, where=where)
+def _require_order(ordered: OrderedTimestamps, rows: int, *, where: str) -> None:
+    """Refuse times that are no seconds, or too far out of order to be a clock's: every restart would be a guess."""
+    require_timestamps(ordered.time_s, where=where)
     restarts = int(ordered.block[-1])
     covered_s = float(np.diff(ordered.time_s)[np.diff(ordered.block) == 0].sum())
     if restarts * SHORTEST_STRETCH_S > covered_s or len(ordered.row) < 0.5 * rows:
@@ -154,9 +154,9 @@ def _no_temperature(values: Floats, *, where: str) -> InputError:
 
 
 def _distinct(
-    ordered: OrderedStamps, columns: dict[str, pd.Series[Any]], *, first_line: int, repairs: list[Repair]
-) -> tuple[OrderedStamps, dict[str, Floats], dict[str, NDArray[np.generic]]]:
-    """Bring the columns, of numbers and of texts, into the rows' order and give every row a stamp of its own."""
+    ordered: OrderedTimestamps, columns: dict[str, pd.Series[Any]], *, first_line: int, repairs: list[Repair]
+) -> tuple[OrderedTimestamps, dict[str, Floats], dict[str, NDArray[np.generic]]]:
+    """Bring the columns, of numbers and of texts, into the rows' order and give every row a timestamp of its own."""
     import pandas as pd
 
     numbers: dict[str, Floats] = {}
@@ -193,7 +193,7 @@ def _distinct(
     group = np.cumsum(~same) - 1
     first = np.flatnonzero(~same)
     averaged = {name: np.asarray(_known(values).groupby(group).mean(), np.float64) for name, values in numbers.items()}
-    kept = OrderedStamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
+    kept = OrderedTimestamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
     return kept, averaged, {name: values[first] for name, values in texts.items()}
 
 
@@ -210,20 +210,20 @@ def _words(column: pd.Series[Any]) -> Floats:
     return np.asarray(lowered.map(words).to_numpy(np.float64, na_value=np.nan))
 
 
-def _spread(ordered: OrderedStamps, same: Flags) -> OrderedStamps:
+def _spread(ordered: OrderedTimestamps, same: Flags) -> OrderedTimestamps:
     group = np.cumsum(~same) - 1
     first = np.flatnonzero(~same)
     size = np.bincount(group)
-    stamp = ordered.time_s[first]
-    width = np.empty(len(stamp))
-    width[:-1] = np.diff(stamp)
-    usual = usual_step(stamp)
+    timestamp = ordered.time_s[first]
+    width = np.empty(len(timestamp))
+    width[:-1] = np.diff(timestamp)
+    usual = usual_step(timestamp)
     width[-1] = usual
-    # Behind a gap or a restart the rows of one stamp do not fill the time up to the next.
+    # Behind a gap or a restart the rows of one timestamp do not fill the time up to the next.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)
     rank = np.arange(len(group)) - first[group]
     time_s = ordered.time_s + width[group] * rank / size[group]
-    return OrderedStamps(ordered.row, time_s, ordered.block, ordered.repairs)
+    return OrderedTimestamps(ordered.row, time_s, ordered.block, ordered.repairs)
 
 
 def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict[str, Flags]:

@@ -37,14 +37,14 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """A restart of the logging clock, after which the stamps were moved to go on from those before.
+    """A restart of the logging clock, after which the timestamps were moved to go on from those before.
 
     Attributes
     ----------
     index : int
         First row of the log behind the restart.
     shift_s : float
-        What was added to the stamps from there on, s.
+        What was added to the timestamps from there on, s.
     gap_s, gap_sigma_s : float
         Time that passed between the rows before and behind it, with one standard deviation (infinite where the
         log does not tell: the gap is then one usual step).
@@ -62,7 +62,7 @@ class Restart:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LogReading(Frozen, Shown):
-    """A temperature log with strictly increasing stamps, and what it took to get there.
+    """A temperature log with strictly increasing timestamps, and what it took to get there.
 
     Attributes
     ----------
@@ -73,10 +73,10 @@ class LogReading(Frozen, Shown):
     restarts : tuple of Restart
         Restarts of the logging clock, in order.
     zero : str or None
-        Instant (ISO 8601) of time 0 where the stamps were dates; None where they were seconds.
+        Instant (ISO 8601) of time 0 where the timestamps were dates; None where they were seconds.
     coarse_s : float
-        Step of stamps that are coarser than the rows, s; they are read as cut off, and may have been rounded. 0 where
-        every row has a stamp of its own.
+        Step of timestamps that are coarser than the rows, s; they are read as cut off, and may have been rounded. 0
+        where every row has a timestamp of its own.
     columns : mapping of str to LogColumn
         Which column of the file was taken for what, by the keys ``time, a, b, ...``.
     notes : tuple of str

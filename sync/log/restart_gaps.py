@@ -1,6 +1,6 @@
 """Stretches of a log between restarts of its clock, put behind one another.
 
-How long the clock stood still is not in the stamps. Where a temperature changes steadily on both sides, its jump
+How long the clock stood still is not in the timestamps. Where a temperature changes steadily on both sides, its jump
 across the restart tells: gap = jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
 known; the motion on the film can tell then.
 """
@@ -22,16 +22,16 @@ _WINDOW_S: Final = 10.0
 """Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz. Half and twice
 of it move the clock by 0.04 of its standard deviations at most (benchmarks/sync/constants.py)."""
 SHORTEST_STRETCH_S: Final = 2.0 * _WINDOW_S
-"""Rows between restarts that cover less time tell the gap on neither side: such stamps are of another kind."""
+"""Rows between restarts that cover less time tell the gap on neither side: such timestamps are of another kind."""
 LONGEST_GAP_S: Final = 900.0
 """A logger that was away for longer than a quarter of an hour is another record: a choice that moves no clock at half
 and at twice of it (benchmarks/sync/constants.py)."""
 
 
 def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -> tuple[Floats, tuple[Restart, ...]]:
-    """Move every block of rows behind the one before it; return stamps (n,) on one clock, and one restart per joint.
+    """Move every block of rows behind the one before it; return times (n,) on one clock, and one restart per joint.
 
-    Stamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
+    Timestamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
     (n,) tells the gaps.
     """
     joined = time_s.copy()
@@ -59,6 +59,7 @@ def _gap(
         right = _edge(time_s[behind], temperature[behind], noise, end=False)
         if left is None or right is None:
             continue
+        # The jump is divided by the rate: known to an eighth, it gives the gap to an eighth.
         rate = 0.5 * (left[1] + right[1])
         rate_sigma = math.hypot(left[3], right[3]) / 2.0
         bend = abs(left[1] - right[1])
@@ -94,12 +95,12 @@ def _parabola(
 ) -> tuple[float, float, float, float] | None:
     edge = time_s[-1] if end else time_s[0]
     near = (np.abs(time_s - edge) <= window_s) & np.isfinite(temp_c)
-    # Spikes are not out yet: a median of three takes the lone ones.
     if np.count_nonzero(near) < 8:
         return None
     x, y = time_s[near] - edge, temp_c[near]
     design = np.stack([np.ones_like(x), x, x**2], axis=1)
     keep = np.ones(len(x), dtype=np.bool_)
+    # Spikes are not out yet: what lies four sigmas off goes, and the next fit sees more.
     for _ in range(3):
         coefficient, *_ = np.linalg.lstsq(design[keep], y[keep], rcond=None)
         away = np.abs(y - design @ coefficient)

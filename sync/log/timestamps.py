@@ -1,12 +1,12 @@
-"""Stamps as clocks give them, made strictly increasing: what was misplaced, repeated, wrong, or restarted.
+"""Timestamps as clocks give them, made strictly increasing: what was misplaced, repeated, wrong, or restarted.
 
-Three things look alike, a stamp that is smaller than the one before, and need different mending:
+Three things look alike, a timestamp that is smaller than the one before, and need different mending:
 
 - rows written out of order: their place further up is vacant; they are put there;
-- a wrong stamp: no vacant place; it is interpolated from its neighbours where they leave room, else its row goes;
-- a restart of the clock: the rows behind it run over stamps that were there already; they are moved as a block.
+- a wrong timestamp: no vacant place; it is interpolated from its neighbours where they leave room, else its row goes;
+- a restart of the clock: the rows behind it run over timestamps that were there already; they are moved as a block.
 
-A clock that restarts at zero from negative stamps jumps forward instead; landing on zero gives it away.
+A clock that restarts at zero from negative timestamps jumps forward instead; landing on zero gives it away.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ change no reading of damaged logs (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)
-class OrderedStamps:
+class OrderedTimestamps:
     """Rows of the file that are kept, in the order of time, and what was done (``repairs``).
 
-    Stamps (m,) do not decrease within a block; repeated ones are still there. ``block`` is 0 before the first restart
-    of the clock, 1 behind it, ...
+    Timestamps (m,) do not decrease within a block; repeated ones are still there. ``block`` is 0 before the first
+    restart of the clock, 1 behind it, ...
     """
 
     row: Ints
@@ -44,20 +44,21 @@ class OrderedStamps:
     repairs: tuple[Repair, ...]
 
 
-def order_stamps(stamp_s: Floats, *, first_line: int = 2) -> OrderedStamps:
+def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestamps:
     """Bring rows into the order of time, block by block.
 
-    ``stamp_s`` (n,) are the stamps of the file, NaN where there is none; row 0 stands on its line ``first_line``.
+    ``timestamp_s`` (n,) are the timestamps of the file, NaN where there is none; row 0 stands on its line
+    ``first_line``.
     """
     repairs: list[Repair] = []
-    row = np.flatnonzero(np.isfinite(stamp_s))
-    lost = len(stamp_s) - len(row)
+    row = np.flatnonzero(np.isfinite(timestamp_s))
+    lost = len(timestamp_s) - len(row)
     if lost:
-        line = int(np.flatnonzero(~np.isfinite(stamp_s))[0]) + first_line
+        line = int(np.flatnonzero(~np.isfinite(timestamp_s))[0]) + first_line
         repairs.append(
             Repair("no_stamp", lost, f"{lost} rows without a timestamp were dropped, the first on line {line}")
         )
-    time_s = stamp_s[row].copy()
+    time_s = timestamp_s[row].copy()
     block = _blocks(time_s)
     if block[-1:].any():
         lines = [str(int(row[i]) + first_line) for i in np.flatnonzero(np.diff(block)) + 1]
@@ -81,8 +82,8 @@ def order_stamps(stamp_s: Floats, *, first_line: int = 2) -> OrderedStamps:
             repairs.append(Repair(kind, count, f"{count} {text}, the first on line {line}"))
     if not rows:
         empty = np.empty(0, dtype=np.int64)
-        return OrderedStamps(empty, np.empty(0), empty, tuple(repairs))
-    return OrderedStamps(np.concatenate(rows), np.concatenate(times), np.concatenate(blocks), tuple(repairs))
+        return OrderedTimestamps(empty, np.empty(0), empty, tuple(repairs))
+    return OrderedTimestamps(np.concatenate(rows), np.concatenate(times), np.concatenate(blocks), tuple(repairs))
 
 
 def longest_gap_s(time_s: Floats) -> float:
@@ -101,17 +102,18 @@ def _blocks(time_s: Floats) -> Ints:
     step = np.diff(time_s)
     begin = 0
     usual_s = usual_step(time_s)
-    # Where stamps are negative a clock that begins at zero again jumps forward, and would pass for a pause.
+    # Where timestamps are negative a clock that begins at zero again jumps forward, and would pass for a pause.
     to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
     backs = np.append(np.flatnonzero(step < 0) + 1, len(time_s))
     for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
+        # One row by itself has no step that could be told from a restart.
         if at < begin + 2:
             continue
         behind = time_s[at:]
         if to_zero[at - 1]:
             restarted = True
         elif step[at - 1] > 0:
-            # A lone wild stamp jumps too; a clock that was set goes on from there.
+            # A lone wild timestamp jumps too; a clock that was set goes on from there.
             restarted = len(behind) >= 3 and bool(np.all(np.abs(behind[:3] - behind[0]) < _CLOCK_SET_S))
         else:
             until = int(backs[np.searchsorted(backs, at, side="right")])
@@ -125,7 +127,7 @@ def _blocks(time_s: Floats) -> Ints:
 def _runs_over(before: Floats, behind: Floats) -> bool:
     """Tell whether the rows behind a step back, up to the next one, cover time that was there already."""
     last_s = float(np.median(before[-3:]))
-    # Those of them that come before the last stamp was passed.
+    # Those of them that come before the last timestamp was passed.
     back = behind[: int(np.searchsorted(behind[1:], last_s)) + 1]
     if len(back) < 3 or back[0] >= last_s:
         return False
@@ -144,22 +146,23 @@ def _ordered_block(row: Ints, time_s: Floats, counts: dict[str, list[int]], firs
     added: list[tuple[float, int]] = []
     for index in np.flatnonzero(~kept):
         line = int(row[index]) + first_line
-        stamp = float(time_s[index])
-        place = int(np.searchsorted(good, stamp))
+        timestamp = float(time_s[index])
+        place = int(np.searchsorted(good, timestamp))
         room = (good[place] if place < len(good) else np.inf) - (good[place - 1] if place else -np.inf)
         position = int(np.count_nonzero(kept[:index]))
+        # Room for one more row, as far as a logger's steps vary.
         if room > 1.3 * step_s and np.isfinite(room):
             kind = "reordered"
         elif 0 < position < len(good) and good[position] - good[position - 1] > 1.3 * step_s:
             kind = "wrong_stamp"
-            stamp = 0.5 * float(good[position] + good[position - 1])
+            timestamp = 0.5 * float(good[position] + good[position - 1])
         else:
             kind = "dropped_stamp"
         counts[kind][0] += 1
         counts[kind][1] = counts[kind][1] or line
         if kind != "dropped_stamp":
-            added.append((stamp, int(row[index])))
-    all_time = np.concatenate([good, [stamp for stamp, _ in added]])
+            added.append((timestamp, int(row[index])))
+    all_time = np.concatenate([good, [timestamp for timestamp, _ in added]])
     all_row = np.concatenate([row[kept], np.array([item for _, item in added], dtype=np.int64)])
     order = np.argsort(all_time, kind="stable")
     return all_row[order], all_time[order]
@@ -170,14 +173,14 @@ def _longest_increasing(time_s: Floats) -> Flags:
     tails: list[float] = []
     tail_index: list[int] = []
     previous = np.full(len(time_s), -1, dtype=np.int64)
-    for index, stamp in enumerate(time_s.tolist()):
-        place = bisect_right(tails, stamp)
+    for index, timestamp in enumerate(time_s.tolist()):
+        place = bisect_right(tails, timestamp)
         previous[index] = tail_index[place - 1] if place else -1
         if place == len(tails):
-            tails.append(stamp)
+            tails.append(timestamp)
             tail_index.append(index)
         else:
-            tails[place] = stamp
+            tails[place] = timestamp
             tail_index[place] = index
     marked = np.zeros(len(time_s), dtype=np.bool_)
     index = tail_index[-1]

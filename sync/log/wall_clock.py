@@ -1,7 +1,7 @@
-"""Stamps as instruments write them: numbers, dates with a time of day, or a time of day alone, made seconds.
+"""Timestamps as instruments write them: numbers, dates with a time of day, or a time of day alone, made seconds.
 
-Only differences of stamps count, so that whether ``05/06/2024`` is in May or in June matters only where a log goes over
-midnight: the reading that leaves the shorter steps is the right one then, as the other jumps by a month.
+Only differences of timestamps count, so that whether ``05/06/2024`` is in May or in June matters only where a log goes
+over midnight: the reading that leaves the shorter steps is the right one then, as the other jumps by a month.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.units import Floats, Ints
+from torsight.core.units import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 _CLOCK: Final = r"(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?"
 """Hours, minutes, seconds, fraction; some loggers part milliseconds from seconds with a third colon."""
 _DATE: Final = r"(\d{1,4})([./-])(\d{1,2})[./-](\d{1,4})"
-_STAMP: Final = re.compile(rf"^(?P<date>\d{{1,2}}[./-]\d{{1,2}}[./-]\d{{2,4}}[T,;\s]+)?{_CLOCK}$")
+_TIMESTAMP: Final = re.compile(rf"^(?P<date>\d{{1,2}}[./-]\d{{1,2}}[./-]\d{{2,4}}[T,;\s]+)?{_CLOCK}$")
 _MONTH_NAMES: Final = ("%d-%b-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d %b %Y %H:%M:%S", "%b %d, %Y %H:%M:%S")
 _DAY_S: Final = timedelta(days=1).total_seconds()
 
 
 @dataclass(frozen=True, slots=True)
-class Stamps:
-    """Stamps in seconds (n,), NaN where a field is no stamp; since the first one where they are dates.
+class Timestamps:
+    """Timestamps in seconds (n,), NaN where a field is no timestamp; since the first one where they are dates.
 
     ``zero`` is the instant (ISO 8601) of second 0 then, and ``note`` says how dates were read that can be read in two
     ways. ``numeric``: the fields are numbers, in whatever unit the column has.
@@ -41,8 +41,8 @@ class Stamps:
     note: str | None = None
 
 
-class RunningStamps:
-    """Stamps one by one, as a log grows: the same seconds as :func:`read_stamps` gives for the whole.
+class RunningTimestamps:
+    """Timestamps one by one, as a log grows: the same seconds as :func:`read_timestamps` gives for the whole.
 
     Of dates only the first instant and the time of day count: midnight is where the time of day falls.
     """
@@ -55,21 +55,21 @@ class RunningStamps:
         self._days = 0
 
     def seconds(self, text: str) -> float:
-        """Return the seconds of the next stamp.
+        """Return the seconds of the next timestamp.
 
         Raises
         ------
         ValueError
-            When the text is no stamp.
+            When the text is no timestamp.
         """
         try:
             return float(text) * self._factor
         except ValueError:
-            found = _STAMP.match(text)
+            found = _TIMESTAMP.match(text)
         if found is None:
-            stamp = datetime.fromisoformat(text)
-            self._zero = self._zero or stamp
-            return (stamp - self._zero).total_seconds()
+            timestamp = datetime.fromisoformat(text)
+            self._zero = self._zero or timestamp
+            return (timestamp - self._zero).total_seconds()
         hours, minutes, seconds, fraction, half = found.groups()[-5:]
         hour = int(hours) if half is None else int(hours) % 12 + 12 * (half.lower() == "p")
         time_s = 3600.0 * hour + 60.0 * int(minutes) + int(seconds) + float(f"0.{fraction or 0}")
@@ -80,12 +80,12 @@ class RunningStamps:
         return self._days * _DAY_S + time_s - (self._began_s or 0.0)
 
 
-def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamps:
-    """Read a column of stamps, numbers, dates or text, whose row 0 stands on ``first_line`` of the file."""
+def read_timestamps(column: pd.Series[Any], *, where: str, first_line: int) -> Timestamps:
+    """Read a column of timestamps, numbers, dates or text, whose row 0 stands on ``first_line`` of the file."""
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column):
-        return Stamps(column.to_numpy(np.float64), numeric=True)
+        return Timestamps(column.to_numpy(np.float64), numeric=True)
     if pd.api.types.is_datetime64_any_dtype(column):
         return _since_first(pd.to_datetime(column, utc=True))
     # A column is of a form where most of its fields are; the others are damaged.
@@ -93,14 +93,14 @@ def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamp
     given = int(text.notna().sum())
     numbers = pd.to_numeric(text.str.replace(r"(?<=\d),(?=\d)", ".", regex=True), errors="coerce")
     if numbers.notna().sum() > 0.5 * given:
-        return Stamps(numbers.to_numpy(np.float64, na_value=np.nan), numeric=True)
+        return Timestamps(numbers.to_numpy(np.float64, na_value=np.nan), numeric=True)
     dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
     if dates.notna().sum() > 0.5 * given:
         return _since_first(dates)
-    for read in (_clock_stamps, _date_stamps, _named_months):
-        stamps = read(text)
-        if stamps is not None and np.isfinite(stamps.time_s).sum() > 0.5 * given:
-            return stamps
+    for read in (_clock_timestamps, _date_timestamps, _named_months):
+        timestamps = read(text)
+        if timestamps is not None and np.isfinite(timestamps.time_s).sum() > 0.5 * given:
+            return timestamps
     wrong = int(np.flatnonzero((numbers.isna() & dates.isna() & text.notna()).to_numpy())[0]) if given else 0
     raise InputError(
         "is neither a number nor a date with a time",
@@ -111,13 +111,13 @@ def read_stamps(column: pd.Series[Any], *, where: str, first_line: int) -> Stamp
     )
 
 
-def _since_first(dates: pd.Series[Any]) -> Stamps:
+def _since_first(dates: pd.Series[Any]) -> Timestamps:
     first = dates.dropna().iloc[0]
     seconds = (dates - first).dt.total_seconds().to_numpy(np.float64, na_value=np.nan)
-    return Stamps(seconds, zero=str(first.isoformat()))
+    return Timestamps(seconds, zero=str(first.isoformat()))
 
 
-def _clock_stamps(text: pd.Series[Any]) -> Stamps | None:
+def _clock_timestamps(text: pd.Series[Any]) -> Timestamps | None:
     """Read times of day, or of a stop watch: hours, minutes, seconds; a day goes by where they fall to zero."""
     fields = text.str.extract(f"^{_CLOCK}$")
     seconds = _seconds_of_day(fields)
@@ -126,11 +126,13 @@ def _clock_stamps(text: pd.Series[Any]) -> Stamps | None:
         return None
     fallen = np.diff(seconds[known]) < -0.5 * _DAY_S
     seconds[known] += _DAY_S * np.concatenate([[0.0], np.cumsum(fallen)])
-    return Stamps(seconds)
+    return Timestamps(seconds)
 
 
-def _date_stamps(text: pd.Series[Any]) -> Stamps | None:
+def _date_timestamps(text: pd.Series[Any]) -> Timestamps | None:
     """Read dates with a time of day, the parts of the date in whichever order is possible."""
+    import pandas as pd
+
     fields = text.str.extract(f"^{_DATE}[T,;\\s]+{_CLOCK}$")
     clock_s = _seconds_of_day(fields.iloc[:, 4:])
     numbers = [_numbers(fields.iloc[:, index]) for index in (0, 2, 3)]
@@ -146,29 +148,23 @@ def _date_stamps(text: pd.Series[Any]) -> Stamps | None:
             orders["month, day, year"] = (third, first, second)
     found = {}
     for name, (year, month, day) in orders.items():
-        if month.max() > 12 or day.max() > 31 or min(month.min(), day.min()) < 1:
-            continue
-        days = _days(np.where(year < 100, year + 2000, year), month, day)
-        found[name] = (days, (days - days[0]) * _DAY_S + clock_s[known] - clock_s[known][0])
+        parts = {"year": np.where(year < 100, year + 2000, year), "month": month, "day": day}
+        dates = pd.to_datetime(pd.DataFrame(parts), errors="coerce")
+        if not dates.isna().any():
+            since_s = (dates - dates.iloc[0]).dt.total_seconds().to_numpy() + clock_s[known] - clock_s[known][0]
+            found[name] = (np.datetime64(dates.iloc[0], "D"), since_s)
     if not found:
         return None
     name = min(found, key=lambda one: float(np.abs(np.diff(found[one][1], prepend=0.0)).max()))
-    days, since_s = found[name]
+    first_day, since_s = found[name]
     time_s = np.full(len(text), np.nan)
     time_s[known] = since_s
-    zero = np.datetime64(int(days[0]), "D") + np.timedelta64(round(clock_s[known][0] * 1e6), "us")
+    zero = first_day + np.timedelta64(round(clock_s[known][0] * 1e6), "us")
     note = f"dates read as {name}" if len(found) > 1 else None
-    return Stamps(time_s, zero=str(zero), note=note)
+    return Timestamps(time_s, zero=str(zero), note=note)
 
 
-def _days(year: Ints, month: Ints, day: Ints) -> Ints:
-    """Return days since 1970-01-01."""
-    months = (year - 1970).astype("timedelta64[Y]") + np.datetime64("1970", "Y")
-    first = (months.astype("datetime64[M]") + (month - 1)).astype("datetime64[D]")
-    return np.asarray((first + (day - 1)).astype(np.int64))
-
-
-def _named_months(text: pd.Series[Any]) -> Stamps | None:
+def _named_months(text: pd.Series[Any]) -> Timestamps | None:
     import pandas as pd
 
     for form in _MONTH_NAMES:

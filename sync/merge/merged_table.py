@@ -1,10 +1,11 @@
 """Angle and temperatures on one clock, and what ``sync.json`` says of them.
 
-Temperatures are interpolated linearly between the two stamps around a frame's instant. Nothing is averaged: a mean over
-neighbouring rows rounds the corners of the temperature, where an incomplete transformation ends, and noise is better
-taken out by whoever drives a model with it, with the same filter for measurement and simulation. Where a frame falls on
-a stamp the reading comes out as it is. Switches and all other columns hold the last row at or before the instant, as
-the logger did. Where the readings around are further apart than the longest gap the temperature stays empty.
+Temperatures are interpolated linearly between the two timestamps around a frame's instant. Nothing is averaged: a mean
+over neighbouring rows rounds the corners of the temperature, where an incomplete transformation ends, and noise is
+better taken out by whoever drives a model with it, with the same filter for measurement and simulation. Where a frame
+falls on a timestamp the reading comes out as it is. Switches and all other columns hold the last row at or before the
+instant, as the logger did. Where the readings around are further apart than the longest gap the temperature stays
+empty.
 """
 
 from __future__ import annotations

@@ -84,13 +84,14 @@ def fit_changepoint(
         return None
     x, y, spread = _thinned(time_s[window], temp_c[window], noise)
     at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] <= near_s[0] else 13)
+    # Short lags lie closer together: a changepoint's shape tells them better.
     lags = np.array([shape.lag_s]) if shape.lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
     for _ in range(4):
         loss = _losses(x, y, at, lags, shape)
         if not np.isfinite(loss).any():
             return None
         i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
-        # Everything that could still be the answer stays inside the next, finer grid.
+        # Everything that could still be the answer, within four standard deviations, stays inside the next, finer grid.
         likely = loss <= loss[i, j] + 16.0 * max(float(loss[i, j]), spread**2) / len(x)
         at, lags = _zoomed(at, likely.any(axis=1), None), _zoomed(lags, likely.any(axis=0), (0.0, MAX_LAG_S))
     return _summary(_losses(x, y, at, lags, shape), at, lags, spread, len(x))
@@ -172,9 +173,9 @@ def cooling_start(
     segment: HeatingSegment,
     *,
     noise: float,
-    switch_s: Floats | None = None,
-    lag_s: float | None = None,
-    split: float = 0.0,
+    switch_s: Floats | None,
+    lag_s: float | None,
+    split: float,
 ) -> Changepoint | None:
     """Find the instant at which the power went off at the beginning of a cooling.
 

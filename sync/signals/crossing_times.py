@@ -22,9 +22,6 @@ _MOST: Final = _FEWEST * 2**4
 _NOISE_PER_STEP: Final = 0.05
 """More frames are taken together until noise moves the crossing by less than this share of the time between frames.
 Half and twice of it move a clock by 0.12 of its standard deviations at most (benchmarks/sync/constants.py)."""
-_STAMP_SHARE: Final = 0.02
-"""Stamps of frames are not better than this share of the time between frames: milliseconds at 30 per second are 0.03 of
-it, and are rounded by half of that. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
 
 
 def crossing_time(
@@ -42,7 +39,7 @@ def crossing_time(
             return float("nan"), float("nan")
         at_s, noise_s, unseen_s, step_s = found
         if noise_s <= max(_NOISE_PER_STEP * step_s, unseen_s) or count >= _MOST or 2 * count > len(time_s):
-            return at_s, float(np.linalg.norm([noise_s, unseen_s, _STAMP_SHARE * step_s]))
+            return at_s, float(np.hypot(noise_s, unseen_s))
         count *= 2
 
 

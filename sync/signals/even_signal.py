@@ -1,4 +1,4 @@
-"""Even, smoothed pictures of a record: value and slope on a regular grid, with what is not known left out."""
+"""Even, smoothed signals of a record: value and slope on a regular grid, with what is not known left out."""
 
 from __future__ import annotations
 
@@ -74,6 +74,7 @@ def even_signal(
     grid_s = at_s[0] + step_s * np.arange(count)
     filled = np.interp(grid_s, at_s, there)
     per_point = 1
+    # From here on there are two samples to a point, in rounded numbers.
     if step_s > 1.5 * usual_s:
         per_point = max(1, round(step_s / usual_s))
         filled = _binned(at_s, there, grid_s, step_s, filled)

@@ -68,6 +68,7 @@ def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float 
     threshold_c = max(HEATED_C, _MIN_SHARE * largest)
     segments = [segment for name, signal in springs.items() for segment in _segments(name, signal, threshold_c)]
     heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
+    # Never less than the log is smoothed by anyhow; beyond 20 s corners of slow programmes would go.
     window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), WINDOW_S, 20.0)) if heatings_s else WINDOW_S
     heated = springs if window_s == WINDOW_S else _even(log, readings, window_s=window_s, max_gap_s=max_gap_s)
     return LogSignals(springs, heated, _until_the_next(sorted(segments, key=lambda segment: segment.begin_s)))

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from torsight.core.units import Floats
 
-_NONE_S: Final = 1e-9
-"""A lag that is as good as none: it is divided by."""
 
-
-def lagged_ramp(x_s: Floats, lag_s: Floats | float, split: float = 0.0) -> Floats:
+def lagged_ramp(x_s: Floats, lag_s: Floats | float, split: float) -> Floats:
     """Return what a sensor with a lag in one stage, or in two, shows of ``max(x, 0)``; lags go with the times."""
     x = np.maximum(x_s, 0.0)
     late = sum(weight * stage_s * np.exp(-x / stage_s) for weight, stage_s in _stages(lag_s, split))
     return np.asarray(x - lag_s + late)
 
 
-def lagged_decay(x_s: Floats, decay_s: float, lag_s: Floats | float, split: float = 0.0) -> Floats:
+def lagged_decay(x_s: Floats, decay_s: float, lag_s: Floats | float, split: float) -> Floats:
     """Return what a sensor with a lag in one stage, or in two, shows of ``1 - exp(-x / decay)`` from x = 0 on."""
     x = np.maximum(x_s, 0.0)
     left, plain = np.zeros(()), decay_s * np.exp(-x / decay_s)
@@ -32,7 +27,8 @@ def lagged_decay(x_s: Floats, decay_s: float, lag_s: Floats | float, split: floa
 
 def _stages(lag_s: Floats | float, split: float) -> list[tuple[float, Floats]]:
     """Return two first-order lags in a row as a weighted sum of both: weights and times, the weights adding up to 1."""
-    whole_s = np.maximum(lag_s, _NONE_S)
+    # A lag is divided by: one of 0 becomes the smallest number that changes no sum.
+    whole_s = np.maximum(lag_s, np.finfo(np.float64).eps)
     if split <= 0.0:
         return [(1.0, whole_s)]
     first, second = 1.0 - split, split

@@ -88,11 +88,12 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     low, high = extent(signal.value)
     floor_rad = max(_MIN_STROKE_RAD, 0.015 * (high - low), 2.0 * BY_CHANCE * signal.noise)
     span_s = float(time_s[-1] - time_s[0])
+    # What would come through a fiftieth of the range in the whole film is creep or drift, no motion.
     slowest = max(BY_CHANCE * signal.slope_sigma, 0.02 * (high - low) / max(span_s, 1.0))
     moving = np.where(signal.known & (np.abs(signal.slope) > slowest), np.sign(signal.slope), 0.0)
     runs = [
         (begin, end)
-        for begin, end in _joined(_runs(moving), moving, signal.step_s)
+        for begin, end in _joined(moving, signal.step_s)
         if abs(signal.value[end - 1] - signal.value[begin]) > 0.5 * floor_rad
     ]
     strokes = []
@@ -105,14 +106,10 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     return tuple(strokes)
 
 
-def _runs(moving: Floats) -> list[tuple[int, int]]:
-    return [(begin, end) for begin, end in constant_runs(moving) if moving[begin] != 0]
-
-
-def _joined(runs: list[tuple[int, int]], moving: Floats, step_s: float) -> list[tuple[int, int]]:
-    """Join motions of one direction whose pause is short against them."""
+def _joined(moving: Floats, step_s: float) -> list[tuple[int, int]]:
+    """Return motions (n,: −1, 0, 1) from begin to end; those of one direction are one where their pause is short."""
     joined: list[tuple[int, int]] = []
-    for begin, end in runs:
+    for begin, end in (run for run in constant_runs(moving) if moving[run[0]] != 0):
         if joined and moving[joined[-1][0]] == moving[begin]:
             earlier = joined[-1]
             pause = begin - earlier[1]

@@ -100,7 +100,7 @@ def test_a_stereo_pair(folder: Path) -> None:
             ConfigError,
             r"\[temperature\], columns: unknown key 'tiem'.*did you mean 'time'",
         ),
-        ("[discover]", "[discovery]", ConfigError, r"found '?\[discovery\].*write \[discover\]"),
+        ("[discover]", "[discovery]", ConfigError, r"unknown key 'discovery'.*did you mean 'discover'\?"),
         (
             'path = "temps.csv"',
             'path = "temps.csv"\nunits = { a = "ms" }',

@@ -37,7 +37,7 @@ def direction_deg(picture: np.ndarray, scene, view) -> float:
 
     studio = Studio(scene, view, purpose="0")
     tried = np.arange(-180.0, 180.0, 1.0)
-    still = {"shift_px": np.zeros(2), "gain": 1.0, "bars": [], "lamp": False}
+    still = {"shift_px": np.zeros(2), "gain": 1.0, "bars": [], "lit": False}
     costs = [np.mean((studio.frame(np.array([angle * DEG]), **still).astype(float) - picture) ** 2) for angle in tried]
     return float(tried[int(np.argmin(costs))])
 

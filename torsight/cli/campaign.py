@@ -158,7 +158,7 @@ def result_row(folder: Path) -> dict[str, Any]:
 
 
 def explain_campaign(
-    todo: Sequence[Task], rows: Sequence[dict[str, Any]], out: Path, *, progress: Progress = silent
+    todo: Sequence[Task], rows: Sequence[dict[str, Any]], out: Path, *, progress: Progress
 ) -> list[Path]:
     """Explain the records of each rig together whose experiments ask for it; return the folders of the results.
 

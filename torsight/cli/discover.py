@@ -16,7 +16,7 @@ from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import read_merged
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import Progress
 from torsight.core.words.wording import number, verdict_sentence
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def curves_name(record: int) -> str:
 
 
 def discover_to_folder(
-    merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
+    merged: Sequence[Path], actuator: Path, *, out: Path, seed: int, progress: Progress
 ) -> DiscoveryReport:
     """Discover on one record or on several of one rig, and write what was found.
 
@@ -172,9 +172,7 @@ def _actuator_of(record: Path) -> tuple[str, str] | None:
     return name, inputs[name]
 
 
-def explain_together(
-    merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress = silent
-) -> None:
+def explain_together(merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress) -> None:
     """Discover on several records of one rig and write results and report, unless they are newer than the records."""
     last = out / "report.html"
     inputs = [*merged, actuator]

@@ -152,15 +152,6 @@ def experiment_from(
     content: Mapping[str, Any], *, where: str, folder: Path, absent: list[InputError] | None = None
 ) -> Experiment:
     """Build an experiment from the content of its file; see :func:`read_experiment`."""
-    if "discovery" in content:
-        # What this table was called in templates and provenance files before.
-        raise ConfigError(
-            "the table for discovery is named as the command",
-            where=where,
-            value="[discovery]",
-            limit="[discover]",
-            do="write [discover]",
-        )
     check_keys(content, tuple(KEYS), where=where)
     tables = {
         name: get_table(content, name, where=where, required=name in ("temperature", "actuator")) for name in KEYS

@@ -40,6 +40,7 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
         child.communicate()
         _running.discard(child.pid)
     if child.returncode != 0:
+        # Where it has no words for it, the end of its traceback says most.
         raise NoResultError(_message(answer) or f"ended with {child.returncode}: {told.strip()[-300:]}")
 
 

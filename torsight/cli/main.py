@@ -137,7 +137,7 @@ def _other(error: Exception, *, debug: bool) -> int:
     sys.stderr.write(
         f"torsight: internal error, {type(error).__name__}: {error}; please report it with the output of --debug\n"
     )
-    return 70
+    return 70  # EX_SOFTWARE of the BSDs' sysexits.h
 
 
 if __name__ == "__main__":

@@ -138,7 +138,7 @@ def sync_to_folder(
     progress("one clock", 1.0, steps)
     light = known.events
     if known.led is not None:
-        light = _light(known.led, film, timestamps, fps, out=out, progress=progress)
+        light = _led_changes(known.led, film, timestamps, fps, out=out, progress=progress)
     slow = slow_motion_text(
         float(np.ptp(angles.time_s)), float(np.ptp(reading.log.time_s)), rate_fps=timing(angles.time_s).rate_fps
     )
@@ -158,7 +158,7 @@ def sync_to_folder(
     return merged
 
 
-def _light(
+def _led_changes(
     place: tuple[float, float],
     film: str | Path | None,
     timestamps: Path | None,

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from tracker.frames.image_sequence import PictureSource
     from tracker.track import TrackResult
 
-FILES: Final = ("angle.csv", "markers.csv", "track.json", "track.png")
+TRACK_PICTURE: Final = "track.png"
+FILES: Final = ("angle.csv", "markers.csv", "track.json", TRACK_PICTURE)
 """What the command writes."""
 
 
@@ -91,7 +92,6 @@ def track_to_folder(
     as they stand in ``angle.csv``.
     """
     from torsight.core.files.lock import only_writer
-    from torsight.markers.track_picture import NAME as TRACK_PICTURE
     from torsight.markers.track_picture import keep_pictures, write_track_picture
     from tracker.angle.orient import orient
     from tracker.checkpoint import drop
@@ -151,7 +151,6 @@ def _tracked(
         return track_film(source, markers=hints, out=out / ".track", resume=resume, progress=progress)
     except NoResultError as error:
         from torsight.markers.preview import write_preview
-        from torsight.markers.track_picture import NAME as TRACK_PICTURE
         from tracker.detect.candidates import look
         from tracker.detect.given_positions import first_frame
 

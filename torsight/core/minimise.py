@@ -23,6 +23,7 @@ def least_squares(
     where the residuals are in units of their sigmas, and χ².
     """
     values, error = start.copy(), residuals(start)
+    # Begun at 0.001, and ten times more or less, as in Press and others, Numerical Recipes (3rd edition), 15.5.2.
     damping = 1e-3
     for _ in range(_STEPS):
         jacobian = jacobian_of(residuals, values, error)

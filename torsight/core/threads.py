@@ -19,6 +19,7 @@ VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 """What the libraries of linear algebra read when they are loaded."""
 
 WORKERS: Final = 2
+"""Workers of one search: results do not depend on their number, and the times in docs/ are those of two. A choice."""
 _T = TypeVar("_T")
 _R = TypeVar("_R")
 

@@ -90,10 +90,7 @@ class Followed:
 def follow_beginning(source: FrameSource, hints: MarkerHints, *, seconds: float) -> Followed:
     """Follow picked markers through the first seconds of a film, as ``torsight track`` would.
 
-    Raises
-    ------
-    ConfigError, NoResultError
-        When the tracker cannot start from them.
+    Raises ConfigError or NoResultError when the tracker cannot start from them.
     """
     from tracker.angle.orient import orient
     from tracker.quality.track_warnings import doubts

@@ -6,7 +6,6 @@ Drawn with OpenCV, which a track has loaded anyway: a plotting library takes lon
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,19 +122,19 @@ class Canvas:
             places = [_fixed(points_px[begin:end])]
             cv2.polylines(self.pixels, places, False, colour[::-1], width_px, cv2.LINE_AA, _SHIFT)
 
-    def dashes(self, x_px: float, colour: Colour, *, dash_px: int) -> None:
+    def dashes(self, x_px: float, *, dash_px: int) -> None:
         """Draw an upright line over the whole height, in dashes with gaps as long."""
         x = min(max(round(x_px), 0), self.size_px[0] - 1)
         for top in range(0, self.size_px[1], 2 * dash_px):
-            self.pixels[top : top + dash_px, x] = colour[::-1]
+            self.pixels[top : top + dash_px, x] = PLAIN[::-1]
 
-    def ring(self, centre_px: tuple[float, float], radius_px: float, colour: Colour, *, dotted: bool = False) -> None:
+    def ring(self, centre_px: tuple[float, float], radius_px: float, colour: Colour) -> None:
         """Draw a circle, two pixels wide."""
-        if not dotted:
-            x, y = _fixed(np.array(centre_px)).tolist()
-            reach = round(radius_px * 2**_SHIFT)
-            cv2.circle(self.pixels, (x, y), reach, colour[::-1], 2, cv2.LINE_AA, _SHIFT)
-            return
+        x, y = _fixed(np.array(centre_px)).tolist()
+        cv2.circle(self.pixels, (x, y), round(radius_px * 2**_SHIFT), colour[::-1], 2, cv2.LINE_AA, _SHIFT)
+
+    def dotted_ring(self, centre_px: tuple[float, float], radius_px: float, colour: Colour) -> None:
+        """Draw a circle of short pieces, two pixels wide."""
         parts = max(6, round(math.pi * radius_px / _DOT_PX))
         angles = np.arange(2 * parts).reshape(parts, 2) * math.pi / parts
         for x, y in np.stack([np.cos(angles), np.sin(angles)], axis=1):
@@ -213,7 +212,8 @@ def show_candidates(view: FrameView, candidates: Sequence[Candidate]) -> None:
         colour = DOT if one.is_dot else REFUSED
         x, y = view.at(np.array([one.x_px, one.y_px])).tolist()
         reach = max(1.5 * one.radius_px, 4.0) * view.scale_x
-        view.canvas.ring((x, y), reach, colour, dotted=not one.is_dot)
+        ring = view.canvas.ring if one.is_dot else view.canvas.dotted_ring
+        ring((x, y), reach, colour)
         view.canvas.label((x + 0.8 * reach, y - 0.8 * reach), str(one.number), colour)
 
 
@@ -254,11 +254,6 @@ def round_numbers(low: float, high: float, *, most: int) -> Floats:
     # Nought is added to what may be −0.
     found = (np.arange(np.ceil(low / step), np.floor(high / step) + 1.0) * step + 0.0 for step in steps)
     return next(numbers for numbers in found if len(numbers) <= most)
-
-
-def wrapped(text: str, width: int) -> list[str]:
-    """Return a text in lines of at most ``width`` characters, and no empty list."""
-    return textwrap.wrap(text, width) or [""]
 
 
 def _fixed(places_px: Floats) -> NDArray[np.int32]:

@@ -111,10 +111,7 @@ def _pair(value: Any) -> Any:
 def hints_of(content: Mapping[str, Any], source: FrameSource) -> MarkerHints:
     """Return the markers as the tracker takes them, refusing those that it cannot start from.
 
-    Raises
-    ------
-    ConfigError, NoResultError
-        As ``torsight track`` would.
+    Raises ConfigError or NoResultError as ``torsight track`` would.
     """
     from tracker.initialise import find_start
 

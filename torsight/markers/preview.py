@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -28,7 +29,6 @@ from torsight.markers.drawing import (
     show_candidates,
     show_frame,
     show_named,
-    wrapped,
 )
 
 if TYPE_CHECKING:
@@ -109,14 +109,15 @@ def _found_words(seen: Sighting, named_px: Floats | None) -> str:
 
 def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, Colour]]:
     """Return the lines of the list beside the picture, each with its colour."""
-    lines = [(line, PLAIN) for line in wrapped(message[:1].upper() + message[1:], _LINE_CHARACTERS)]
+    said = textwrap.wrap(message[:1].upper() + message[1:], _LINE_CHARACTERS)
+    lines = [(line, PLAIN) for line in said or [""]]
     if given:
         lines.append(("Rings in yellow: the positions that were given.", PLAIN))
     lines.append(("", PLAIN))
     for one in seen.candidates:
         colour = PLAIN if one.taken else DOT if one.is_dot else REFUSED
         text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
-        first, *more = wrapped(text, _LINE_CHARACTERS)
+        first, *more = textwrap.wrap(text, _LINE_CHARACTERS)
         lines += [(first, colour), *((f"      {line}", colour) for line in more)]
     if not seen.candidates:
         lines.append(("no place looks like a dot", PLAIN))

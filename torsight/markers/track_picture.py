@@ -16,7 +16,6 @@ from torsight.core.units import DEG, Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import counted
 from torsight.markers.drawing import (
-    PLAIN,
     Box,
     Canvas,
     FrameView,
@@ -33,8 +32,6 @@ if TYPE_CHECKING:
     from tracker.frames.image_sequence import PictureSource
     from tracker.track import TrackResult
 
-NAME: Final = "track.png"
-"""The file's name in the folder of a track."""
 _OVER_THE_FILM: Final = 4
 """Frames beside the first one and the worst one, evenly spaced up to the last."""
 _PANEL_PX: Final = 420.0
@@ -203,7 +200,7 @@ def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Sh
     plot.tint([at(np.array([begin, end, end, begin]), edges) for begin, end in gaps], _GAP, 0.3)
     for one in shown:
         x = float(at(time_s[[one.index]], np.array([low]))[0, 0])
-        plot.dashes(x, PLAIN, dash_px=5 if one is shown[-1] else 2)
+        plot.dashes(x, dash_px=5 if one is shown[-1] else 2)
     plot.frame_round()
     _write_legend(canvas, (left + width, top - 8), gaps=int((~angles.valid).sum()))
     below = "time (s); dotted: the frames above, dashed: the worst one"

@@ -75,6 +75,7 @@ def play_scene(scene: Scene) -> Played:
     if scene.motion.kind != "rig":
         return Played(scene, None, 0.0, scene.motion.duration_s)
     total_s = scene.film.seconds or scene.protocol.duration_s
+    # Whole samples, so that the film begins at one.
     before_s = math.ceil(scene.log.before_s / scene.sensor.sample_s) * scene.sensor.sample_s
     rig = simulate_rig(
         scene.values,

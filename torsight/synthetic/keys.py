@@ -76,10 +76,7 @@ def _in_si(name: str, value: float | str, rule: KeyRule) -> float:
 def read_section(kind: type[T], table: Mapping[str, Any], *, where: str) -> T:
     """Fill a section from a TOML table; keys that are absent keep their defaults.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown key (naming the nearest), a value of the wrong kind, or one out of its bounds.
+    Raises ConfigError for an unknown key (naming the nearest), a value of the wrong kind, or one out of its bounds.
     """
     items: tuple[Field[Any], ...] = fields(kind)  # type: ignore[arg-type]  # every section is a dataclass
     known = {item.name: item for item in items}

@@ -116,7 +116,7 @@ class LightSettings:
 
 @dataclass(frozen=True, slots=True)
 class LedSettings:
-    """Section [led]: a lamp in the picture that is lit while a spring is switched on."""
+    """Section [led]: an LED in the picture that is lit while a spring is switched on."""
 
     radius_px: float = key(0.0, "size; 0 for none", lower=0.0, upper=100.0)
     position_px: tuple[float, float] = key((40.0, 40.0), "where it is seen")
@@ -265,10 +265,5 @@ def _check(scene: Scene, *, where: str) -> None:
 
 def demo_scene() -> Scene:
     """Return the scene of ``torsight demo``, which comes with the package."""
-    return packaged_scene("demo")
-
-
-def packaged_scene(name: str) -> Scene:
-    """Return a scene that comes with the package, by its name."""
-    with resources.as_file(resources.files("torsight.synthetic") / "scenes" / f"{name}.toml") as path:
+    with resources.as_file(resources.files("torsight.synthetic") / "scenes" / "demo.toml") as path:
         return read_scene(path)

@@ -75,12 +75,7 @@ def record_scene(scene: Scene, *, out: Path) -> Path:
     The folder gets ``merged.csv``, whose path is returned, ``actuator.toml`` and ``truth.toml``. Film, camera, light
     and the log's clock do not matter, but for the frame rate.
 
-    Raises
-    ------
-    ConfigError
-        When the scene's motion is not a rig's.
-    OutputError
-        When a file cannot be written.
+    Raises ConfigError when the scene's motion is not a rig's; OutputError when a file cannot be written.
     """
     record = make_record(scene, rate_hz=scene.film.fps)
     write_merged(out / "merged.csv", record.table)
@@ -104,7 +99,7 @@ def _film(played: Played, ticks: Ints, time_s: Floats, *, out: Path, progress: P
     studios = [Studio(scene, view, purpose=str(number)) for number, view in enumerate(seen)]
     occluders = [Occluders(played, view) for view in seen]
     shifts = [shake_path(scene, time_s, scene.rng(f"shake {number}")) for number in range(len(seen))]
-    gain, lamp = light_gain(scene, time_s), played.lit(time_s)
+    gain, lit = light_gain(scene, time_s), played.lit(time_s)
     half_s = 0.5 * scene.film.exposure / scene.film.fps
     stick_rad, before_rad, after_rad = (played.stick_angle(time_s + offset) for offset in (0.0, -half_s, half_s))
     with ExitStack() as stack:
@@ -112,7 +107,7 @@ def _film(played: Played, ticks: Ints, time_s: Floats, *, out: Path, progress: P
             stack.enter_context(open_film(out / name, scene.film, view.intrinsics.size_px))
             for name, view in zip(film_names(scene), seen, strict=True)
         ]
-        for index, stamp in enumerate(ticks.tolist()):
+        for index, timestamp in enumerate(ticks.tolist()):
             poses = studios[0].poses(after_rad[index] - before_rad[index])
             angles = np.array([stick_rad[index]])
             if poses > 1:
@@ -124,9 +119,9 @@ def _film(played: Played, ticks: Ints, time_s: Floats, *, out: Path, progress: P
                     shift_px=shift[index],
                     gain=float(gain[index]),
                     bars=occluder.at(float(time_s[index])),
-                    lamp=bool(lamp[index]),
+                    lit=bool(lit[index]),
                 )
-                writer.add(stamp, luma)
+                writer.add(timestamp, luma)
             progress("film", index + 1, len(ticks))
     return studios[0].first_markers(float(stick_rad[0]), shifts[0][0])
 

@@ -64,14 +64,8 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
 
     ``progress`` is told after every frame that was looked at.
 
-    Raises
-    ------
-    InputError
-        When the film cannot be read.
-    OSError
-        When the file cannot be written.
-    NoResultError
-        When no encoder comes to its end.
+    Raises InputError when the film cannot be read; OSError when the file cannot be written; NoResultError when no
+    encoder comes to its end.
     """
     said = ""
     for codec in _CODECS:

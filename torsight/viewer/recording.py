@@ -223,9 +223,9 @@ def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview 
         chosen = preview.frame
         video = rr.AssetVideo(path=preview.path)
         stream.log("film/picture", video, static=True)
-        stamps = np.asarray(video.read_frame_timestamps_nanos())[: len(chosen)]
+        timestamps = np.asarray(video.read_frame_timestamps_nanos())[: len(chosen)]
         stream.send_columns(
-            "film/picture", indexes=times(chosen, time_s), columns=rr.VideoFrameReference.columns_nanos(stamps)
+            "film/picture", indexes=times(chosen, time_s), columns=rr.VideoFrameReference.columns_nanos(timestamps)
         )
     else:
         chosen = np.arange(0, len(table), max(1, -(-len(table) // MOST_FRAMES)))

@@ -32,9 +32,7 @@ SETTLE_S: Final = THOUGHT_S
 """
 
 
-def take_pictures(
-    recording: Path, *, time_s: float | None = None, size_px: tuple[int, int] = WINDOW_PX
-) -> dict[str, bytes]:
+def take_pictures(recording: Path, *, time_s: float | None, size_px: tuple[int, int] = WINDOW_PX) -> dict[str, bytes]:
     """Return a recording's panes as PNG pictures by their names, and all together as :data:`WHOLE`; needs no screen."""
     with viewer_without_screen(size_px) as client:
         patiently(client.open, str(recording.resolve()))

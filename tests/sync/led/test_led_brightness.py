@@ -1,4 +1,4 @@
-"""A lamp in the film: pictures drawn here, whose LED goes on and off at frames that are known."""
+"""An LED in the film: pictures drawn here, whose LED goes on and off at frames that are known."""
 
 import cv2
 import numpy as np

@@ -24,7 +24,7 @@ def clean_scene(small_scene: dict, **light) -> tuple[Scene, View]:
 
 
 def draw(scene: Scene, view: View, stick_deg: float, **how) -> np.ndarray:
-    settings = {"shift_px": STILL, "gain": 1.0, "bars": [], "lamp": False, **how}
+    settings = {"shift_px": STILL, "gain": 1.0, "bars": [], "lit": False, **how}
     angles = np.atleast_1d(np.array(stick_deg)) * DEG
     return Studio(scene, view, purpose="0").frame(angles, **settings).astype(np.float64)
 
@@ -136,7 +136,7 @@ def test_grey_levels_stay_within_eight_bits() -> None:
 def test_bars_and_lamp_stand_in_front(small_scene: dict) -> None:
     scene, view = clean_scene({**small_scene, "led": {"radius_px": 5.0, "position_px": [20.0, 20.0]}})
     bar = Bar(np.array([-10.0, 120.0, 330.0, 120.0]), 8.0, 60.0)
-    dark, lit = (draw(scene, view, 200.0, bars=[bar], lamp=lamp) for lamp in (False, True))
+    dark, lit = (draw(scene, view, 200.0, bars=[bar], lit=on) for on in (False, True))
     assert np.all(dark[117:124] == 60.0)
     assert lit[20, 20] - dark[20, 20] == pytest.approx(210.0, abs=1.0)
 

@@ -73,7 +73,7 @@ def predict_clock(
                 return [], {}
             drive = driven_by(replace(reading, log=on_film), spec, limits, where="log")
             angles = made_up_film(drive, spec, filming)
-        light = _made_up_light(on_film, angles.time_s) if {"led", "led_events"} & set(settings) else None
+        light = _made_up_led(on_film, angles.time_s) if {"led", "led_events"} & set(settings) else None
         clock = find_clock(angles, reading, given_drift_ppm=drift_ppm, light=light).clock
     except NoResultError as error:
         return [
@@ -109,7 +109,7 @@ def made_up_film(drive: Drive, spec: ActuatorSpec, filming: Filming) -> StickAng
     return StickAngles(np.arange(count), time_s, angle, np.full(count, sigma_rad), known, known)
 
 
-def _made_up_light(log: TemperatureLog, frame_s: Floats) -> LightEvents | None:
+def _made_up_led(log: TemperatureLog, frame_s: Floats) -> LightEvents | None:
     """Return the first frames that would show a change of the heating switch; None where the log has no switch."""
     switch = log.heat_a if log.heat_a is not None else log.heat_b
     if switch is None:

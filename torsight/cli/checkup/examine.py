@@ -60,7 +60,7 @@ class Inputs:
     absent: list[InputError] = field(default_factory=list)
 
 
-def inputs_of(names: Sequence[str], *, fps: float | None = None) -> Inputs:
+def inputs_of(names: Sequence[str], *, fps: float | None) -> Inputs:
     """Return what the names on the command line stand for.
 
     Raises

@@ -162,7 +162,7 @@ def driven_by(reading: LogReading, spec: ActuatorSpec, limits: Limits, *, where:
 
     def prepared(start_deg: float) -> Drive:
         angle = np.full(len(log), start_deg * DEG)
-        sigma = np.full(len(log), 1e-3)
+        sigma = np.full(len(log), 1e-3)  # any: nothing is fitted to these angles
         table = SyncedTable(log.time_s, angle, sigma, log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b)
         return model.prepare(table, where=where)
 

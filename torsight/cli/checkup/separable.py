@@ -22,7 +22,7 @@ from torsight.actuator.effects import Effect, always_fitted, load_effects
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import RESIDUAL_DEG
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import Progress
 from torsight.core.units import DEG, Floats
 from torsight.discovery.design.separation import Rival, linear_gains
 from torsight.discovery.inference.weight import Weight
@@ -48,7 +48,7 @@ class Separable:
     left_deg: dict[str, float]
 
 
-def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress = silent) -> Separable:
+def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separable:
     """Return which effects a record driven like this would show, and which of them it would keep apart."""
     effects = [effect for effect in load_effects().values() if effect.propose is None and _at_usual_size(effect)]
     weight = np.gradient(drive.time_s) / _CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known

@@ -12,7 +12,7 @@ from torsight.cli.checkup.finding import RESIDUAL_DEG, Finding, refusal
 from torsight.cli.frame_coverage import LEAST, WHY, gap_words, unsure_markers
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
-from torsight.core.progress import Progress, silent
+from torsight.core.progress import Progress
 from torsight.core.tracks import USUAL_SHARE
 from torsight.core.units import DEG
 from torsight.core.words.wording import counted
@@ -43,9 +43,9 @@ def track_stretches(
     *,
     about: str,
     total: int,
-    hints: MarkerHints | None = None,
-    camera: Camera | None = None,
-    progress: Progress = silent,
+    hints: MarkerHints | None,
+    camera: Camera | None,
+    progress: Progress,
 ) -> tuple[list[Finding], dict[str, Any]]:
     """Track stretches of a film of ``total`` frames and return what came out, as findings about it and as figures.
 

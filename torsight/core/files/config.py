@@ -89,9 +89,9 @@ def get_numbers(
     return tuple(get_number({key: item}, key, where=where, lower=lower, upper=upper) for item in value)
 
 
-def get_switch(table: Mapping[str, Any], key: str, *, where: str, default: bool = False) -> bool:
-    """Return true or false."""
-    value = table.get(key, default)
+def get_switch(table: Mapping[str, Any], key: str, *, where: str) -> bool:
+    """Return true or false; a switch that is absent is off."""
+    value = table.get(key, False)
     if not isinstance(value, bool):
         raise ConfigError(f"'{key}' is not a switch", where=where, value=repr(value), limit="true or false")
     return value

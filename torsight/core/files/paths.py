@@ -44,6 +44,7 @@ def in_order(paths: Iterable[Path]) -> list[Path]:
         # Text and digits take turns, so that like is compared with like.
         return [int(part) if turn % 2 else part for turn, part in enumerate(re.split(r"([0-9]+)", str(path)))]
 
+    # First by name: what differs in leading zeros alone would come in the order of the disk.
     return sorted(sorted(paths), key=parts)
 
 

@@ -45,11 +45,10 @@ _WHOLE_PARQUET: Final = "write it again: it may have been cut off, or be another
 def atomic_path(path: Path) -> Iterator[Path]:
     """Give a path to write to that becomes ``path`` when the block ends without an error.
 
-    Raises
-    ------
-    OutputError
-        When the folder cannot be made or written, or the disk is full; an older ``path`` stays as it was.
+    Raises OutputError when the folder cannot be made or written, or the disk is full; an older ``path`` stays as it
+    was.
     """
+    # Hidden, and no longer than a file system allows together with what is added.
     beginning = f".{path.stem[:40]}."
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -61,9 +60,10 @@ def atomic_path(path: Path) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
+        # Else the new name may reach the disk before the content does.
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
-        temporary.chmod(0o644)
+        temporary.chmod(0o644)  # a temporary file is its owner's alone
         temporary.replace(path)
     except OSError as error:
         temporary.unlink(missing_ok=True)
@@ -109,10 +109,7 @@ def not_written(path: Path, error: OSError) -> OutputError:
 def require_writable(path: Path, *, folder: bool) -> None:
     """Refuse a file, or a ``folder`` for files, that cannot be written: before the work for it; nothing is left there.
 
-    Raises
-    ------
-    OutputError
-        When the system refuses to make a file there, or in the nearest folder above it that there is.
+    Raises OutputError when the system refuses to make a file there, or in the nearest folder above it that there is.
     """
     try:
         if not folder and path.is_dir():
@@ -171,10 +168,7 @@ def plain(value: Any) -> Any:
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object that Torsight wrote.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, is no JSON object, or has another schema.
+    Raises InputError when the file is missing, is no JSON object, or has another schema.
     """
     text = read_text(path)
     try:
@@ -214,12 +208,8 @@ def read_bytes(path: Path) -> bytes:
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file.
 
-    Raises
-    ------
-    InputError
-        When the file is missing or unreadable.
-    ConfigError
-        When it is not TOML; the message carries line and column.
+    Raises InputError when the file is missing or unreadable; ConfigError when it is not TOML; the message carries line
+    and column.
     """
     text = read_text(path)
     try:

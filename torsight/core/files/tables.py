@@ -14,7 +14,7 @@ from torsight.core.files.storage import first_row, number_column, read_json, rea
 from torsight.core.records import SyncedTable, clock_sigma_s, merged_columns
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
 from torsight.core.units import DEG, Flags, Floats, Ints
-from torsight.core.words.plausible import MOST_TURNED_DEG, require_stamps, require_units
+from torsight.core.words.plausible import MOST_TURNED_DEG, require_timestamps, require_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,10 +62,7 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
 def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None) -> Flags | None:
     """Return a column of zeros and ones as flags; None where there is none of that name.
 
-    Raises
-    ------
-    InputError
-        When a field is no number.
+    Raises InputError when a field is no number.
     """
     if name not in table.columns:
         return None
@@ -125,7 +122,7 @@ def require_increasing(
             limit="a larger time than in the row before",
             do="sort or mend the table",
         )
-    require_stamps(time_s, where=f"{path}, column {column}")
+    require_timestamps(time_s, where=f"{path}, column {column}")
 
 
 def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:

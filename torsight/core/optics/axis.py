@@ -81,10 +81,7 @@ def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis,
     ``noise_px`` is the usual standard deviation of a marker's position. The fit is returned, too, for the angles of all
     frames.
 
-    Raises
-    ------
-    NoResultError
-        When too few positions are known, or the markers turned too little.
+    Raises NoResultError when too few positions are known, or the markers turned too little.
     """
     seen = np.concatenate((left.seen, right.seen), axis=1)
     whole = np.asarray(seen.all(axis=1))
@@ -108,10 +105,7 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
     NaN where a position is not known. The unit of length is the distance of the two markers; they are taken to lie in
     one plane across the axis.
 
-    Raises
-    ------
-    NoResultError
-        When too few positions are known, or the markers turned too little.
+    Raises NoResultError when too few positions are known, or the markers turned too little.
     """
     stick = position_px[:, 1] - position_px[:, 0]
     known = np.asarray(np.isfinite(position_px).all(axis=(1, 2)), dtype=np.bool_)

@@ -204,6 +204,7 @@ def meeting_point(left: Floats, right: Floats, *, rotation: Floats, shift: Float
     along = np.concatenate((left, np.ones_like(left[..., :1])), axis=-1)
     other = np.concatenate((right, np.ones_like(right[..., :1])), axis=-1) @ rotation
     eye = -rotation.T @ shift
+    # The two normal equations of |s · along − eye − t · other|², solved.
     aa, bb = np.sum(along * along, axis=-1), np.sum(other * other, axis=-1)
     ab = np.sum(along * other, axis=-1)
     ae, be = along @ eye, other @ eye

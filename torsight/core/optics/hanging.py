@@ -26,6 +26,7 @@ from torsight.core.units import Flags, Floats, Ints
 USUAL_PX: Final = 0.02
 """Usual size of a marker's correlated errors, on films from lossless to CRF 30."""
 _LENGTHS_RAD: Final = (0.1, 0.35, 1.2)
+"""From 6° to 70°, each three and a half times the one before: shorter ones are white noise, longer ones an offset."""
 _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
 """Ratios of the size of the correlated errors to the usual one that are tried."""
 _SPREAD: Final = 1.2
@@ -62,6 +63,7 @@ def whitening(direction_rad: Floats, misfit: Callable[[Floats], Floats], values:
             left = flat - basis @ (basis.T @ flat)
             free = max(n * q - columns.shape[1], 1)
             white = max(1.0, float(np.sqrt(left @ left / free)))
+            # The restricted log-likelihood, white noise at its best, and the prior of the ratio.
             lost = float(np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-12))))
             score = -0.5 * q * float(np.sum(np.log(variance))) - lost - free * np.log(white)
             score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / _SPREAD) ** 2

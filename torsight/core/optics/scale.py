@@ -64,10 +64,7 @@ def check_scale(
     Positions (n, 4, 3) are in the order of :data:`torsight.core.tracks.MARKERS`, NaN where not known; ``known_mm``
     holds distances that were measured by hand, for ``base`` and ``moving``.
 
-    Raises
-    ------
-    NoResultError
-        When a stick is never seen with both markers.
+    Raises NoResultError when a stick is never seen with both markers.
     """
     known = known_mm or {}
     sticks = {

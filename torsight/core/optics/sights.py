@@ -78,7 +78,7 @@ class Sight:
 
     @cached_property
     def precision(self) -> Floats:
-        """Inverse (n, 4, 4) of the covariance; nought for a marker that is not seen."""
+        """Inverse (n, 4, 4) of the covariance; 0 for a marker that is not seen."""
         known = np.repeat(self.seen, 2, axis=1)
         return np.asarray(np.linalg.inv(self.covariance) * known[:, :, None] * known[:, None, :])
 
@@ -91,7 +91,7 @@ class Sight:
     def error(self, points: Floats, along: Floats) -> tuple[Floats, Floats]:
         """Return by how much points (n, 2, 3) are seen beside the markers (n, 2, 2), and how that goes with ``along``.
 
-        Both are nought for a marker that is not seen.
+        Both are 0 for a marker that is not seen.
         """
         place, way = points @ self.rotation.T + self.shift, along @ self.rotation.T
         ray = place[..., :2] / place[..., 2:]

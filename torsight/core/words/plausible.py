@@ -15,7 +15,7 @@ from torsight.core.errors import InputError
 from torsight.core.units import DEG, Floats
 
 LATEST_S: Final = 1e11
-"""A larger stamp is no number of seconds: milliseconds of the calendar have 13 digits."""
+"""A larger timestamp is no number of seconds: milliseconds of the calendar have 13 digits."""
 FINEST_S: Final = 1e-6
 """No camera and no logger of temperatures is faster than this."""
 MOST_ROWS_APART_S: Final = 1e8
@@ -39,8 +39,8 @@ _LOOKED_AT: Final = 1000
 _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
 
 
-def require_stamps(time_s: Floats, *, where: str) -> None:
-    """Refuse stamps (n,) that are no seconds by their size or their steps; ``where`` names file and column."""
+def require_timestamps(time_s: Floats, *, where: str) -> None:
+    """Refuse timestamps (n,) that are no seconds by their size or their steps; ``where`` names file and column."""
     if len(time_s) < 2:
         return
     largest = float(np.abs(time_s).max())
@@ -81,7 +81,7 @@ def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str, 
     column of times.
     """
     in_time = f"{where}, column {time_name}"
-    require_stamps(time_s, where=in_time)
+    require_timestamps(time_s, where=in_time)
     for name, temp_c in temps_c.items():
         known = np.isfinite(temp_c)
         if known.sum() < 3 or np.ptp(temp_c[known]) < HEATED_C:

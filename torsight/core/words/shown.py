@@ -115,7 +115,7 @@ def _warn_of_a_notebook_that_shows_nothing() -> None:
         warnings.warn(
             f"matplotlib's backend is '{mpl.get_backend()}', which shows nothing in a notebook: run "
             "'%matplotlib inline' in a cell, or take MPLBACKEND out of the environment",
-            stacklevel=3,
+            stacklevel=3,  # whoever called plot()
         )
 
 

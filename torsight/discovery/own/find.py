@@ -27,7 +27,7 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.prepare import prepare
+from torsight.discovery.own.prepare import MUCH_BETTER, prepare
 from torsight.discovery.settings import Settings
 
 _MOST_TRACES: Final = 20
@@ -37,8 +37,6 @@ _MISJUDGED: Final = 1.5
 holds 81 %, or 99.7 %."""
 _ROWS: Final = 64
 """Rows from which that ratio is known to a tenth, one over the root of twice their number."""
-_MUCH_WORSE: Final = 1.25
-"""Times the cost at which a fit from the declared start has missed what another start has found."""
 
 
 def find_missing(
@@ -104,7 +102,7 @@ class KnownFit:
     settled: bool
 
 
-def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress = silent) -> KnownFit:
+def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -> KnownFit:
     """Fit a model with effects, by their ids, that are known to belong to it: a discovery without a choice.
 
     The plain model comes first, then one effect after the other, each time with all that came before.
@@ -270,7 +268,7 @@ def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
         # Beside other effects all else is where it belongs: what is asked is whether this one finds its place.
         around = chosen.fit.values if len(chosen.members) > 1 else base.fit.values
         alone: Fit = chosen.fitter.fit(chosen.fit.effects, [{**around, **own}], keep=1)
-        if alone.cost > _MUCH_WORSE * cost:
+        if cost < MUCH_BETTER * alone.cost:
             given = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
             ended = ", ".join(f"{key} {alone.values[key]:.4g}" for key in own)
             ends = "does not leave it" if given == ended else f"ends elsewhere ({ended})"

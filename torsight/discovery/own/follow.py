@@ -37,14 +37,14 @@ _UNSURE: Final = 3.0
 """... with what the stretches tell as a prior, so many times as wide: they begin at readings, noise and all."""
 _LEAST_ROWS: Final = 4
 """Rows from one end of a stretch to the other, at least: its states have to show in them."""
-_GROWN: Final = 2.0**0.5
+_GROWN: Final = math.sqrt(2.0)
 """Growth of a reading's error, root mean square over the stretches that begin with it, up to which they are compared:
 then it adds to the residual's variance no more than twice that of the readings themselves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretched:
-    """The base model fitted over stretches that begin at what was measured, the others going on."""
+    """The plain model fitted over stretches that begin at what was measured, the others going on."""
 
     ode: Ode
     solution: Solution

@@ -1,6 +1,6 @@
 """Before the search: where its fits begin, and which values only one block can tell.
 
-A fit that begins far from its goal may end in another valley. The base model is fitted from several points over its
+A fit that begins far from its goal may end in another valley. The plain model is fitted from several points over its
 bounds; for every candidate points are laid out over its bounds, and those go into the search from which, with the base
 relaxed linearly, less would be left than from the declared start. That costs a call per point where a fit costs tens.
 """
@@ -30,14 +30,14 @@ from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import without_readings
 
 _POINTS: Final = 12
-"""Points over the bounds at which the base model is looked at, and over a candidate's bounds ..."""
+"""Points over the bounds at which the plain model is looked at, and over a candidate's bounds ..."""
 _MOST_POINTS: Final = 48
 """... up to so many along one parameter, where the prediction moves far between two of them ..."""
 _STARTS: Final = 2
 """... of which so many, the best ones, are starts of a fit beside the declared one."""
 _BETTER: Final = 0.95
 """Share of the cost from the declared start below which another point is worth a fit."""
-_MUCH_BETTER: Final = 0.8
+MUCH_BETTER: Final = 0.8
 """Share of the cost below which a fit from another start has found another valley, which a person should know."""
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value that lies in one block where no other block can tell it."""
@@ -99,7 +99,7 @@ def _floor(problem: ModelProblem) -> Floats:
 
 
 def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretched | None]:
-    """Fit the base model from its start, from the best of several points, and from what stretches have told."""
+    """Fit the plain model from its start, from the best of several points, and from what stretches have told."""
     own = fitter.base()
     free = [p for p in problem.parameters if p.sigma is None and (math.isfinite(p.upper - p.lower) or p.value != 0.0)]
     if not free:
@@ -113,7 +113,7 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
     stretched = over_stretches(problem, fitter, own)
     led = [] if stretched is None else [led_on(problem, fitter, stretched)]
     best = min([own, *others, *led], key=lambda fit: fit.cost)
-    if best.cost >= _MUCH_BETTER * own.cost:
+    if best.cost >= MUCH_BETTER * own.cost:
         return min([own, best], key=lambda fit: fit.cost), [], stretched
     away = [p for p in free if abs(best.values[p.name] - own.values[p.name]) > 0.5 * _scale(p)]
     listed = ", ".join(f"{p.name} {own.values[p.name]:.4g} → {best.values[p.name]:.4g}" for p in away)

@@ -39,7 +39,7 @@ _PARTS: Final = 8
 _ORDER: Final = 3
 """Order of the differences between rows by which noise is told from a course, as in ``scatter``; each one shares rows
 with as many more."""
-_SURE: Final = 3.1
+_SURE: Final = NormalDist().inv_cdf(1.0 - 1e-3)
 """Standard deviations that one signal in a thousand exceeds that has nothing to do with another one."""
 _REACH: Final = 4
 """Standard deviations of a bell curve at which it is cut off, as SciPy's is."""

@@ -20,13 +20,14 @@ _MOST_EVENTS: Final = 60
 apart."""
 
 
-def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]] = ()) -> Figure | None:
+def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]]) -> Figure | None:
     """Draw the measured angle and its sigma over time, lost stretches shaded, the tracker's events marked."""
     time_s, degrees = column(angle, "time_s"), column(angle, "angle_deg")
     sigma, valid = column(angle, "angle_sigma_deg"), column(angle, "valid") > 0.5
     if not (np.isfinite(degrees[valid]).any() and np.isfinite(sigma[valid]).any()):
         return None
     motion = Panel(Axis.along("", time_s), Axis.around(ANGLE, degrees[valid]), height=210)
+    # One frame in a thousand may be worse: it is drawn at the upper edge.
     top = float(np.nanquantile(sigma[valid], 0.999)) * 1.25
     spread = Panel(Axis.along(TIME, time_s), Axis("sigma (°)", 0.0, top if top > 0 else 1.0), height=170)
     for plot, label in ((motion, "angle not measured"), (spread, "")):
@@ -48,7 +49,7 @@ def both_clocks(merged: pd.DataFrame) -> Figure | None:
     known = np.isfinite(angle)
     if known.sum() < 10 or not np.isfinite([column(merged, f"temp_{spring}_c") for spring in "ab"]).any():
         return None
-    window_s = max(2.0, float(np.ptp(time_s)) / 300.0)
+    window_s = max(2.0, float(np.ptp(time_s)) / 300.0)  # three pixels of the plot
     speed = np.abs(slope(time_s[known], angle[known], window_s=window_s))
     heat = temperature_panel(merged, Axis.along("", time_s), height=170, source=", by its own log")
     motion = Panel(Axis.along(TIME, time_s), Axis.around("speed (°/s)", [0.0], speed), height=160)

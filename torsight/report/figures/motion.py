@@ -73,7 +73,7 @@ def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:
         plot.band(time_s[begin], time_s[end - 1], "held", label="held-out half-cycle")
 
 
-def angle_over_time(curves: pd.DataFrame, *, source: str = CURVES) -> Figure:
+def angle_over_time(curves: pd.DataFrame, *, source: str) -> Figure:
     """Angle against time, measured and modelled (the paper's figure 15)."""
     time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
     plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
@@ -117,7 +117,7 @@ def temperature_panel(table: pd.DataFrame, along: Axis, *, height: float, source
     return plot
 
 
-def temperatures_over_time(table: pd.DataFrame, *, source: str = CURVES) -> Figure:
+def temperatures_over_time(table: pd.DataFrame, *, source: str) -> Figure:
     """Both springs' temperatures against time (the paper's figure 16)."""
     plot = temperature_panel(table, Axis.along(TIME, column(table, "time_s")), height=240)
     return Figure(
@@ -130,7 +130,7 @@ def temperatures_over_time(table: pd.DataFrame, *, source: str = CURVES) -> Figu
     )
 
 
-def angle_over_temperature(curves: pd.DataFrame, spring: str, *, source: str = CURVES) -> Figure | None:
+def angle_over_temperature(curves: pd.DataFrame, spring: str, *, source: str) -> Figure | None:
     """Angle against the temperature of the spring that is driven (the paper's figure 17); None where it never is."""
     temp_c = column(curves, f"temp_{spring}_c")
     driven = is_driven(curves, spring)

@@ -117,6 +117,7 @@ def over_variable(
     known = np.isfinite(values)
     if known.sum() < 10 or np.ptp(values[known]) <= 0:
         return None
+    # A lone wild value would press all others together.
     low, high = np.quantile(values[known], [0.001, 0.999])
     inside = known & (values >= low) & (values <= high)
     plot = Panel(
@@ -166,7 +167,7 @@ def bin_means(x: Floats, y: Floats, *, bins: int) -> tuple[Floats, Floats]:
     """Return centre and mean of evenly spaced bins; NaN where a bin holds too little of the samples to mean much."""
     count, edges = np.histogram(x, bins)
     total, _ = np.histogram(x, bins, weights=y)
-    enough = count > 0.05 * len(x) / bins
+    enough = count > 0.05 * len(x) / bins  # a twentieth of what all would hold, were they filled evenly
     mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean
 
@@ -210,7 +211,7 @@ def pairs_of_bars(
     *,
     unseen: Sequence[bool] = (),
     width: float = 860.0,
-    height: float = 200.0,
+    height: float,
     unit: str = "°",
 ) -> Panel:
     """Return a before and an after bar per name; a level that is not finite is left out."""

@@ -98,6 +98,7 @@ def picture_data(svg: str) -> Markup:
 
 def _draw(picture: Picture, panel: Panel, top: float, width: float, height: float) -> None:
     """Draw one panel whose upper edge is ``top`` pixels above the lower edge of the picture."""
+    # Pixels: at the left numbers and the axis' label, above a row for each line of the legend, below numbers and label.
     widest = max((len(name) for _, name in panel.y_names or []), default=0)
     left = max(64.0, 20.0 + _CHARACTER_PX * widest)
     rows = _legend_rows(panel, width - left)

@@ -168,10 +168,7 @@ HIDDEN: Final[Mapping[str, type[HiddenEffect]]] = _effects_of(globals()) | _effe
 def read_hidden(table: Mapping[str, Any], *, where: str) -> dict[str, HiddenEffect]:
     """Read the table [effects]: one sub-table per effect that the rig has.
 
-    Raises
-    ------
-    ConfigError
-        For an effect or a key that is not known (naming the nearest).
+    Raises ConfigError for an effect or a key that is not known (naming the nearest).
     """
     check_keys(table, tuple(HIDDEN), where=f"{where}, [effects]")
     found: dict[str, HiddenEffect] = {}

@@ -32,7 +32,8 @@ class Bar:
 
 
 def frame_ticks(settings: FilmSettings, duration_s: float, tick: Fraction, rng: np.random.Generator) -> Ints:
-    """Return the stamps of the frames that the film has, in ticks of its container."""
+    """Return the timestamps of the frames that the film has, in ticks of its container."""
+    # A length of so many whole frames may come out a rounding error short of them.
     count = max(1, int(duration_s * settings.fps + 1e-9))
     place = np.arange(count, dtype=np.float64)
     place[1:] += settings.jitter * rng.uniform(-1.0, 1.0, count - 1) if count > 1 else 0.0
@@ -57,12 +58,12 @@ def shake_path(scene: Scene, time_s: Floats, rng: np.random.Generator) -> Floats
     for event in scene.events:
         if event.kind == "bump":
             shift[time_s >= event.start_s] += np.array(event.shift_px)
-    limit = MARGIN_PX - 2.0
+    limit = MARGIN_PX - 2.0  # rays are interpolated between a pixel and the next
     return np.clip(shift, -limit, limit)
 
 
 def light_gain(scene: Scene, time_s: Floats) -> Floats:
-    """Return the light of each frame, relative: flicker, and the lamp switched off."""
+    """Return the light of each frame, relative: flicker, and the light switched off."""
     gain = 1.0 + scene.light.flicker * np.sin(2.0 * math.pi * scene.light.flicker_hz * time_s)
     for event in scene.events:
         if event.kind == "dark":

@@ -1,4 +1,4 @@
-"""Writing films: H.264, FFV1, MJPEG or a folder of pictures, from 8-bit luma, with exact stamps."""
+"""Writing films: H.264, FFV1, MJPEG or a folder of pictures, from 8-bit luma, with exact timestamps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TICKS: Final = {
     "mjpeg": Fraction(1, 1000),
     "png": Fraction(1, 90000),
 }
-"""Resolution of the frames' stamps (Matroska counts milliseconds)."""
+"""Resolution of the frames' timestamps (Matroska counts milliseconds)."""
 
 SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
 
@@ -85,6 +85,7 @@ class _Encoder:
         # bitexact: no dates, versions or random identifiers in the container.
         self._container = av.open(str(path), "w", format=name, options={"fflags": "+bitexact"})
         self._stream: Any = self._add_stream(settings, size_px)
+        # Enough for both sides to go on, and some megabytes: whoever draws waits where the encoder is slower.
         self._queue: queue.Queue[tuple[int, Luma] | None] = queue.Queue(maxsize=16)
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="film encoder", daemon=True)

@@ -49,7 +49,7 @@ class View:
 
     def jacobian(self, point_mm: Floats) -> Floats:
         """Return d(pixel)/d(X, Y) (2, 2) at a point of the world, px/mm."""
-        step = 0.01
+        step = 0.01  # mm: errors of central differences go with its square, rounding against it
         offsets = np.array([[step, 0, 0], [-step, 0, 0], [0, step, 0], [0, -step, 0]])
         seen = self.project(point_mm + offsets)
         return np.column_stack([seen[0] - seen[1], seen[2] - seen[3]]) / (2.0 * step)

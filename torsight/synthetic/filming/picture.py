@@ -27,11 +27,12 @@ MARGIN_PX = 32
 def edge_share(distance_px: float, blur_px: float) -> float:
     """Return the share of a pixel that lies inside an edge; the distance is positive outside."""
     x = distance_px / blur_px
+    # Beyond four sigmas an edge is 3e-5 of its step, less than a hundredth of a grey level.
     if x > 4.0:
         return 0.0
     if x < -4.0:
         return 1.0
-    return 0.5 * math.erfc(x * 0.7071067811865476)
+    return 0.5 * math.erfc(x * math.sqrt(0.5))
 
 
 @njit(cache=True, nogil=True)
@@ -174,7 +175,7 @@ def draw_stick(canvas: Canvas, stick: Stick, first_row: int, spans: Ints) -> Non
 
 @njit(cache=True, nogil=True)
 def draw_bar(picture: Picture, light: Picture, ends_px: Floats, radius_px: float, level: float, blur_px: float) -> None:
-    """Draw a bar with round ends over the picture: a hand, a wire, or (both ends in one place) a lamp."""
+    """Draw a bar with round ends over the picture: a hand, a wire, or (both ends in one place) an LED."""
     ax, ay, bx, by = ends_px
     height, width = picture.shape
     reach = radius_px + 5.0 * blur_px

@@ -46,7 +46,7 @@ class Studio:
         self._still: NDArray[np.float32] | None = None
 
     def frame(
-        self, stick_rad: Floats, *, shift_px: Floats, gain: float, bars: list[Bar], lamp: bool
+        self, stick_rad: Floats, *, shift_px: Floats, gain: float, bars: list[Bar], lit: bool
     ) -> NDArray[np.uint8]:
         """Return one frame (h, w).
 
@@ -58,7 +58,7 @@ class Studio:
         led = self._scene.led
         if led.radius_px > 0.0:
             place = np.array(led.position_px) + shift_px
-            level = led.level if lamp else 40.0
+            level = led.level if lit else 40.0
             draw_bar(picture, self._light, np.array([*place, *place]), led.radius_px, level, self._blur_px)
         for bar in bars:
             draw_bar(picture, self._light, bar.ends_px, bar.radius_px, bar.level, 2.0 * self._blur_px)

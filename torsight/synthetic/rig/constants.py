@@ -106,9 +106,7 @@ class Constants(NamedTuple):
 _WHOLE: Final = frozenset(name for name, kind in get_type_hints(Constants).items() if kind is int)
 
 
-def to_records(
-    constants: Constants, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw] = ()
-) -> NDArray[np.void]:
+def to_records(constants: Constants, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw]) -> NDArray[np.void]:
     """Return the constants as two records, which compiled functions take by reference: with spring A's and B's values.
 
     ``law`` holds each law's values on its nodes, one row per slot; where ``law_step`` is 0 there is none.

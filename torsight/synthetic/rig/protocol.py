@@ -84,10 +84,7 @@ def read_protocol(table: Mapping[str, Any], *, where: str) -> Protocol:
     600) and ``cool_s`` (300); ``points`` = [[s, °C], …] replaces peak and ramp by any reference. All times are
     multiplied by the time factor.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown key, a value out of range, or points that do not increase in time.
+    Raises ConfigError for an unknown key, a value out of range, or points that do not increase in time.
     """
     place = f"{where}, [protocol]"
     check_keys(table, ("time_factor", "repeat", "rest_s", "home", "half_cycle"), where=place)

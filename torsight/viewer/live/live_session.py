@@ -228,7 +228,7 @@ class Session:
                 self._news(self._model.poll())
             self._put("summary", self._words())
         if now >= self._due["dropped"]:
-            self._due["dropped"] = now + 5.0
+            self._due["dropped"] = now + 5.0  # a line now and then, not one for each
             self._tell_dropped()
 
     def _poll_log(self, *, early: bool = False) -> None:

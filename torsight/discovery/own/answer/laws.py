@@ -42,7 +42,7 @@ _STEP: Final = 1e-3
 _FORM_SHARE: Final = Settings().form_share
 """Share of a candidate's squares that a law must do, for the candidate to be a form of it."""
 _NOTHING: Final = 1e-6
-"""Share of a candidate's squares that the base model may leave of one that it can do itself."""
+"""Share of a candidate's squares that the plain model may leave of one that it can do itself."""
 _COVERED: Final = 0.02
 """Share of the median information about a node below which the record did not reach it."""
 

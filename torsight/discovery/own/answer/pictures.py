@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2", "neutral": "#7f7f7f"}
 """Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
+_DPI: Final = 90
+"""Resolution of the picture in a notebook."""
 _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
 """Curves that a picture shows, the first ones, and points of each: several for a pixel of its width."""
@@ -168,8 +170,8 @@ def draw_by_driver(axis: Any, found: Findings) -> None:
     axis.set(title=f"measured less model over {names[0]}", xlabel=names[0])
 
 
-def as_image(figure: Figure, *, dpi: int) -> str:
+def as_image(figure: Figure) -> str:
     """Return a picture as an address that holds it itself (PNG)."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+    figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": None})
     return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"

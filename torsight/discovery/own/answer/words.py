@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 _WIDTH: Final = 22
 """Characters of the column with the titles."""
-_PICTURE_DPI: Final = 90
-"""Resolution of the picture in a notebook."""
 _NO_FLOOR: Final = 1e6
 """Times a floor from which it is none: a record without noise."""
 
@@ -202,7 +200,7 @@ def html(found: Findings) -> str:
         f"{escape(estimate(one.to_json()))}</td></tr>"
         for name, one in found.parameters.items()
     )
-    image = as_image(overview(found), dpi=_PICTURE_DPI)
+    image = as_image(overview(found))
     return (
         f"<table>{rows}</table><details><summary>Parameters</summary><table>{values}</table></details>"
         f"<img alt='measured, models and residuals' src='{image}'>"

@@ -32,7 +32,7 @@ _LEAST_SHARE: Final = 0.02
 """Share of the time from row to row to which a step is shortened: beyond a jump of the right-hand side, such as of
 friction where the speed passes zero, no shorter one would do better. What rests there trembles by so much less than it
 moves from row to row."""
-_HALVINGS: Final = 48
+_HALVINGS: Final = int(np.finfo(np.float64).nmant)
 """By which the moment of an event in a step is known to the digits of a float."""
 
 _NUMBERS: Final = types.Array(types.float64, 1, "C")

@@ -177,13 +177,7 @@ def _check_candidate(
 
 
 def _moved(value: float, lower: float, upper: float) -> float:
-    if np.isfinite(upper - lower):
-        return (
-            value + _ELSEWHERE * (upper - lower)
-            if value < 0.5 * (lower + upper)
-            else value - _ELSEWHERE * (upper - lower)
-        )
-    step = _ELSEWHERE * (abs(value) or 1.0)
+    step = _ELSEWHERE * (upper - lower if np.isfinite(upper - lower) else abs(value) or 1.0)
     return value + step if value + step <= upper else value - step
 
 

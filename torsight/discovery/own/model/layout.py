@@ -249,6 +249,7 @@ def still(observed: Floats, noise: float) -> Flags:
     """Return where an output (rows,) stands still over 16 rows or more, to within its noise."""
     half = _STILL_ROWS // 2
     known = np.isfinite(observed)
+    # Fewer rows hold no rest beside a motion.
     if known.sum() < 2 * _STILL_ROWS:
         return np.zeros(len(observed), bool)
     filled = np.interp(np.arange(len(observed)), np.flatnonzero(known), observed[known])

@@ -38,10 +38,8 @@ OPTIONS: Final = ("candidates", "laws", "initial", "drivers", *READING)
 def load_model_file(path: Path) -> ModuleType:
     """Run a model file.
 
-    Raises
-    ------
-    InputError
-        When it is missing, or fails: with the line in which it does; its own traceback is a note of the error.
+    Raises InputError when it is missing, or fails: with the line in which it does; its own traceback is a note of the
+    error.
     """
     if not path.is_file():
         raise missing_file(path)

@@ -338,5 +338,5 @@ def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequenc
         values = np.concatenate([own[:, k] for own in measured]) / size[k]
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         shift[k] = top - low
-        top += 1.1 * (high - low)
+        top += 1.1 * (high - low)  # a tenth apart, so that no two ranges touch
     return Layout(tuple(outputs), rows, size, shift)

@@ -21,8 +21,8 @@ SILENT_S: Final = ATTENTION_S
 """A camera or a stream that gives no picture for this long has ended."""
 
 _RECENT_S: Final = THOUGHT_S
-"""A driver's stamp is believed as an instant of this computer's clock where it lies no longer back than this: whoever
-looks at the rig would notice."""
+"""A driver's timestamp is believed as an instant of this computer's clock where it lies no longer back than this:
+whoever looks at the rig would notice."""
 _STEPS: Final = WAITING_FRAMES + 1
 """Steps of time of which the median is the usual one: a second of a usual camera, and an odd number."""
 
@@ -60,7 +60,7 @@ class Camera(Pictures):
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
         """Give the camera's pictures until it goes silent."""
-        clock = _Stamps()
+        clock = _Timestamps()
         last = time.perf_counter()
         try:
             while not stop.is_set():
@@ -89,7 +89,7 @@ def _luma(picture: Any) -> NDArray[np.uint8]:
     return np.asarray(grey, dtype=np.uint8)
 
 
-class _Stamps:
+class _Timestamps:
     """When each picture was taken, and how many were lost before it."""
 
     def __init__(self) -> None:
@@ -113,5 +113,6 @@ class _Stamps:
         usual_s = statistics.median(self._steps) if len(self._steps) >= 5 else None
         self._steps.append(step_s)
         steps = 1 if usual_s is None else round(step_s / usual_s)
-        # Two steps at once are a lost picture; an arrival, not a stamp, may be late by one, delayed by other programs.
+        # Two steps at once are a lost picture; an arrival, not a timestamp, may be late by one, delayed by other
+        # programs.
         return taken_s, steps - 1 if steps > (1 if self._by_driver else 2) else 0

@@ -24,12 +24,8 @@ def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, 
     A film plays at ``speed`` times its own pace; ``fps`` is the rate of pictures, or that to ask of a camera. One that
     ``grows`` is still being written: more is waited for where it ends.
 
-    Raises
-    ------
-    ConfigError
-        When the stream is on another computer, or ``speed`` or ``fps`` is not above 0.
-    InputError
-        When there is no such camera, film or stream.
+    Raises ConfigError when the stream is on another computer, or ``speed`` or ``fps`` is not above 0; InputError when
+    there is no such camera, film or stream.
     """
     if not (np.isfinite(speed) and speed > 0.0):
         raise ConfigError("is no speed", where="--speed", value=speed, limit="above 0")

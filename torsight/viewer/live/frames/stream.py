@@ -54,7 +54,7 @@ def check_stream(url: str) -> str:
 
 
 class Stream(Pictures):
-    """A stream on this computer as it comes; times are its own stamps."""
+    """A stream on this computer as it comes; times are its own timestamps."""
 
     kind = "stream"
 
@@ -132,10 +132,12 @@ def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Pi
             missed += 1
             continue
         for picture in pictures:
-            stamp = picture.time if picture.time is not None else arrived_s
-            first = stamp if first is None else first
+            timestamp = picture.time if picture.time is not None else arrived_s
+            first = timestamp if first is None else first
             corrupt = bool(picture.is_corrupt)
-            yield Picture(stamp - first, luma_of(picture, display).copy(), corrupt, arrived_s=arrived_s, missed=missed)
+            yield Picture(
+                timestamp - first, luma_of(picture, display).copy(), corrupt, arrived_s=arrived_s, missed=missed
+            )
             missed = 0
 
 

@@ -71,6 +71,7 @@ class LiveAngle:
             step_s = max(time_s - last_s, 1e-6)
             expected = last_rad + self._speed_rad_s * step_s
             whole = expected + math.remainder(angle_rad - expected, math.tau)
+            # The speed over the last fifth of a second: one frame's is mostly noise.
             self._speed_rad_s += min(1.0, step_s / 0.2) * ((whole - last_rad) / step_s - self._speed_rad_s)
         self._last = (time_s, whole)
         return whole

@@ -24,7 +24,7 @@ from sync.log.column_names import (
     resolve,
 )
 from sync.log.header import find_columns, is_row_of_numbers, require_columns, split_line, units_row
-from sync.log.wall_clock import RunningStamps
+from sync.log.wall_clock import RunningTimestamps
 from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table
 
@@ -70,7 +70,7 @@ class LogFollower:
         self._delimiter = ","
         self._may_be_units = False
         self._nearest: tuple[int, list[str]] = (-1, [])
-        self._stamps = RunningStamps()
+        self._timestamps = RunningTimestamps()
 
     def poll(self) -> list[LogRow]:
         """Return the rows that have come since the last call; a header that lacks a column is refused."""
@@ -182,7 +182,7 @@ class LogFollower:
             self._tell(note)
         self.header = self.header or text
         self._delimiter, self._columns, self._may_be_units = delimiter, columns, True
-        self._set_stamps(columns)
+        self._set_timestamps(columns)
         return True
 
     def _take_units(self, fields: Sequence[str], text: str) -> bool:
@@ -191,21 +191,21 @@ class LogFollower:
         if units is None:
             return False
         self._columns = require_columns(units, where=str(self.path))
-        self._set_stamps(self._columns)
+        self._set_timestamps(self._columns)
         if "\n" not in self.header:
             self.header = f"{self.header}\n{text}"
         return True
 
-    def _set_stamps(self, columns: Mapping[str, LogColumn]) -> None:
+    def _set_timestamps(self, columns: Mapping[str, LogColumn]) -> None:
         unit = columns["time"].unit
-        self._stamps = RunningStamps(1.0 if unit is None else unit.factor)
+        self._timestamps = RunningTimestamps(1.0 if unit is None else unit.factor)
 
     def _numbers(self, fields: Sequence[str]) -> tuple[float, ...]:
         assert self._columns is not None  # noqa: S101 - for the type checker: rows come after the header
-        stamp = self._plain(fields[self._columns["time"].index])
+        timestamp = self._plain(fields[self._columns["time"].index])
         if DATE in self._columns:
-            stamp = f"{fields[self._columns[DATE].index]} {stamp}"
-        return (self._stamps.seconds(stamp), *(self._number(fields, role) for role in (*NEEDED[1:], *OPTIONAL)))
+            timestamp = f"{fields[self._columns[DATE].index]} {timestamp}"
+        return (self._timestamps.seconds(timestamp), *(self._number(fields, role) for role in (*NEEDED[1:], *OPTIONAL)))
 
     def _number(self, fields: Sequence[str], role: str) -> float:
         column = (self._columns or {}).get(role)
@@ -225,9 +225,9 @@ class LogFollower:
 class LogClock:
     """From the log's clock to the film's while both run; ``offset_s`` is log's less film's time where it is known.
 
-    A row cannot arrive before it was written: the largest difference between a row's stamp and the film's time at its
-    arrival is the offset, to within the shortest delay. Rows that lie there at the start say nothing; they are taken to
-    be of the film's clock until a row arrives.
+    A row cannot arrive before it was written: the largest difference between a row's timestamp and the film's time at
+    its arrival is the offset, to within the shortest delay. Rows that lie there at the start say nothing; they are
+    taken to be of the film's clock until a row arrives.
     """
 
     def __init__(self, offset_s: float | None) -> None:
