@@ -77,12 +77,14 @@ def witness(
     covariance_outer: Floats,
     *,
     moves: Flags,
+    turns: bool = True,
     pixel: float = 0.0,
 ) -> LengthWitness:
     """Compare a stick's length over the film with what its markers' covariances (n, 2, 2) predict.
 
     Its markers (n, 2) are in one plane, any unit, NaN where not known; ``moves`` (n,) see :func:`in_motion`, ``pixel``
-    is the size of a pixel in that unit.
+    is the size of a pixel in that unit. A stick that does not turn is seen turned where the camera is rolled, which
+    leaves its length as it is.
     """
     offset = outer - inner
     length = np.hypot(offset[:, 0], offset[:, 1])
@@ -100,7 +102,7 @@ def witness(
     left = np.zeros(len(use))
     spreads = [0.0]
     for _ in range(3):
-        left = length[known] - _smooth(angle, length[known], weight * use)
+        left = length[known] - _smooth(angle * turns, length[known], weight * use)
         spreads = [robust_sigma(left[kind & use]) for kind in kinds]
         for kind, spread in zip(kinds, spreads, strict=True):
             use[kind] = np.abs(left[kind]) < max(_CLIP * spread, 1e-9)
