@@ -76,7 +76,8 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     """
     flat, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
     flat, size_variance = as_far(flat, covariance, pixel=pixel)
-    hidden, nothing = np.isnan(flat[:, :2, 0]).all(axis=1), np.zeros(len(tracks))
+    hidden = np.asarray(np.isnan(flat[:, :2, 0]).all(axis=1))
+    nothing = np.zeros(len(tracks))
     if size_variance.any():
         tracks = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect))
     shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
