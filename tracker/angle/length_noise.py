@@ -24,7 +24,7 @@ LEAST_FRAMES: Final = 30
 _FEW_FRAMES: Final = 8
 """Frames of a kind that at least tell how far the kind may be off."""
 _CLIP: Final = 4.0
-_ALONG_ROWS_PX: Final = 0.1
+_ALONG_ROWS_PX: Final = 0.065
 """What the pixels make of edges that lie along their rows, where all of an edge is off alike: 0.06 px measured for
 sharp tags of 36 and 62 px, in the few frames of a turn in which they lie so."""
 _STILL_FRAMES: Final = 11
