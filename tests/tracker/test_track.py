@@ -142,6 +142,19 @@ def test_sticks_of_which_one_covers_a_dot_of_the_other_at_first_are_found_later(
     assert outcome.rms_deg < 3.0 * bound_deg(rig)
 
 
+def test_a_stick_that_only_jumps_is_the_one_that_moves() -> None:
+    # Each jump smears one frame, after which the stick may lie anywhere; only the circles about the point where both
+    # sticks' lines cross tell its inner dot from the outer one, and that it is the same stick.
+    def jumping(t: np.ndarray) -> np.ndarray:
+        jumps = ((0.50, 12.0), (1.03, -60.0), (1.57, 45.0))
+        return 70.0 + sum(turn * np.clip((t - at) / 0.03 + 0.5, 0.0, 1.0) for at, turn in jumps)
+
+    rig = Rig(jumping, exposure=0.5, samples=5)
+    outcome = run(rig, given=False)
+    assert outcome.valid.mean() > 0.9
+    assert np.abs(outcome.error_deg[outcome.valid]).max() < 8.0 * bound_deg(rig)
+
+
 def test_a_base_dot_that_a_wide_stick_half_covers_is_not_taken() -> None:
     # So faint that the dot fits as well as it usually does while the stick's edge slowly moves over it.
     rig = Rig(

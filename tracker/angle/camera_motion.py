@@ -75,13 +75,16 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     the picture.
     """
     flat, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
-    far = as_far(flat, covariance, pixel=pixel)
-    if far is not None:
-        flat, tracks = far, replace(tracks, position_px=_in_picture(far, intrinsics, pixel_aspect))
+    flat, size_variance = as_far(flat, covariance, pixel=pixel)
+    hidden = np.asarray(np.isnan(flat[:, :2, 0]).all(axis=1))
+    nothing = np.zeros(len(tracks))
+    if size_variance.any():
+        tracks = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect))
     shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
     if shift is None:
-        nothing = np.zeros(len(tracks))
-        return Unmoved(tracks, tracks, nothing, nothing)
+        shift = Shift(np.zeros((len(tracks), 2)), nothing, nothing)
+        if not size_variance.any():
+            return Unmoved(tracks, tracks, nothing, nothing)
     flat = flat - shift.step[:, None]
     seen = _seen(flat)
     alone = (seen[:, 2] != seen[:, 3]) * shift.loose / pixel**2
@@ -90,8 +93,8 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     still = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect), covariance_px2=spread)
     turned, turn_rad2 = upright(flat, covariance, pixel=pixel)
     away2 = np.sum(np.square(flat - np.nanmedian(_middle(flat[:, :2]), axis=0)), axis=-1)
-    hidden = (shift.loose > 0.0)[:, None]
-    shared_px2 = np.where(hidden, shift.loose[:, None] + turn_rad2[:, None] * away2, 0.0) / pixel**2
+    off = shift.loose[:, None] + (turn_rad2 + size_variance)[:, None] * away2
+    shared_px2 = np.where(hidden[:, None], off, 0.0) / pixel**2
     paths = replace(
         still,
         position_px=_in_picture(turned, intrinsics, pixel_aspect),
@@ -115,34 +118,43 @@ def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float
     return flat / np.array([pixel_aspect, 1.0]) if intrinsics is None else pixel_from_ray(flat, intrinsics)
 
 
-def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> Floats | None:
-    """Return positions (n, 4, 2) as from a camera that stays as far away; None where that is what it does.
+def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
+    """Return positions (n, 4, 2) as from a camera that stays as far away, and the variance (n,) of their size.
 
     One that comes nearer makes both longer; their errors are independent. So the slope of the moving stick's length
     over the base's, beside what its direction makes of it, is the camera's share in the variance of the base's: of
-    every change of the base that much is expected to be the camera's. It is taken out about the base's middle.
-    ``covariance`` and ``pixel`` as for :func:`upright`.
+    every change of the base that much is expected to be the camera's. It is taken out about the base's middle. The
+    variance is nought where nothing is. ``covariance`` and ``pixel`` as for :func:`upright`.
     """
-    base, moving = _lengths(position, covariance, 0), _lengths(position, covariance, 2)
-    known = np.isfinite(base.residual) & np.isfinite(moving.residual) & ~base.outlier & ~moving.outlier
+    base, moving, nothing = (
+        _lengths(position, covariance, 0),
+        _lengths(position, covariance, 2),
+        np.zeros(len(position)),
+    )
+    told = np.isfinite(base.residual) & ~base.outlier
+    known = told & np.isfinite(moving.residual) & ~moving.outlier
     if known.sum() < LEAST_FRAMES:
-        return None
-    longer = base.residual[known] / base.length
+        return position, nothing
+    longer = np.where(told, base.residual / base.length, np.nan)
     offset = position[known, 3] - position[known, 2]
-    beside = np.column_stack([by_direction(np.arctan2(offset[:, 1], offset[:, 0])), longer])
+    beside = np.column_stack([by_direction(np.arctan2(offset[:, 1], offset[:, 0])), longer[known]])
     slope = np.linalg.lstsq(beside, np.hypot(*offset.T) / moving.length, rcond=None)[0][-1]
-    share, changed = float(np.clip(slope, 0.0, 1.0)), float(np.var(longer))
+    share, changed = float(np.clip(slope, 0.0, 1.0)), float(np.var(longer[known]))
     if not share * changed > max(_MOVED**2 * (1.0 - share) * changed, (_FELT_PX * pixel / base.length) ** 2):
-        return None
-    size = 1.0 + share * np.interp(np.arange(len(position)), np.flatnonzero(known), longer)
-    middle = _middle(position[:, :2])[:, None]
-    return np.asarray(middle + (position - middle) / size[:, None, None])
+        return position, nothing
+    noise = 0.5 * np.trace(covariance[:, 0] + covariance[:, 1], axis1=1, axis2=2) / base.length**2
+    size, variance = _followed(share * longer, noise)
+    middle, index = _middle(position[:, :2]), np.arange(len(position))
+    seen = np.flatnonzero(_seen(middle))
+    # While the base is not seen it goes with the picture.
+    about = np.stack([np.interp(index, seen, part[seen]) for part in middle.T], axis=1)[:, None]
+    return np.asarray(about + (position - about) / (1.0 + size)[:, None, None]), variance
 
 
 def _lengths(position: Floats, covariance: Floats, first: int) -> LengthWitness:
     """Return what the length of the stick with these two markers says, in all frames alike."""
     inner, outer = ((position[:, marker], covariance[:, marker]) for marker in (first, first + 1))
-    return witness(inner[0], outer[0], inner[1], outer[1], moves=np.ones(len(position), np.bool_))
+    return witness(inner[0], outer[0], inner[1], outer[1], moves=np.ones(len(position), np.bool_), turns=first > 0)
 
 
 def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:

@@ -129,7 +129,8 @@ class Moving:
 def stick_errors(tracks: MarkerTracks, plane: list[Points]) -> StickErrors:
     """Return what the sticks' lengths say, from positions in planes across the axis."""
     base_moves, moves = in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
-    base, moving = stick_witness(plane[:2], base_moves), stick_witness(plane[2:], moves)
+    base = stick_witness(plane[:2], base_moves, seen_px=tracks.position_px[:, :2])
+    moving = stick_witness(plane[2:], moves, seen_px=tracks.position_px[:, 2:])
     # The base's noise is frozen longest of all: the other stick tells what it hides.
     hidden = _FROZEN * moving.still
     of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, hidden))
@@ -212,10 +213,13 @@ def usual_of(values: Floats) -> float:
     return float(np.median(known)) if len(known) else np.nan
 
 
-def stick_witness(stick: list[Points], moves: Flags) -> LengthWitness:
-    """Return what the length of a stick says, from its inner and outer marker."""
+def stick_witness(stick: list[Points], moves: Flags, *, seen_px: Floats | None = None) -> LengthWitness:
+    """Return what the length of a stick says, from its inner and outer marker, seen at ``seen_px`` (n, 2, 2)."""
     inner, outer = stick
-    return witness(inner[0], outer[0], inner[1], outer[1], moves=moves)
+    offset_px = np.empty((0, 2)) if seen_px is None else seen_px[:, 1] - seen_px[:, 0]
+    long_px = usual_of(np.hypot(*offset_px.T))
+    pixel = usual_of(np.hypot(*(outer[0] - inner[0]).T)) / long_px if long_px > 0.0 else 0.0
+    return witness(inner[0], outer[0], inner[1], outer[1], moves=moves, pixel=pixel)
 
 
 def scaled(points: Points, scale: float | Floats) -> Points:

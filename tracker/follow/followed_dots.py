@@ -42,8 +42,11 @@ class DotState(Kept):
             own["length"] = own["shortest"] = own["longest"] = math.dist(*self.ends(stick))
             own["start_rad"], own["still"] = direction(*self.ends(stick)), still
             own["axis"]["last_rad"] = math.nan
+        if len(self.scene.sticks) > 1:
+            for stick in (0, 1):
+                self._suppose_axis(stick, self.ends(1 - stick))
 
-    def ends(self, stick: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    def ends(self, stick: int) -> tuple[Point, Point]:
         """Return where both markers of a stick are."""
         one, two = (place_of(marker) for marker in self.scene.markers[2 * stick : 2 * stick + 2])
         return one, two
@@ -83,10 +86,14 @@ class DotState(Kept):
         rig, base = scene.rig[0], scene.sticks[1 - moving]
         rig["moving"], rig["zero"], rig["last_rad"] = moving, ends, direction(*ends)
         base["still"], base["start_rad"] = True, rig["last_rad"]
-        centre = crossing_point(*ends, *self.ends(moving))
+        self._suppose_axis(moving, ends)
+
+    def _suppose_axis(self, stick: int, other: tuple[Point, Point]) -> None:
+        """Suppose that a stick turns about the point where its line crosses that of the other one."""
+        centre = crossing_point(*other, *self.ends(stick))
         if centre is not None:
             # Markers are put on the middle of a stick within their radius.
-            suppose_axis(scene.sticks[moving]["axis"], *centre, self.radius_px)
+            suppose_axis(self.scene.sticks[stick]["axis"], *centre, self.radius_px)
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Follow the markers into the next frame and return their readings, which the next frame overwrites.

@@ -159,13 +159,16 @@ class Follower(Kept):
     def _look_for_motion(self, readings: NDArray[np.void]) -> None:
         """Settle which stick moves: the one that turns; one that is not seen may have turned with the camera.
 
-        Only what turns in sight counts, from the frame in which a stick came back: what was found again may be another.
+        Only what turns in sight counts, from the frame in which a stick came back: what was found again may be another,
+        unless it lies on the circles of a stick whose axis is known.
         """
         now = [
             math.nan if readings["state"][i : i + 2].any() else direction(*map(place_of, readings[i : i + 2]))
             for i in (0, 2)
         ]
-        back = (np.isnan(self._last) & np.isfinite(now)).any()
+        dots = self.sticks[0]
+        sure = dots.scene.sticks["axis"]["known"] if isinstance(dots, DotState) and len(self.sticks) == 1 else 0
+        back = (np.isnan(self._last) & np.isfinite(now) & np.logical_not(sure)).any()
         self._last = np.array(now)
         self._starts = np.where(np.isnan(self._starts) | back, now, self._starts)
         angles = [turned(one, first) for one, first in zip(now, self._starts.tolist(), strict=True)]

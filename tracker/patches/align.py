@@ -11,8 +11,9 @@ Vision 56, 2004, section 3.2, with a linear change of light as in its part 3). T
 Where something lies over a part of the patch, its points are weighed down (Tukey's biweight) and the fit repeated.
 
 A drawn template knows nothing of uneven ink: what that leaves is the same in every frame, and as large at single points
-as what lies over them. It is perpendicular to all that is fitted, so to take it out of the picture of a whole patch
-changes nothing, and to learn it lets nothing drift; but it does change what is fitted to a part.
+as what lies over them. It is learnt point by point, as far as each is seen, and taken out of the picture. What a fit
+leaves is perpendicular, by the fit's own weights, to all that is fitted, so to learn it with these weights lets nothing
+drift; and a part of the tag has the direction of all that was seen before.
 """
 
 from __future__ import annotations
@@ -28,7 +29,18 @@ from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Floats
-from tracker.patches.alignment import GAIN, LIGHT, Part, Template, align_warp, largest_step, sample, step_warp
+from tracker.patches.alignment import (
+    GAIN,
+    LIGHT,
+    Part,
+    Template,
+    align_warp,
+    found_of,
+    largest_step,
+    sample,
+    step_warp,
+)
+from tracker.patches.ink import Ink
 from tracker.patches.warps import jacobian, project
 
 Look = Callable[[Floats, Floats], Floats]
@@ -67,8 +79,8 @@ class Fit:
     ``inside``: the same for the part that was named at the template's making. ``light``, ``residual``: brightness at
     the template's mean, and root mean square of what the model leaves, grey levels; ``gain``: contrast over the
     template's; ``kept``: share of the points that were used, for the others show something else; ``covariance`` (k, k):
-    of the last δ, for white noise of the size of ``residual``; ``left`` (n,): what the model leaves at the points of a
-    drawn template over the gain, None where a part is hidden.
+    of the last δ, for white noise of the size of ``residual``; ``left``, ``weight`` (n,): what the template leaves at
+    its points, over the gain, and how far they show the patch.
     """
 
     warp: Floats
@@ -79,7 +91,8 @@ class Fit:
     residual: float
     kept: float
     covariance: Floats
-    left: Floats | None
+    left: Floats
+    weight: Floats
 
 
 class Patch:
@@ -115,6 +128,7 @@ class Patch:
         self.generators = _generators(half_px)[:freedom]
         around = np.exp(0.25j * np.pi * np.arange(8)) if round_ else np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
         self._rim = half_px * np.stack([around.real, around.imag])
+        self.soft = soft
         self._other = _OTHER_DRAWN if soft else _OTHER_SEEN
         self._share = self._around(np.ones(len(x))) if soft else None
         self._solve_for(look, x, y, soft=soft)
@@ -141,6 +155,11 @@ class Patch:
         self._plain = np.linalg.pinv(plain)
         self.mean, self.spread = float(middle.mean()), float((middle - plain @ (self._plain @ middle)).std())
         self._noise = self._overlap(self._inverse)
+
+    @property
+    def count(self) -> int:
+        """Return how many points are compared."""
+        return len(self._index)
 
     @property
     def turn_doubt(self) -> float:
@@ -179,40 +198,40 @@ class Patch:
         high_px = (float(min(left + side, width)), float(min(top + side, height)))
         return Part(np.asarray(blurred, dtype=np.float32), left, top, low_px, high_px)
 
-    def align(self, luma: NDArray[np.uint8], warp: Floats, lasting: Floats | None = None) -> Fit | None:
-        """Return how the patch lies near a first guess; None where it leaves the picture or is not found.
-
-        ``lasting`` (n,) is what fits usually leave (:attr:`Fit.left`).
-        """
+    def align(self, luma: NDArray[np.uint8], warp: Floats, learnt: Ink | None = None) -> Fit | None:
+        """Return how the patch lies near a first guess; None where it leaves the picture or is not found."""
         if not self.in_picture(warp, luma):
             return None
         cut = self.cut(luma, warp)
-        good, moved, before, warp = align_warp(warp, self._template, cut, _ROUNDS, _STOP_PX)
+        usual = np.zeros(len(self._index)) if learnt is None else learnt.left
+        good, moved, before, warp = align_warp(warp, self._template, cut, self._inverse @ usual, _ROUNDS, _STOP_PX)
         if not good or moved > 10.0 * _STOP_PX:
             return None
         seen = sample(cut, before, self._grid)
         values = seen[self._index]
-        found = self._inverse @ values
-        left = values - self._basis @ found
-        square = np.square(left)
-        if self._share is not None:
-            square = self._around(square) / self._share
-        weight = _tukey(square, self._limit(left, found))
-        if np.count_nonzero(weight) > (1.0 - _FEW) * len(weight):
-            return self._fit(seen, found, warp, np.ones(len(values)), self._inverse)
-        return self._align_in_part(cut, warp, left, found, lasting)
+        found = found_of(self._inverse @ values, self._inverse @ usual)
+        left = values - self._basis @ found - found[GAIN] * usual
+        all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * len(left)
+        # Held against its own scatter all of a patch would be seen, whatever lies over it.
+        noise = learnt.noise * abs(float(found[GAIN])) if learnt and all_known else robust_sigma(left)
+        seen_whole = np.count_nonzero(self._weights(left, found, noise, learnt)) > (1.0 - _FEW) * len(left)
+        if seen_whole and (all_known or learnt is None or not learnt.known.any()):
+            return self._fit(seen, usual, found, warp, np.ones(len(values)), self._inverse)
+        return self._align_in_part(cut, warp, left, found, learnt)
 
-    def _align_in_part(
-        self, cut: Part, warp: Floats, left: Floats, found: Floats, lasting: Floats | None
-    ) -> Fit | None:
-        """Go on with the points that show the patch, and learn meanwhile which do."""
-        usual = np.zeros(len(left)) if lasting is None else lasting
-        left = left - found[GAIN] * usual
-        weight = _tukey(np.square(left), self._limit(left, found))
+    def _align_in_part(self, cut: Part, warp: Floats, left: Floats, found: Floats, learnt: Ink | None) -> Fit | None:
+        """Go on with the points that show the patch, and learn meanwhile which do.
+
+        What was learnt of their ink refuses all that is a little off: near the right place alone.
+        """
+        usual = np.zeros(len(left)) if learnt is None else learnt.left
+        near = learnt is None
+        weight = self._weights(left, found, robust_sigma(left), learnt, loose=not near)
         for _ in range(_ROUNDS):
             seen = sample(cut, warp, self._grid)
             values = seen[self._index] - found[GAIN] * usual
-            weighted = weight[:, None] * self._basis
+            trust = 1.0 if learnt is None else learnt.trust((values - self._basis @ found) / found[GAIN], weight)
+            weighted = (trust * weight)[:, None] * self._basis
             normal = weighted.T @ self._basis
             normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
             try:
@@ -225,14 +244,23 @@ class Patch:
                 return None
             moved, warp = largest_step(warp, after, self._rim), after
             left = values - self._basis @ found
-            weight = _tukey(np.square(left), self._limit(left, found))
-            if moved < _STOP_PX:
+            if moved < _STOP_PX and near:
                 break
-        return self._fit(seen, found, warp, weight, inverse)
+            near = near or moved < _STOP_PX
+            weight = self._weights(left, found, robust_sigma(left), learnt, loose=not near)
+        return self._fit(seen, usual, found, warp, weight, inverse)
 
-    def _limit(self, left: Floats, found: Floats) -> float:
-        """Return what the model leaves at least at a point that shows something else."""
-        return max(self._other * self.spread * abs(float(found[GAIN])), _TUKEY * robust_sigma(left))
+    def _weights(self, left: Floats, found: Floats, noise: float, learnt: Ink | None, *, loose: bool = False) -> Floats:
+        """Return how far points show the patch: where nothing was learnt of a drawn one their surroundings tell."""
+        gain, square, known = abs(float(found[GAIN])), np.square(left), np.zeros(len(left), np.bool_)
+        limit = np.full(len(left), max(_TUKEY * noise, self._other * self.spread * gain))
+        if learnt is not None:
+            known = learnt.known
+            if not loose:
+                limit = np.where(known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), limit)
+        if self._share is not None and not known.all():
+            square = np.where(known, square, self._around(square) / self._share)
+        return np.asarray(np.square(np.clip(1.0 - square / limit**2, 0.0, None)))
 
     def _around(self, values: Floats) -> Floats:
         """Return the sum of values (n,) around every point, weighted by a normal distribution."""
@@ -241,8 +269,8 @@ class Patch:
         seen = cv2.GaussianBlur(grid.reshape(self._side, -1), (0, 0), _AROUND, borderType=cv2.BORDER_CONSTANT)
         return np.asarray(seen.ravel()[self._index], dtype=np.float64)
 
-    def _fit(self, seen: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
-        values, root = seen.ravel()[self._index], np.sqrt(weight)
+    def _fit(self, seen: Floats, usual: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
+        values, root = seen[self._index] - found[GAIN] * usual, np.sqrt(weight)
         left = root * (values - self._basis @ found)
         plain = root * (values - self._basis[:, :3] @ (self._plain @ values))
         if inverse is not self._inverse:
@@ -261,7 +289,8 @@ class Patch:
             residual=math.sqrt(variance),
             kept=float(np.count_nonzero(weight > 0.0)) / len(weight),
             covariance=variance * self._spread_of(seen, inverse),
-            left=left / gain if self._share is not None and inverse is self._inverse else None,
+            left=(values - self._basis @ found) / gain + usual,
+            weight=weight,
         )
 
     def _spread_of(self, seen: Floats, inverse: Floats) -> Floats:
@@ -316,11 +345,6 @@ def _generators(half_px: float) -> Floats:
         [[0, 0, 0], [0, 0, 0], [0, r * r, 0]],
     ]
     return np.array(found, dtype=np.float64)
-
-
-def _tukey(square: Floats, limit: float) -> Floats:
-    """Return Tukey's weights of points from the squares of what the model leaves at them."""
-    return np.asarray(np.square(np.clip(1.0 - square / limit**2, 0.0, None)))
 
 
 def _correlation(one: Floats, other: Floats) -> float:

@@ -119,10 +119,17 @@ def largest_step(before: Floats, after: Floats, rim: Floats) -> float:
 
 
 @compiled
+def found_of(solved: Floats, usual: Floats) -> Floats:
+    """Return the solution without what a template usually leaves: both are solved for, that for a contrast of one."""
+    found: Floats = solved - solved[GAIN] / (1.0 + usual[GAIN]) * usual
+    return found
+
+
+@compiled
 def align_warp(
-    warp: Floats, template: Template, part: Part, rounds: int, stop_px: float
+    warp: Floats, template: Template, part: Part, usual: Floats, rounds: int, stop_px: float
 ) -> tuple[bool, float, Floats, Floats]:
-    """Step until steps are small.
+    """Step until steps are small; ``usual`` is the solution for what the template usually leaves.
 
     Returned are whether the steps led somewhere, the size of the last one, the warp before it, and the one after it.
     """
@@ -131,7 +138,7 @@ def align_warp(
         seen = sample(part, warp, template.points)
         for i in range(len(found)):
             found[i] = inner(template.inverse[i], seen)
-        good, after = step_warp(found, warp, template, part)
+        good, after = step_warp(found_of(found, usual), warp, template, part)
         if not good:
             return False, moved, warp, after
         moved, before, warp = largest_step(warp, after, template.rim), warp, after

@@ -16,6 +16,7 @@ from tracker.checkpoint import Kept
 from tracker.follow.judgement import SOON
 from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch, cut_out
+from tracker.patches.ink import Ink
 from tracker.patches.warps import place, similarity, size_of, turn_of
 from tracker.rows import SEEN
 
@@ -41,16 +42,15 @@ class PatchTrack(Kept):
 
     ``points`` (n, 2) of its template are those that the flow follows; ``warp`` is where it is, was seen last, or is
     looked for first; ``lost`` counts frames since it was seen; ``usual`` is the running mean of its correlation,
-    ``lasting`` (n,) that of what the fits of a drawn template leave, None where none was learnt.
+    ``learnt`` what the fits of a drawn template leave, None for one that was seen.
     """
 
-    kept = ("warp", "lost", "usual", "lasting", "_history", "_corner", "_seen")
+    kept = ("warp", "lost", "usual", "learnt", "_history", "_corner", "_seen")
 
     def __init__(self, patch: Patch, points: Floats, warp: Floats) -> None:
         self.warp = warp
         self.lost = 0
         self.usual = 1.0
-        self.lasting: Floats | None = None
         self._history: list[tuple[float, Floats]] = []
         self._seen: NDArray[np.uint8] | None = None
         self._corner = (0, 0)
@@ -74,7 +74,7 @@ class PatchTrack(Kept):
         ahead = self.predict(time_s)
         why = "lost" if self.patch.in_picture(ahead, luma) else "outside"
         for guess in self._guesses(luma, ahead):
-            fit = self.patch.align(luma, guess, self.lasting)
+            fit = self.patch.align(luma, guess, self.learnt)
             if fit is None:
                 continue
             reason = judge(fit)
@@ -123,8 +123,8 @@ class PatchTrack(Kept):
         if self.lost:
             self._history = self._history[-1:] if self.lost <= SOON else []
         self.usual += RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
-        if fit.left is not None:
-            self.lasting = fit.left if self.lasting is None else self.lasting + RATE * (fit.left - self.lasting)
+        if self.learnt is not None:
+            self.learnt.take(fit.left, fit.weight, fit.residual / fit.gain)
         self.warp, self.lost = fit.warp, 0
         self._history = [*self._history[-1:], (time_s, fit.warp)]
         half = math.ceil(math.sqrt(2.0) * self.patch.half_px * size_of(fit.warp)) + _REACH_PX
@@ -135,7 +135,7 @@ class PatchTrack(Kept):
     def replace(self, patch: Patch, points: Floats, size: float) -> None:
         """Take a template of the same thing that is ``size`` times as large."""
         self.patch = patch
-        self.lasting = None
+        self.learnt = Ink(patch.count) if patch.soft else None
         self.points = np.vstack([np.asarray(points, dtype=np.float64).T, np.ones(len(points))])
         smaller = np.diag([1.0 / size, 1.0 / size, 1.0])
         self.warp = self.warp @ smaller

@@ -97,7 +97,7 @@ class TagStick(Kept):
         tag, track = self._found
         last_px = place(track.warp)
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
-        fit = track.patch.align(luma, tag.warp_of(found[0]), track.lasting)
+        fit = track.patch.align(luma, tag.warp_of(found[0]), track.learnt)
         why = "outside" if fit is None else self._judge(fit)
         return (None, why) if why else (fit, "")
 

@@ -75,6 +75,22 @@ def test_a_camera_that_rolls_when_it_is_bumped() -> None:
     assert found.report["tilt"]["tilt_deg"] < 1.5
 
 
+def test_a_camera_that_is_pushed_nearer_and_rolled_meanwhile_makes_no_tilt() -> None:
+    # The base turns in the picture as it grows: its length follows its direction, and yet it is the camera's.
+    still = tracks_of(STRAIGHT)
+    part = np.clip(np.linspace(-0.5, 1.5, FRAMES), 0.0, 1.0)
+    middle = 0.5 * (np.array(still.size_px) - 1.0)
+    grown = middle + (still.position_px - middle) * (1.0 + 0.05 * part)[:, None, None]
+    pushed = moved(replace(still, position_px=grown), part[:, None] * [8.0, 0.0], part * np.deg2rad(6.0))
+    # Behind a hand it goes with the picture.
+    behind = np.arange(FRAMES) % 40 < 6
+    pushed.position_px[behind, :2], pushed.valid[behind, :2] = np.nan, False
+    found = orient(pushed, None)
+    check(STRAIGHT, found.angles, factor=1.5)
+    assert found.report["tilt"]["tilt_deg"] < 1.5
+    assert found.report["noise"]["error_over_white_noise"]["moving"] < 2.0
+
+
 @pytest.mark.parametrize("kind", ["bump", "sag"])
 @pytest.mark.parametrize("pose", [True, False])
 def test_a_calibrated_camera_is_turned(tmp_path: Path, kind: str, *, pose: bool) -> None:
