@@ -160,7 +160,7 @@ def main(folder: Path) -> None:
     findings, record, later = discover_drive(folder)
     field, chosen = findings.field, findings.decision.chosen
     single = next(one for one in findings.ranked(1) if one.effects)
-    print("Base model       ", ", ".join(f"{name} {value:.4g}" for name, value in field.base.fit.values.items()))
+    print("Plain model      ", ", ".join(f"{name} {value:.4g}" for name, value in field.base.fit.values.items()))
     print(f"Verdict           {findings.verdict}: {', '.join(chosen.members) or 'nothing'}")
     for title, one in (("base", field.base), (single.members[0], single), ("all that is told", chosen)):
         errors = f"{100 * relative_error(record, one):.2f} %, second record {100 * relative_error(later, one):.2f} %"

@@ -55,7 +55,7 @@ def pair_of(kind: str, seed: int, lag_s: float, offset_s: float, drift_ppm: floa
 
 
 def restarted(pair: Any, rng: np.random.Generator, folder: Path) -> Path:
-    """Write the log with one restart of its clock somewhere, after which its stamps begin at zero."""
+    """Write the log with one restart of its clock somewhere, after which its timestamps begin at zero."""
     half_cycle = int(rng.integers(1, len(pair.switch_true_s)))
     begin_s, off_s = pair.switch_true_s[half_cycle]
     in_rest = bool(rng.random() < 0.5)
@@ -63,11 +63,11 @@ def restarted(pair: Any, rng: np.random.Generator, folder: Path) -> Path:
     at_s = film_s * (1.0 + pair.drift_ppm * 1e-6) + pair.offset_s
     away_s = float(rng.choice([0.0, rng.uniform(0.0, 20.0)]))
     keep = (pair.log_s < at_s) | (pair.log_s > at_s + away_s)
-    stamp = pair.log_s[keep].copy()
-    behind = stamp > at_s
+    timestamp = pair.log_s[keep].copy()
+    behind = timestamp > at_s
     if behind.any():
-        stamp[behind] -= stamp[behind][0]
-    columns: dict[str, Any] = {"time_s": stamp, "temp_a_c": pair.temp_a_c[keep], "temp_b_c": pair.temp_b_c[keep]}
+        timestamp[behind] -= timestamp[behind][0]
+    columns: dict[str, Any] = {"time_s": timestamp, "temp_a_c": pair.temp_a_c[keep], "temp_b_c": pair.temp_b_c[keep]}
     columns |= {"heat_a": pair.heat_a[keep].astype(int), "heat_b": pair.heat_b[keep].astype(int)}
     path = folder / "temps.csv"
     pd.DataFrame(columns).to_csv(path, index=False)

@@ -4,8 +4,8 @@ Pairs of film and log of the tests' own generator (``clock_coverage.py``) are sy
 turn; the log's clock restarts once in half of them. The columns are those of ``prior_sensitivity.py``: by how much
 offsets move, in their own standard deviations, how much wider intervals get, in how many pairs they hold the truth;
 then how many pairs have no answer. Constants of log reading are judged by logs with spikes, readings that stand still,
-rows lost and stamps repeated: share of the damaged readings that stay, share of the sound ones that go, and rms error,
-in °C, of the temperature that the merged table gets from the log.
+rows lost and timestamps repeated: share of the damaged readings that stay, share of the sound ones that go, and rms
+error, in °C, of the temperature that the merged table gets from the log.
 
 Run: python benchmarks/sync/constants.py --seeds 6 [--only WORD]
 """
@@ -90,7 +90,8 @@ def clocks(pairs: Sequence[Any], folder: Path, *, led: bool) -> list[Answer | No
 def damaged(pair: Any, seed: int, folder: Path) -> tuple[Path, dict[str, Any]]:
     """Write a pair's log with damages; return its path and, for each temperature, what is sound and which rows are.
 
-    A third of the logs is read to 0.5 °C, a third has stamps in whole seconds, and each has a pause of half a minute.
+    A third of the logs is read to 0.5 °C, a third has timestamps in whole seconds, and each has a pause of half a
+    minute.
     """
     rng = np.random.default_rng([seed, 6])
     keep = ~((pair.log_s > pair.log_s[len(pair.log_s) // 3]) & (pair.log_s < pair.log_s[len(pair.log_s) // 3] + 30.0))

@@ -124,7 +124,7 @@ class Film:
 
     @property
     def times_s(self) -> np.ndarray:
-        """Stamps of the frames: some are dropped, some late."""
+        """Timestamps of the frames: some are dropped, some late."""
         rng = np.random.default_rng([self.seed, 3])
         index = np.arange(self.frames, dtype=float)
         kept = rng.random(self.frames) >= self.drop
@@ -352,7 +352,7 @@ def _edge(row, p, q, height):  # noqa: ANN001, ANN202
 
 
 def write_film(film: Film, path: Path) -> Path:
-    """Encode a film with its stamps: H.264 at its CRF, or lossless."""
+    """Encode a film with its timestamps: H.264 at its CRF, or lossless."""
     codec = "ffv1" if film.crf is None else "libx264"
     path = path.with_suffix(".mkv" if film.crf is None else ".mp4")
     with av.open(str(path), "w") as container:

@@ -7,7 +7,7 @@
 Instants are spread evenly at random over the length of an undisturbed run. After each kill every file that has its
 final name must hold, byte for byte, what the undisturbed run has there (nothing half-written, nothing else; a model
 may still be that of the fit, which the discovery replaces). After ``--resume`` (for ``batch``: the same call again) all
-files must be there with those bytes and nothing beside them. Time stamps are left out of the comparison: a recording
+files must be there with those bytes and nothing beside them. Timestamps are left out of the comparison: a recording
 is compared by its data (see ``same_recording``).
 """
 
@@ -80,7 +80,7 @@ def files(out: Path) -> dict[str, Path]:
 
 
 def same(path: Path, reference: Path) -> bool:
-    """Return whether two files say the same, time stamps apart."""
+    """Return whether two files say the same, timestamps apart."""
     if path.suffix == ".rrd":
         return same_recording(path, reference)
     return path.read_bytes() == reference.read_bytes()

@@ -80,7 +80,7 @@ def test_noise_that_was_interpolated_onto_a_faster_clock_is_found():
     time_s, _, read = logged(0.25, 0.05)
     fast = np.arange(0.0, 899.0, 0.04)
     noise, correlation = measure_noise(fast, np.interp(fast, time_s, read))
-    # Between two stamps the interpolated noise is smaller: two thirds of the variance on average.
+    # Between two timestamps the interpolated noise is smaller: two thirds of the variance on average.
     assert 0.6 * 0.05 < noise < 1.1 * 0.05
     assert correlation > 1
 

@@ -217,7 +217,7 @@ def test_a_fit_leaves_the_wrong_side_of_a_kink_where_the_problem_says_where_to_l
     own = {field.name: getattr(plain, field.name) for field in fields(plain)}
     kinked = _Kinked(**{**own, "parameters": bounded, "elsewhere": elsewhere, "drivers": {}})
     found = Search(kinked, settings=Settings(), progress=silent).run()
-    # All that are compared: the base model, and the right effect.
+    # All that are compared: the plain model, and the right effect.
     for one in (found.base, found.explanations["coulomb",]):
         assert one.fit.values["offset"] == pytest.approx(-2.0 if elsewhere else 2.0, abs=0.05)
 

@@ -75,8 +75,8 @@ def test_every_curve_is_in_the_recording_sample_by_sample(run: Path) -> None:
     ):
         values = [row[0] for row in found[entity]["Scalars:scalars"] if row]
         np.testing.assert_allclose(values, table[column])
-        stamps = [stamp.total_seconds() for stamp in found[entity][view_layout.TIME] if stamp is not None]
-        np.testing.assert_allclose(stamps, table["time_s"], atol=1e-6)
+        seen = [time.total_seconds() for time in found[entity][view_layout.TIME] if time is not None]
+        np.testing.assert_allclose(seen, table["time_s"], atol=1e-6)
 
 
 def test_film_markers_and_sticks_are_in_the_recording_frame_by_frame(run: Path) -> None:

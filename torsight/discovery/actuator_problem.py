@@ -1,7 +1,7 @@
 """The torsion actuator as a problem for the engine.
 
-The base model is the quasi-static one with its characterised values as priors; the candidates are the effect files; the
-blocks are half-cycles; rests are where the measured angle stands still. Angles are in degrees here, the unit of the
+The plain model is the quasi-static one with its characterised values as priors; the candidates are the effect files;
+the blocks are half-cycles; rests are where the measured angle stands still. Angles are in degrees here, the unit of the
 report.
 """
 

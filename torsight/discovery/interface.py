@@ -98,7 +98,7 @@ class NeededMembers(Protocol):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The base model's free parameters; ``sigma`` is the standard deviation of the prior around ``value``."""
+        """The plain model's free parameters; ``sigma`` is the standard deviation of the prior around ``value``."""
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:

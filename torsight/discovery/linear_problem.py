@@ -24,7 +24,7 @@ class LinearProblem(OptionalMembers):
     Attributes
     ----------
     columns : mapping of str to (n,) array
-        Column of every parameter, of the base model and of the candidates.
+        Column of every parameter, of the plain model and of the candidates.
     parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms
         As in the protocol.
     """

@@ -120,9 +120,9 @@ def _without_camera(
 
 
 def _from_above(flat: list[Points], values: Floats, readout: Readout, along: int) -> tuple[list[Floats], list[Floats]]:
-    """Return the markers as seen from straight above, at the stamps of their frames; and the derivatives of the map."""
+    """Return the markers as seen from straight above, at their frames' timestamps; and the derivatives of the map."""
     places, slopes = zip(*(rectify(points, values) for points, _ in flat), strict=True)
-    return [*places[:2], *readout.at_stamps(places[2:], float(values[5]), along)], list(slopes)
+    return [*places[:2], *readout.at_timestamps(places[2:], float(values[5]), along)], list(slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +144,7 @@ def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[l
     scale = stick_witness(flat[2:], moves).scale
     inner, outer = (scaled(points, scale) for points in flat[2:])
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * readout.size_px[0], known=True)
-    moving = readout.at_stamps([plane[2][0], plane[3][0]], float(tilt.values[5]), tilt.along)
+    moving = readout.at_timestamps([plane[2][0], plane[3][0]], float(tilt.values[5]), tilt.along)
     found = [*plane[:2], *((at, own[1]) for at, own in zip(moving, plane[2:], strict=True))]
     return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
 

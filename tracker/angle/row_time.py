@@ -6,7 +6,7 @@ speed and with its sign, which no tilt and no lens does. :mod:`tracker.angle.til
 is what it needs from the frames, and what takes the delay out of the markers' places once it is known.
 
 Rows may lie along either side of the picture as displayed (a phone held upright stores rows that are shown as columns).
-The stamp of a frame is taken for that of the row read first, as Android's camera interface defines it
+The timestamp of a frame is taken for that of the row read first, as Android's camera interface defines it
 (``SENSOR_TIMESTAMP``).
 """
 
@@ -34,7 +34,7 @@ _ONWARDS: Final = (("right", "left"), ("down", "up"))
 class Readout:
     """When the moving markers of each frame are read, in parts of the time in which a picture is.
 
-    ``time_s`` (n,) are the stamps of the frames, usually ``frame_s`` apart; ``place`` (n, 2, 2) is inner and outer
+    ``time_s`` (n,) are the timestamps of the frames, usually ``frame_s`` apart; ``place`` (n, 2, 2) is inner and outer
     marker's x over the picture's width and y over its height, NaN where not seen.
     """
 
@@ -50,7 +50,7 @@ class Readout:
         return cls(tracks.time_s, frame_s, tracks.position_px[:, 2:] / np.array(tracks.size_px), tracks.size_px)
 
     def delay_s(self, share: float, along: int) -> Floats:
-        """Return how long after its frame's stamp each marker is read (n, 2).
+        """Return how long after its frame's timestamp each marker is read (n, 2).
 
         ``share`` of the time between frames is the read-out's, along x (0) or y (1), backwards where it is negative.
         """
@@ -61,8 +61,8 @@ class Readout:
         rate, _ = turning(self.time_s, direction_rad)
         return np.asarray(rate[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
 
-    def at_stamps(self, points: Sequence[Floats], share: float, along: int) -> list[Floats]:
-        """Return the moving markers, each (n, 2) in a plane across the axis, as they are at their frames' stamps."""
+    def at_timestamps(self, points: Sequence[Floats], share: float, along: int) -> list[Floats]:
+        """Return the moving markers, each (n, 2) in a plane across the axis, as at their frames' timestamps."""
         inner, outer = points
         if share == 0.0:
             return [inner, outer]
@@ -97,7 +97,7 @@ def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
     ``direction_rad`` (n,) is NaN where it is not known; there the rate is that between the frames around.
     """
     known = np.flatnonzero(np.isfinite(direction_rad))
-    # Two frames with one stamp tell no rate.
+    # Two frames with one timestamp tell no rate.
     known = known[np.diff(np.maximum.accumulate(time_s[known]), prepend=-np.inf) > 0.0]
     if len(known) < 3:
         return np.zeros(len(time_s)), np.zeros(len(time_s))

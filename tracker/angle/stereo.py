@@ -99,11 +99,11 @@ def orient_pair(
     """
     films, space = same_points(films_of(left, right, camera))
     rig = _first_rig(films, space)
-    read, rollings = _at_stamps(films, rig)
+    read, rollings = _at_timestamps(films, rig)
     if any(rolling.report["known"] for rolling in rollings):
         # Paths that were not read at once have another axis, and about that another delay.
         rig = _first_rig(read, space)
-        read, rollings = _at_stamps(films, rig)
+        read, rollings = _at_timestamps(films, rig)
     films = read
     # The errors of each film by its own sticks, seen flat; then the axis again, with those errors.
     errors = [stick_errors(film.tracks, _on_planes(film, rig)) for film in films]
@@ -148,8 +148,8 @@ def orient_pair(
     )
 
 
-def _at_stamps(films: list[Film], rig: _Rig) -> tuple[list[Film], list[Rolling]]:
-    """Return films with the moving markers as they are at the stamps of their frames; and what each shows of its rows.
+def _at_timestamps(films: list[Film], rig: _Rig) -> tuple[list[Film], list[Rolling]]:
+    """Return films with the moving markers as they are at their frames' timestamps; and what each shows of its rows.
 
     Each film has its own read-out: its paths in the planes across the axis show it as those of one camera do.
     """

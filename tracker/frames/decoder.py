@@ -79,7 +79,7 @@ class Decoder:
             return
 
     def _missing_before(self, pts: int | None) -> Iterator[int]:
-        """Give the stamps of packets before ``pts`` that gave no frame, once an error has been met.
+        """Give the timestamps of packets before ``pts`` that gave no frame, once an error has been met.
 
         Without an error such packets are frames that are not meant to be shown.
         """

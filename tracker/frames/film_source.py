@@ -28,9 +28,9 @@ _SLOWER: Final = 1.5
 class FilmSource:
     """A film file; every pass over it decodes it again.
 
-    ``given`` are times other than those of the film's own stamps, ``display`` says how its frames are turned; the rest
-    is in :class:`tracker.frames.frame.FrameSource`. No film, no video, or a codec that cannot be decoded here is an
-    :class:`InputError`.
+    ``given`` are times other than those of the film's own timestamps, ``display`` says how its frames are turned; the
+    rest is in :class:`tracker.frames.frame.FrameSource`. No film, no video, or a codec that cannot be decoded here is
+    an :class:`InputError`.
     """
 
     def __init__(self, path: Path, *, fps: float | None = None, times_s: Floats | None = None) -> None:
@@ -151,13 +151,13 @@ class FilmSource:
         self._note_end(index, last_s, decoder)
 
     def times_of(self, pts: Ints) -> Floats:
-        """Return the times (n,) of all frames from their stamps, s, or from the table or the rate that was given."""
+        """Return the times (n,) of all frames from their timestamps, s, or from the table or rate that was given."""
         if self.given:
             return np.array([self.given.of(index) for index in range(len(pts))])
         return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
 
     def repeated(self, pts: Iterable[int | None]) -> int:
-        """Return how many chunks of an AVI, whose stamps number them, hold no picture and so repeat the one before."""
+        """Return how many chunks of an AVI, whose timestamps number them, hold no picture: they repeat the last."""
         known = [number for number in pts if number is not None]
         chunks = known[-1] - known[0] + 1 if known and self._about["format"] == "avi" else 0
         return max(chunks - len(known), 0)
@@ -173,20 +173,20 @@ class FilmSource:
         """
         wanted = set(indices)
         found = {index: self._kept[index] for index in wanted & set(self._kept)}
-        stamps = {index: self.pts[index] for index in wanted - set(found) if index < len(self.pts)}
-        sought = self._sought({pts for pts in stamps.values() if pts is not None})
-        found |= {index: sought[pts] for index, pts in stamps.items() if pts in sought}
+        timestamps = {index: self.pts[index] for index in wanted - set(found) if index < len(self.pts)}
+        sought = self._sought({pts for pts in timestamps.values() if pts is not None})
+        found |= {index: sought[pts] for index, pts in timestamps.items() if pts in sought}
         return found | pictures_of(self, wanted - set(found))
 
-    def _sought(self, stamps: Collection[int]) -> dict[int, NDArray[np.uint8]]:
-        """Return frames by their time stamps, by seeking to the key frames before them; without those that fail.
+    def _sought(self, timestamps: Collection[int]) -> dict[int, NDArray[np.uint8]]:
+        """Return frames by their timestamps, by seeking to the key frames before them; without those that fail.
 
         Frames behind one key frame are decoded in one go: an encoder may set the next one only after 250 frames.
         """
         found: dict[int, NDArray[np.uint8]] = {}
-        if not stamps:
+        if not timestamps:
             return found
-        waiting = sorted(stamps, reverse=True)
+        waiting = sorted(timestamps, reverse=True)
         with self.open() as container:
             stream = self.stream(container)
             stream.thread_type = "AUTO"
@@ -216,7 +216,7 @@ class FilmSource:
             return last_s + step if np.isfinite(last_s) else 0.0
         # Rounded once, as the fraction would be.
         time_s = (pts - start) * base.numerator / base.denominator
-        # Two frames with one stamp: some containers' clocks are coarser than the frame rate.
+        # Two frames with one timestamp: some containers' clocks are coarser than the frame rate.
         return time_s if time_s > last_s else last_s + 1e-3 * step
 
     def _note(self, index: int, time_s: float, decoder: Decoder, *, missing: bool) -> None:

@@ -21,16 +21,16 @@ from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of
 from tracker.frames.image_sequence import PictureSource
 
 _DECODED_PX: Final = 3e9
-"""Pixels of a film up to which all of it is decoded to read its stamps: 10,000 frames of VGA, some four seconds at
+"""Pixels of a film up to which all of it is decoded to read its timestamps: 10,000 frames of VGA, some four seconds at
 the 1.0 to 1.5 ns per pixel that light H.264 costs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stamps:
+class Timestamps:
     """When every frame of a source is shown: ``time_s`` (n,), from 0, in the order of display.
 
-    ``pts`` (n,) are the container's own stamps, numbers of the pictures where there is no container; None where it has
-    none, so that frames cannot be sought. ``decoded``: the frames themselves were counted, rather than what the
+    ``pts`` (n,) are the container's own timestamps, numbers of the pictures where there is no container; None where it
+    has none, so that frames cannot be sought. ``decoded``: the frames themselves were counted, rather than what the
     container says that it shows; ``hidden``: how many of its frames are not shown.
     """
 
@@ -43,15 +43,15 @@ class Stamps:
         return len(self.time_s)
 
 
-def read_stamps(source: FilmSource | PictureSource, *, progress: Progress = silent) -> Stamps:
-    """Return the stamps of all frames, with the times at which :func:`tracker.track.track_film` takes them.
+def read_timestamps(source: FilmSource | PictureSource, *, progress: Progress = silent) -> Timestamps:
+    """Return the timestamps of all frames, with the times at which :func:`tracker.track.track_film` takes them.
 
     A short film is decoded from end to end, and what is damaged in it noted in ``source.damage``; of a long one those
     packets are listed that its edit list shows.
     """
     if isinstance(source, PictureSource):
         number = range(source.frame_count)
-        return Stamps(np.array([source.time_s(at) for at in number]), np.array(number, np.int64), decoded=True)
+        return Timestamps(np.array([source.time_s(at) for at in number]), np.array(number, np.int64), decoded=True)
     about = source.frame_count or (source.span_s or 0.0) * (source.rate_fps or 0.0)
     if not about or about * np.prod(source.size_px) <= _DECODED_PX:
         return _decoded(source, about=int(about), progress=progress)
@@ -67,11 +67,11 @@ def read_stamps(source: FilmSource | PictureSource, *, progress: Progress = sile
     if len(ordered) == 0:
         return _decoded(source, about=int(about), progress=progress)
     hidden += source.repeated(ordered.tolist())
-    return Stamps(source.times_of(ordered), ordered, decoded=False, hidden=hidden)
+    return Timestamps(source.times_of(ordered), ordered, decoded=False, hidden=hidden)
 
 
-def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Stamps:
-    """Return the stamps of a film that is decoded from end to end."""
+def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Timestamps:
+    """Return the timestamps of a film that is decoded from end to end."""
     times: list[float] = []
     for frame in source:
         times.append(frame.time_s)
@@ -80,17 +80,17 @@ def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Stamps:
     progress("reading the film", len(times), len(times))
     known = [pts for pts in source.pts if pts is not None]
     pts = np.array(known, np.int64) if len(known) == len(times) and (np.diff(known) > 0).all() else None
-    return Stamps(np.array(times), pts, decoded=True)
+    return Timestamps(np.array(times), pts, decoded=True)
 
 
 class Clip:
     """``count`` frames of a source from the ``first``, numbered from 0, as a source of their own."""
 
-    def __init__(self, source: FilmSource | PictureSource, stamps: Stamps, *, first: int, count: int) -> None:
+    def __init__(self, source: FilmSource | PictureSource, timestamps: Timestamps, *, first: int, count: int) -> None:
         self._source = source
-        self._stamps = stamps
+        self._timestamps = timestamps
         self.first = first
-        self.frame_count = min(count, len(stamps) - first)
+        self.frame_count = min(count, len(timestamps) - first)
         self.size_px, self.pixel_aspect = source.size_px, source.pixel_aspect
         self.files, self.describe = source.files, source.describe
         self.damage = Damage()
@@ -101,7 +101,7 @@ class Clip:
         source = self._source
         pictures = self._pictures(source) if isinstance(source, PictureSource) else self._decoded(source)
         for index, (number, luma) in enumerate(pictures):
-            yield Frame(index, float(self._stamps.time_s[number]), luma)
+            yield Frame(index, float(self._timestamps.time_s[number]), luma)
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
         """Return some frames of the clip again, by their numbers; those that cannot be decoded are left out."""
@@ -115,7 +115,7 @@ class Clip:
             yield self.first + frame.index, frame.luma
 
     def _decoded(self, source: FilmSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
-        pts = self._stamps.pts
+        pts = self._timestamps.pts
         if pts is None:
             for frame in islice(source, self.first, self.first + self.frame_count):
                 yield frame.index, None if frame.damaged else frame.luma

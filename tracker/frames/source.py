@@ -37,7 +37,7 @@ def open_source(
         Film, folder, or glob of pictures in the order of their names, numbers in them by their size.
     fps : float, optional
         Frame rate of pictures, or the rate at which a film was captured: frame k is then at k / fps, whatever the
-        film's own stamps say (slow motion plays at 30 what was filmed at 240).
+        film's own timestamps say (slow motion plays at 30 what was filmed at 240).
     timestamps : str or Path, optional
         Table ``frame, time_s`` with the time of every frame.
 

@@ -128,7 +128,7 @@ def test_frames_with_one_marker_and_none_are_corrected_too() -> None:
     assert np.abs(ratio[[199, 203]]).max() < 4.0
 
 
-def test_frames_that_share_a_stamp_do_no_harm() -> None:
+def test_frames_that_share_a_timestamp_do_no_harm() -> None:
     tracks = rolled(STRAIGHT, ROW_S, along=0)
     time_s = tracks.time_s.copy()
     time_s[[50, 120, 121]] = time_s[[49, 119, 119]]

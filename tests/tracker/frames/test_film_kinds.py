@@ -18,7 +18,7 @@ from films import Rig, write_film
 from torsight.core.errors import InputError
 from torsight.core.tracks import StickAngles
 from tracker.angle.orient import orient
-from tracker.frames.sample import Clip, read_stamps
+from tracker.frames.sample import Clip, read_timestamps
 from tracker.frames.source import open_source
 from tracker.frames.timing import timing
 from tracker.quality.account import account
@@ -203,8 +203,8 @@ def test_a_display_matrix_is_obeyed(turn: tuple[bool, int, int], tmp_path: Path)
     y, x = np.mgrid[:height, :width] + 0.5
     column, row = a * x + c * y + t, b * x + d * y + u
     np.testing.assert_array_equal(shown[np.floor(row).astype(int), np.floor(column).astype(int)], first)
-    stamps = read_stamps(source)
-    np.testing.assert_array_equal(next(iter(Clip(source, stamps, first=1, count=1))).luma, shown)
+    timestamps = read_timestamps(source)
+    np.testing.assert_array_equal(next(iter(Clip(source, timestamps, first=1, count=1))).luma, shown)
     assert source.describe().get("mirrored", False) == (a * d - b * c < 0)
 
 
@@ -256,7 +256,7 @@ def test_slow_motion_is_timed_by_the_rate_of_capture(tmp_path: Path) -> None:
     assert as_captured["timing"]["rate_fps"] == pytest.approx(240.0)
     np.testing.assert_allclose([frame.time_s for frame in open_source(path, fps=240.0)], np.arange(24) / 240.0)
     source = open_source(path, fps=240.0)
-    np.testing.assert_allclose(read_stamps(source).time_s, np.arange(24) / 240.0)
+    np.testing.assert_allclose(read_timestamps(source).time_s, np.arange(24) / 240.0)
 
 
 def test_a_camera_that_notes_its_rate_of_capture_is_heard(tmp_path: Path) -> None:
@@ -268,7 +268,7 @@ def test_a_camera_that_notes_its_rate_of_capture_is_heard(tmp_path: Path) -> Non
     assert not [text for text in track(path, fps=240.0)[2]["advice"] if "--fps" in text]
 
 
-def test_a_variable_frame_rate_keeps_its_stamps(tmp_path: Path) -> None:
+def test_a_variable_frame_rate_keeps_its_timestamps(tmp_path: Path) -> None:
     ticks = np.cumsum([0, *np.random.default_rng(4).integers(700, 4000, RIG.frames - 1)])
     path = write(
         tmp_path / "film.mp4", RIG.pictures(), "libx264", options=CRISP, fps=90000, pts=lambda index: int(ticks[index])
@@ -292,11 +292,11 @@ def test_frames_that_an_avi_repeats_are_no_damage(codec: str, tmp_path: Path) ->
     assert source.damage.entries == []
 
 
-def test_stamps_rounded_by_the_container_are_no_variable_rate(tmp_path: Path) -> None:
+def test_timestamps_rounded_by_the_container_are_no_variable_rate(tmp_path: Path) -> None:
     # Matroska counts milliseconds: 240 frames a second are 4 or 5 of them.
     path = write(tmp_path / "film.mkv", [np.zeros((48, 64), np.uint8)] * 60, "libx264", fps=240)
     source = open_source(path)
-    time_s = read_stamps(source).time_s
+    time_s = read_timestamps(source).time_s
     assert set(np.rint(np.diff(time_s) * 1e3).astype(int).tolist()) == {4, 5}
     assert timing(time_s, tick_s=source.describe()["tick_s"]).irregular_share == 0.0
 
@@ -316,21 +316,21 @@ def test_frames_that_an_edit_list_hides_are_no_damage(bframes: int, tmp_path: Pa
     assert told["timing"]["irregular_share"] == 0.0
     assert [event for event in told["events"] if event["kind"] == "damage"] == []
     source = open_source(path)
-    decoded = read_stamps(source)
+    decoded = read_timestamps(source)
     monkeypatch.setattr("tracker.frames.sample._DECODED_PX", 1.0)
-    listed = read_stamps(source)
+    listed = read_timestamps(source)
     assert (decoded.decoded, listed.decoded, listed.hidden) == (True, False, 9)
     np.testing.assert_array_equal(listed.pts, decoded.pts)
     np.testing.assert_allclose(listed.time_s, decoded.time_s)
 
 
-def test_a_stream_without_stamps_is_gone_through_from_its_start(tmp_path: Path) -> None:
+def test_a_stream_without_timestamps_is_gone_through_from_its_start(tmp_path: Path) -> None:
     path = write(tmp_path / "film.h264", RIG.pictures(), "libx264", options={**CRISP, "bf": "0"})
     source = open_source(path)
-    stamps = read_stamps(source)
-    assert len(stamps) == RIG.frames
+    timestamps = read_timestamps(source)
+    assert len(timestamps) == RIG.frames
     whole = [frame.luma.copy() for frame in source if frame.luma is not None]
-    for frame, luma in zip(Clip(source, stamps, first=7, count=3), whole[7:10], strict=True):
+    for frame, luma in zip(Clip(source, timestamps, first=7, count=3), whole[7:10], strict=True):
         np.testing.assert_array_equal(frame.luma, luma)
 
 
@@ -404,7 +404,7 @@ def test_a_size_that_changes_within_a_film_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"frame 8.*changes its picture size.*240 × 180.*320 × 240"):
         list(source)
     with pytest.raises(InputError, match="changes its picture size"):
-        read_stamps(source)
+        read_timestamps(source)
 
 
 def test_a_lossless_film_written_elsewhere_has_no_remarks(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from films import Rig, write_film, write_pictures
 
 from torsight.core.errors import ConfigError, InputError
-from tracker.frames.sample import Clip, read_stamps
+from tracker.frames.sample import Clip, read_timestamps
 from tracker.frames.source import open_source
 
 RIG = Rig(lambda t: 40.0 * t, frames=12, size=(160, 120), base_px=(15, 40), moving_px=(13, 38), noise=1.0)
@@ -95,7 +95,7 @@ def test_deep_pictures_are_scaled_by_the_depth_in_use_whatever_the_first_one_is_
 def test_a_part_of_deep_pictures_is_scaled_as_the_whole(tmp_path: Path) -> None:
     expected = write_deep(tmp_path / "deep", bits=12, gain=(0.05, 0.05, 1.3))
     source = open_source(tmp_path / "deep")
-    frames = list(Clip(source, read_stamps(source), first=0, count=2))
+    frames = list(Clip(source, read_timestamps(source), first=0, count=2))
     assert len(frames) == 2
     for frame, picture in zip(frames, expected[:2], strict=True):
         np.testing.assert_array_equal(frame.luma, picture)
@@ -151,7 +151,7 @@ def test_a_single_frame_that_cannot_be_had_is_left_out(tmp_path: Path) -> None:
     (folder / "picture_00004.png").write_bytes(b"broken")
     assert sorted(open_source(folder).pictures([3, 4])) == [3]
     film = open_source(write_film(RIG, tmp_path / "film.mkv"))
-    # Before any pass no stamps are known: the frames are taken from one.
+    # Before any pass no timestamps are known: the frames are taken from one.
     assert sorted(film.pictures([2, RIG.frames])) == [2]
 
 

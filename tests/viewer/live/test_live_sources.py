@@ -28,8 +28,10 @@ RATE_HZ = 1.0 / PERIOD_S
 class FakeCapture:
     """A camera behind OpenCV's boundary: pictures on a clock of its own, some lost, then silence."""
 
-    def __init__(self, *, there: bool = True, lost: tuple[int, ...] = (), stamps: bool = True, count: int = 40) -> None:
-        self.there, self.stamps = there, stamps
+    def __init__(
+        self, *, there: bool = True, lost: tuple[int, ...] = (), timestamps: bool = True, count: int = 40
+    ) -> None:
+        self.there, self.timestamps = there, timestamps
         self.taken = [number for number in range(count) if number not in lost]
         self.begin_s = time.perf_counter()
         self.current = -1
@@ -51,7 +53,7 @@ class FakeCapture:
         return True, np.full((6, 8, 3), self.current, np.uint8)
 
     def get(self, prop: int) -> float:
-        if prop != cv2.CAP_PROP_POS_MSEC or not self.stamps:
+        if prop != cv2.CAP_PROP_POS_MSEC or not self.timestamps:
             return 0.0
         return 1e3 * (self.begin_s + self.current * PERIOD_S)
 
@@ -98,8 +100,8 @@ def test_pictures_that_a_camera_loses_are_counted_and_shift_no_time(plugged: lis
     )
 
 
-def test_a_driver_without_stamps_gives_the_times_of_arrival(plugged: list[FakeCapture]) -> None:
-    plugged.append(FakeCapture(stamps=False))
+def test_a_driver_without_timestamps_gives_the_times_of_arrival(plugged: list[FakeCapture]) -> None:
+    plugged.append(FakeCapture(timestamps=False))
     pictures, _ = all_of("0")
     times = [one.time_s for one in pictures]
     assert times[0] == 0.0
@@ -166,7 +168,7 @@ def test_a_stream_is_watched_through_a_port_of_this_computer_only() -> None:
         sender.join()
     assert len(pictures) == 20
     assert pictures[0].time_s == 0.0
-    # Its own stamps, 25 a second, though it is sent faster.
+    # Its own timestamps, 25 a second, though it is sent faster.
     np.testing.assert_allclose(np.diff([one.time_s for one in pictures]), 1.0 / 25.0, atol=1e-3)
     assert pictures[0].luma is not None
     assert pictures[0].luma.shape == (48, 64)

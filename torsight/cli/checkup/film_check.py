@@ -19,7 +19,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import counted
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import sticks_in
-from tracker.frames.sample import Clip, Stamps, read_stamps
+from tracker.frames.sample import Clip, Timestamps, read_timestamps
 from tracker.frames.source import open_source
 from tracker.frames.timing import timing
 from tracker.initialise import Start, find_start
@@ -54,16 +54,16 @@ def check_film(
         source = open_source(video, fps=fps, timestamps=timestamps)
         if camera is not None:
             require_size(camera.intrinsics, source.size_px, where="the film")
-        stamps = read_stamps(source, progress=progress)
+        taken = read_timestamps(source, progress=progress)
         check.content |= source.describe()
         tick_s = check.content.get("tick_s", 0.0)
-        _look_at_times(check, about, stamps, tick_s=tick_s, given=timestamps or fps)
-        _look_at_file(check, about, source, stamps)
+        _look_at_times(check, about, taken, tick_s=tick_s, given=timestamps or fps)
+        _look_at_file(check, about, source, taken)
         start = find_start(source, hints, progress=progress)
-        firsts = _stretches(source, stamps, start, hints, check=check, about=about, progress=progress)
-        clips = [Clip(source, stamps, first=first, count=CLIP) for first in firsts]
+        firsts = _stretches(source, taken, start, hints, check=check, about=about, progress=progress)
+        clips = [Clip(source, taken, first=first, count=CLIP) for first in firsts]
         findings, content = track_stretches(
-            clips, start, about=about, total=len(stamps), hints=hints, camera=camera, progress=progress
+            clips, start, about=about, total=len(taken), hints=hints, camera=camera, progress=progress
         )
         check.findings += findings
         check.content |= content
@@ -72,15 +72,15 @@ def check_film(
     return check
 
 
-def _look_at_times(check: Check, about: str, stamps: Stamps, *, tick_s: float, given: object) -> None:
+def _look_at_times(check: Check, about: str, timestamps: Timestamps, *, tick_s: float, given: object) -> None:
     """Say how many frames there are, and whether their rate varies or stops."""
-    told = timing(stamps.time_s, tick_s=tick_s)
+    told = timing(timestamps.time_s, tick_s=tick_s)
     if told.step_s is None or told.shortest_s is None or told.longest_s is None:
         return
     check.duration_s = told.duration_s
     check.content |= {
         "frames": told.frames,
-        "frames_counted_in": "pictures as decoded" if stamps.decoded else "the container's list",
+        "frames_counted_in": "pictures as decoded" if timestamps.decoded else "the container's list",
         "duration_s": told.duration_s,
         "rate_fps": told.rate_fps,
         "frame_interval_s": {"median": told.step_s, "min": told.shortest_s, "max": told.longest_s},
@@ -94,12 +94,12 @@ def _look_at_times(check: Check, about: str, stamps: Stamps, *, tick_s: float, g
         )
         check.findings.append(Finding(about, "note", text, "fix the frame rate, or give the true times as timestamps"))
     if told.longest_s > max(10.0 * told.step_s, 1.0):
-        at = float(stamps.time_s[int(np.argmax(np.diff(stamps.time_s)))])
+        at = float(timestamps.time_s[int(np.argmax(np.diff(timestamps.time_s)))])
         text = f"stands still for {told.longest_s:.1f} s at {at:.1f} s."
         check.findings.append(Finding(about, "limits", text, "film without pauses"))
 
 
-def _look_at_file(check: Check, about: str, source: Any, stamps: Stamps) -> None:
+def _look_at_file(check: Check, about: str, source: Any, timestamps: Timestamps) -> None:
     """Say what the source noted of the file: damage, fields, further streams, slow motion."""
     entries = source.damage.entries
     for entry in entries:
@@ -112,14 +112,14 @@ def _look_at_file(check: Check, about: str, source: Any, stamps: Stamps) -> None
         text = f"is damaged in {counted(len(damage), 'place')}: {damage[0]['text']}."
         check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
     declared = source.frame_count
-    if not stamps.decoded and declared is not None and len(stamps) + stamps.hidden < (1.0 - FEW) * declared:
-        text = f"holds {len(stamps) + stamps.hidden} of {declared} declared frames: it was cut or damaged."
+    if not timestamps.decoded and declared is not None and len(timestamps) + timestamps.hidden < (1.0 - FEW) * declared:
+        text = f"holds {len(timestamps) + timestamps.hidden} of {declared} declared frames: it was cut or damaged."
         check.findings.append(Finding(about, "limits", text, "copy it from the camera again"))
 
 
 def _stretches(
     source: Any,
-    stamps: Stamps,
+    timestamps: Timestamps,
     start: Start,
     hints: MarkerHints | None,
     *,
@@ -132,29 +132,29 @@ def _stretches(
     Positions that were given hold in the first frame alone; points without a dot cannot be found again in a later one.
     """
     begin = 0 if hints is not None else start.frame
-    if len(stamps) <= CLIP:
+    if len(timestamps) <= CLIP:
         return [0]
     if start.kind != "dot":
         return [begin]
     sought = hints is None and not start.doubtful
-    moving = _liveliest(source, stamps, check, about, progress, begin=begin, sought=sought)
+    moving = _liveliest(source, timestamps, check, about, progress, begin=begin, sought=sought)
     return [begin] if abs(moving - begin) < CLIP // 2 else [begin, moving]
 
 
 def _liveliest(
-    source: Any, stamps: Stamps, check: Check, about: str, progress: Progress, *, begin: int, sought: bool
+    source: Any, timestamps: Timestamps, check: Check, about: str, progress: Progress, *, begin: int, sought: bool
 ) -> int:
     """Return where a stretch begins that lies around the largest change between two sampled frames.
 
     ``begin`` is where a run begins; ``sought``: whether the markers are looked for in some of the frames on the way.
     """
-    count = len(stamps)
+    count = len(timestamps)
     places = np.linspace(begin, count - 1, PLACES).astype(int).tolist()
     seen: dict[int, Picture] = {}
     found = []
     for number, place in enumerate(places):
         progress("sampling frames", number, PLACES)
-        luma = _luma_at(source, stamps, place)
+        luma = _luma_at(source, timestamps, place)
         if luma is None:
             continue
         seen[place] = shrunk(luma, _SMALL_PX)
@@ -172,7 +172,7 @@ def _liveliest(
     low, high = max(pairwise(sorted(seen)), key=lambda ends: _changed(seen[ends[0]], seen[ends[1]]))
     while high - low > CLIP:
         middle = (low + high) // 2
-        luma = _luma_at(source, stamps, middle)
+        luma = _luma_at(source, timestamps, middle)
         if luma is None:
             break
         seen[middle] = shrunk(luma, _SMALL_PX)
@@ -180,8 +180,8 @@ def _liveliest(
     return max(begin, min((low + high) // 2 - CLIP // 2, count - CLIP))
 
 
-def _luma_at(source: Any, stamps: Stamps, place: int) -> Picture | None:
-    frame = next(iter(Clip(source, stamps, first=place, count=1)), None)
+def _luma_at(source: Any, timestamps: Timestamps, place: int) -> Picture | None:
+    frame = next(iter(Clip(source, timestamps, first=place, count=1)), None)
     return None if frame is None or frame.luma is None else frame.luma.copy()
 
 

@@ -1,6 +1,6 @@
 """The engine: from a record and a model to what the model lacks.
 
-Fit the base model; fit every effect and measure every law beside it, then sets of the best (:mod:`.search`); read the
+Fit the plain model; fit every effect and measure every law beside it, then sets of the best (:mod:`.search`); read the
 answer off their posterior (:mod:`.verdict`).
 """
 
@@ -37,7 +37,7 @@ class Findings:
     decision : Decision
         What is said and why.
     before, after : HeldOut or None
-        Prediction of held-out blocks by the base model and by the chosen set; None where there is one block only.
+        Prediction of held-out blocks by the plain model and by the chosen set; None where there is one block only.
     drivers : tuple of (str, float)
         What the measured laws depend on: variable and share of what they explain, strongest first.
     """

@@ -101,9 +101,9 @@ class Field:
     stretches : Stretches
         Motion and rests of the record.
     explanations : dict
-        Members to explanation; the base model under the empty set, where the others' optima may have led it further.
+        Members to explanation; the plain model under the empty set, where the others' optima may have led it further.
     first : Explanation or None
-        The base model as it was fitted by itself; None: as it is there.
+        The plain model as it was fitted by itself; None: as it is there.
     """
 
     likelihood: Likelihood
@@ -113,12 +113,12 @@ class Field:
 
     @property
     def plain(self) -> Explanation:
-        """The base model as it was fitted by itself, whatever it was compared with later."""
+        """The plain model as it was fitted by itself, whatever it was compared with later."""
         return self.first or self.base
 
     @property
     def base(self) -> Explanation:
-        """The base model."""
+        """The plain model."""
         return self.explanations[()]
 
 

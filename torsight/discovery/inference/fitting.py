@@ -153,7 +153,7 @@ class Fitter:
 
     @cached_property
     def nominal(self) -> Fit:
-        """The base model at the priors' means, not fitted."""
+        """The plain model at the priors' means, not fitted."""
         return self.at((), {p.name: p.value for p in self.problem.parameters})
 
     def at(self, effects: EffectSet, values: Mapping[str, float], *, near: Fit | None = None) -> Fit:
@@ -177,7 +177,7 @@ class Fitter:
         return lambda x, prediction: objective(observed - prediction, x, weight=used, space=space)
 
     def base(self) -> Fit:
-        """Fit the base model alone, from the priors' means."""
+        """Fit the plain model alone, from the priors' means."""
         return self.fit((), [{p.name: p.value for p in self.problem.parameters}])
 
     def residual(self, fit: Fit) -> Floats:

@@ -110,7 +110,7 @@ def measure_law(
     known: Mapping[str, Floats] | None = None,
     curve: Floats | None = None,
 ) -> Measured:
-    """Measure a law beside the base model and a set of effects.
+    """Measure a law beside the plain model and a set of effects.
 
     Parameters
     ----------

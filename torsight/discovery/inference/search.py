@@ -1,6 +1,6 @@
 """Which sets of effects and laws explain a record: every one alone, then what else the best of them need.
 
-Every effect is fitted and every law measured together with the base model, and each of the best is tried again from
+Every effect is fitted and every law measured together with the plain model, and each of the best is tried again from
 where the others have led the base values: an optimum that was not found is no evidence. The best few sets are extended
 by every other effect and law as long as more than noise is left. All are compared by their evidence under one
 likelihood, whose floor and correlation come from the best of them.
@@ -59,7 +59,7 @@ class Search:
         self._correlation_samples = 1.0
 
     def run(self) -> Field:
-        """Return the base model and the sets that grew out of the best ones."""
+        """Return the plain model and the sets that grew out of the best ones."""
         first = self.plain()
         self._keep([first])
         for size in range(1, self._settings.most + 1):
@@ -125,7 +125,7 @@ class Search:
         return 0.5 * max(0.0, explanation.prior - held)
 
     def plain(self) -> Explanation:
-        """Fit the base model from the priors' means and from elsewhere."""
+        """Fit the plain model from the priors' means and from elsewhere."""
         problem, stretches = self._problem, self._stretches
         fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), problem.sigma))
         fit = fitter.base()

@@ -84,7 +84,7 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, pr
 def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
     """Return what one standard deviation of the values does (n, m), as the samples that count tell them.
 
-    The first ``base`` of the values are the base model's.
+    The first ``base`` of the values are the plain model's.
     """
     free = [i for i, p in enumerate(fit.parameters) if p.name not in kept]
     derivative = fit.solution.jacobian[:, free]

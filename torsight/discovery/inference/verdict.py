@@ -28,7 +28,7 @@ class Decision:
     Attributes
     ----------
     chosen : Explanation
-        The most probable set of the answer, or the base model.
+        The most probable set of the answer, or the plain model.
     named : mapping of str to (str, Explanation)
         Law of the chosen set to the effect whose name it carries and the set in which that effect was fitted in its
         place; effects of the chosen set to themselves.
@@ -44,7 +44,7 @@ class Decision:
     over_floor : float
         What the chosen set leaves, in noise floors.
     over_floor_before : float
-        The same of the base model.
+        The same of the plain model.
     """
 
     chosen: Explanation
