@@ -104,6 +104,7 @@ def distinct_rates(cycles: Sequence[HalfCycle]) -> list[float]:
 def steepest_deg_per_c(angle_deg: Floats, temp_c: Floats) -> float:
     """Return by how much the angle moves per °C where it is steepest."""
     step_c = np.diff(temp_c)
+    # Where the temperature stands still, noise over noise would be the steepest.
     moving = np.abs(step_c) > 1e-3
     if not moving.any():
         return 0.0

@@ -73,6 +73,7 @@ def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
         found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
     for effect in discovery.get("effects") or []:
         chance = effect.get("probability")
+        # The level from which the engine calls an answer credible, unless it is told another one.
         if chance is not None and chance < 0.95:
             found.append(f"The effect '{effect_name(str(effect['id']))}' is named with probability {chance:.2f} only.")
     return found

@@ -125,6 +125,7 @@ def find_angle(
     a, ra = low
     b, rb = high
     for _ in range(100):
+        # Between angles of some radians that are nearer to each other a double has rounding only.
         if abs(b - a) < 1e-13 or rb == ra:
             break
         new = b - rb * (b - a) / (rb - ra)
