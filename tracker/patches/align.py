@@ -214,7 +214,7 @@ class Patch:
         all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * len(left)
         # Held against its own scatter all of a patch would be seen, whatever lies over it.
         noise = learnt.noise * abs(float(found[GAIN])) if learnt and all_known else robust_sigma(left)
-        seen_whole = np.count_nonzero(self._weights(left, found, noise, learnt)) > (1.0 - _FEW) * len(left)
+        seen_whole = np.count_nonzero(self._weights(left, found, noise, learnt, wide=True)) > (1.0 - _FEW) * len(left)
         if seen_whole and (all_known or learnt is None or not learnt.known.any()):
             return self._fit(seen, usual, found, warp, np.ones(len(values)), self._inverse)
         return self._align_in_part(cut, warp, left, found, learnt)
@@ -250,17 +250,25 @@ class Patch:
             weight = self._weights(left, found, robust_sigma(left), learnt, loose=not near)
         return self._fit(seen, usual, found, warp, weight, inverse)
 
-    def _weights(self, left: Floats, found: Floats, noise: float, learnt: Ink | None, *, loose: bool = False) -> Floats:
-        """Return how far points show the patch: where nothing was learnt of a drawn one their surroundings tell."""
+    def _weights(
+        self, left: Floats, found: Floats, noise: float, learnt: Ink | None, *, loose: bool = False, wide: bool = False
+    ) -> Floats:
+        """Return how far points show the patch: where nothing was learnt of a drawn one their surroundings tell.
+
+        ``wide``: everywhere. What an edge leaves differs by frames, and what lies over a tag is wider than an edge.
+        """
         gain, square, known = abs(float(found[GAIN])), np.square(left), np.zeros(len(left), np.bool_)
+        # A tag that stands still is sent once: what frames of it differ by then is less than they may be off.
+        noise = max(noise, math.sqrt(_ROUNDED))
         limit = np.full(len(left), max(_TUKEY * noise, self._other * self.spread * gain))
         if learnt is not None:
             known = learnt.known
             if not loose:
                 limit = np.where(known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), limit)
-        if self._share is not None and not known.all():
-            square = np.where(known, square, self._around(square) / self._share)
-        return np.asarray(np.square(np.clip(1.0 - square / limit**2, 0.0, None)))
+        beyond = square / limit**2
+        if self._share is not None and (wide or not known.all()):
+            beyond = np.where(known & (not wide), beyond, self._around(beyond) / self._share)
+        return np.asarray(np.square(np.clip(1.0 - beyond, 0.0, None)))
 
     def _around(self, values: Floats) -> Floats:
         """Return the sum of values (n,) around every point, weighted by a normal distribution."""
