@@ -19,15 +19,13 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.record.holds import level_holds
-from torsight.actuator.record.log_noise import SHORTEST, measure_noise, resolution
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, measure_noise, resolution
 from torsight.actuator.record.ripple import ripple_peaks
 from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
 from torsight.actuator.record.smoother import smoothed
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
-NEGLIGIBLE_C: Final = 0.005
-"""Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
 _BLOCK_S: Final = 0.1
 """Readings that are closer are taken together: with twice of it slopes err by 7 % more and tops by 21 %
 (benchmarks/actuator/log_constants.py)."""

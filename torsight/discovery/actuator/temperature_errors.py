@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.record.conditioning import NEGLIGIBLE_C
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.ripple import UNSURE
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
