@@ -74,10 +74,11 @@ def _last_digit(temp_c: Floats) -> float:
     negligible noise (3 / 17). Readings that were taken back out of a table are not all what the logger wrote.
     """
     steps = np.rint(np.abs(np.diff(temp_c)) / _STILL_C)
-    steps = steps[steps > 1.0].astype(np.int64)
+    steps = steps[steps > 1.0]
     if not len(steps):
         return 0.0
-    usual = int(np.argmax(np.bincount(steps)))
+    sizes, times = np.unique(steps, return_counts=True)
+    usual = float(sizes[np.argmax(times)])
     off = np.abs(steps - usual * np.rint(steps / usual))
     return usual * _STILL_C if np.mean(off <= 1.0) > _MANY else 0.0
 
