@@ -124,13 +124,10 @@ def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple
     One that comes nearer makes both longer; their errors are independent. So the slope of the moving stick's length
     over the base's, beside what its direction makes of it, is the camera's share in the variance of the base's: of
     every change of the base that much is expected to be the camera's. It is taken out about the base's middle. The
-    variance is nought where nothing is. ``covariance`` and ``pixel`` as for :func:`upright`.
+    variance is zero where the camera has no share. ``covariance`` and ``pixel`` as for :func:`upright`.
     """
-    base, moving, nothing = (
-        _lengths(position, covariance, 0),
-        _lengths(position, covariance, 2),
-        np.zeros(len(position)),
-    )
+    base, moving = _lengths(position, covariance, 0), _lengths(position, covariance, 2)
+    nothing = np.zeros(len(position))
     told = np.isfinite(base.residual) & ~base.outlier
     known = told & np.isfinite(moving.residual) & ~moving.outlier
     if known.sum() < LEAST_FRAMES:

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
-from torsight.core.units import Floats
+from torsight.core.units import Flags, Floats
 from tracker.patches.alignment import (
     GAIN,
     LIGHT,
@@ -214,7 +214,9 @@ class Patch:
         all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * len(left)
         # Held against its own scatter all of a patch would be seen, whatever lies over it.
         noise = learnt.noise * abs(float(found[GAIN])) if learnt and all_known else robust_sigma(left)
-        seen_whole = np.count_nonzero(self._weights(left, found, noise, learnt, wide=True)) > (1.0 - _FEW) * len(left)
+        # What an edge leaves differs by frames, and what lies over a tag is wider: no point is judged by itself.
+        weight = self._weights(left, self._limit(found, noise, learnt), np.zeros(len(left), np.bool_))
+        seen_whole = np.count_nonzero(weight) > (1.0 - _FEW) * len(left)
         if seen_whole and (all_known or learnt is None or not learnt.known.any()):
             return self._fit(seen, usual, found, warp, np.ones(len(values)), self._inverse)
         return self._align_in_part(cut, warp, left, found, learnt)
@@ -225,8 +227,9 @@ class Patch:
         What was learnt of their ink refuses all that is a little off: near the right place alone.
         """
         usual = np.zeros(len(left)) if learnt is None else learnt.left
+        known = np.zeros(len(left), np.bool_) if learnt is None else learnt.known
         near = learnt is None
-        weight = self._weights(left, found, robust_sigma(left), learnt, loose=not near)
+        weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
         for _ in range(_ROUNDS):
             seen = sample(cut, warp, self._grid)
             values = seen[self._index] - found[GAIN] * usual
@@ -247,27 +250,24 @@ class Patch:
             if moved < _STOP_PX and near:
                 break
             near = near or moved < _STOP_PX
-            weight = self._weights(left, found, robust_sigma(left), learnt, loose=not near)
+            weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
         return self._fit(seen, usual, found, warp, weight, inverse)
 
-    def _weights(
-        self, left: Floats, found: Floats, noise: float, learnt: Ink | None, *, loose: bool = False, wide: bool = False
-    ) -> Floats:
-        """Return how far points show the patch: where nothing was learnt of a drawn one their surroundings tell.
-
-        ``wide``: everywhere. What an edge leaves differs by frames, and what lies over a tag is wider than an edge.
-        """
-        gain, square, known = abs(float(found[GAIN])), np.square(left), np.zeros(len(left), np.bool_)
+    def _limit(self, found: Floats, noise: float, learnt: Ink | None) -> Floats:
+        """Return from what on what is left at a point (n,) is something else's, where its ink was learnt by that."""
+        gain = abs(float(found[GAIN]))
         # A tag that stands still is sent once: what frames of it differ by then is less than they may be off.
         noise = max(noise, math.sqrt(_ROUNDED))
-        limit = np.full(len(left), max(_TUKEY * noise, self._other * self.spread * gain))
-        if learnt is not None:
-            known = learnt.known
-            if not loose:
-                limit = np.where(known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), limit)
-        beyond = square / limit**2
-        if self._share is not None and (wide or not known.all()):
-            beyond = np.where(known & (not wide), beyond, self._around(beyond) / self._share)
+        usual = np.full(len(self._index), max(_TUKEY * noise, self._other * self.spread * gain))
+        if learnt is None:
+            return usual
+        return np.where(learnt.known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), usual)
+
+    def _weights(self, left: Floats, limit: Floats, alone: Flags) -> Floats:
+        """Return how far points show the patch; of a drawn one surroundings tell, unless points (n,) count alone."""
+        beyond = np.square(left) / limit**2
+        if self._share is not None and not alone.all():
+            beyond = np.where(alone, beyond, self._around(beyond) / self._share)
         return np.asarray(np.square(np.clip(1.0 - beyond, 0.0, None)))
 
     def _around(self, values: Floats) -> Floats:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import NORMAL_MEDIAN, constant_runs, differences, gain, usual_step
+from torsight.core.series import NORMAL_MEDIAN, constant_runs, difference_gain, differences, usual_step
 from torsight.core.units import Floats, Ints
 
 _MAX_STRIDE_S: Final = 2.0
@@ -122,7 +122,7 @@ def _scatter(rows: Floats, stride: int) -> Floats:
         left = left[np.abs(step) > _SCALE_DONE]
         if not len(left):
             break
-    return np.asarray(scale / gain(_ORDER))
+    return np.asarray(scale / difference_gain(_ORDER))
 
 
 def _parts(values: Floats, count: int) -> list[Floats]:

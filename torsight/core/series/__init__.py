@@ -125,10 +125,10 @@ def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
     squared binomial coefficients, which is C(2 order, order): 6 for the second difference, 20 for the third.
     """
     found = np.concatenate([differences(piece, stride, order) for piece in pieces])
-    return robust_sigma(found) / gain(order)
+    return robust_sigma(found) / difference_gain(order)
 
 
-def gain(order: int) -> float:
+def difference_gain(order: int) -> float:
     """Return the standard deviation of a difference of white noise, in those of a sample."""
     return math.sqrt(float(math.comb(2 * order, order)))
 

@@ -176,9 +176,14 @@ class Search:
         shared, tau = problem.shared_errors(values, effects), self._correlation_samples
         return Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution, shared=shared)
 
-    def _settled(self, problem: Problem, fit: Fit, laws: tuple[Measured, ...]) -> Explanation:
-        """Return a fit at the weights that its own residual gives, with its evidence."""
-        likelihood = self._likelihood_of(problem, fit)
+    def _settled(
+        self, problem: Problem, fit: Fit, laws: tuple[Measured, ...], likelihood: Likelihood | None = None
+    ) -> Explanation:
+        """Return a fit at the weights that its own residual gives, with its evidence.
+
+        ``likelihood`` is that at the fit's values, where it is known already.
+        """
+        likelihood = likelihood or self._likelihood_of(problem, fit)
         best, best_value = fit, _value(likelihood, problem, fit)
         for _ in range(_ROUNDS):
             found = _weighted(likelihood, problem, best.solution.prediction).refit(best, max_iterations=8)
@@ -310,7 +315,7 @@ class Search:
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(measured.values.values()))[place]
         fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
-        return self._settled(extended, fit, (*laws, measured))
+        return self._settled(extended, fit, (*laws, measured), likelihood)
 
     def _look_again(self, size: int) -> None:
         """Fit the best sets once more from where the others have led the base values, and the smaller ones, too.
