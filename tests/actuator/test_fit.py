@@ -12,7 +12,7 @@ from actuator_programmes import programme
 
 from tests.docs.documented import documented_names
 from torsight.actuator import fit_model
-from torsight.actuator.fit_result import heated_again, require_motion
+from torsight.actuator.fit_result import notes_of_drive, require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.wrong_frames import wrong_frames
@@ -109,7 +109,7 @@ def test_a_spring_that_is_heated_twice_in_a_row_is_told():
     for springs in ((0, 1, 0), (0, 1, 1)):
         log, _ = programme([(spring, [(80.0, 0.4)]) for spring in springs])
         drive = model.prepare_log(log, start_angle_rad=3.0)
-        told.append(heated_again(drive))
+        told.append(notes_of_drive(drive))
         begins_s = drive.time_s[np.flatnonzero(np.diff(drive.cycles.half)) + 1]
     assert told[0] == []
     assert [words.split(" although ")[0] for words in told[1]] == [f"Spring B is heated again at {begins_s[1]:.0f} s"]

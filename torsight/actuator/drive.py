@@ -9,16 +9,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from sync.log.outliers import spikes
 from sync.log.timestamps import BRIDGED_S, longest_gap_s
-from torsight.actuator.record.conditioning import Readings, condition
+from torsight.actuator.record.conditioning import Conditioned, Readings, condition
 from torsight.actuator.record.log_noise import measure_noise
-from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles
+from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles, turn_of
 from torsight.actuator.record.slow_log import between, corner_gaps
+from torsight.actuator.record.turns import at_places, turns_of
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
@@ -57,12 +58,15 @@ class Sensors:
         Rows of the log that the drive keeps (all that it keeps, where some of a drive's rows are taken).
     driven_c : two (n,) float64
         Both temperatures there, conditioned.
+    least_turn_c : float
+        By how much a temperature goes back where it turns.
     """
 
     time_s: Floats
     temps_c: Pair
     rows: Ints
     driven_c: Pair
+    least_turn_c: float
     _known: dict[float, Pair] = field(default_factory=dict)
 
     @cached_property
@@ -85,11 +89,15 @@ class Sensors:
         if lag_s not in self._known:
             none = np.zeros(len(self.rows))
             a, b = (
-                readings.behind(self.time_s, lag_s).temp_c[self.rows] - driven_c if lag_s > 0.0 else none
+                self._kept(readings.behind(self.time_s, lag_s).temp_c) - driven_c if lag_s > 0.0 else none
                 for readings, driven_c in zip(self._readings, self.driven_c, strict=True)
             )
             self._known[lag_s] = (a, b)
         return self._known[lag_s]
+
+    def _kept(self, wire_c: Floats) -> Floats:
+        """Return a wire's temperature (m,) at the kept rows, its turns among them."""
+        return at_places(wire_c, turns_of(wire_c, self.least_turn_c), self.rows.astype(float))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -124,10 +132,14 @@ class Drive:
         False in gaps of the temperature log that are too long to bridge.
     sensors : Sensors
         The temperatures as logged.
+    turning : two (k,) int64
+        At which rows of the whole drive either temperature turns.
     turns : int
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
     clock_sigma_s : float or None
         As of the record; None for a log alone.
+    left_out_s : float or None
+        Seconds at the start that are left out, because the record begins within a transformation; None: it does not.
     part_of : (Drive, (n,) float64) or None
         The drive of which this one has some rows, and which; None for all of them.
     """
@@ -149,8 +161,10 @@ class Drive:
     room_c: float
     known: Flags
     sensors: Sensors
+    turning: tuple[Ints, Ints]
     turns: int = 0
     clock_sigma_s: float | None = None
+    left_out_s: float | None = None
     part_of: tuple[Drive, Floats] | None = None
 
     def __len__(self) -> int:
@@ -305,13 +319,14 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
     cycles = half_cycles(a.temp_c, b.temp_c, heat_a=log.heat_a, heat_b=log.heat_b, noise_c=noise, where=where)
     fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in (a, b))
     rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / _ROW_STEP_C))
-    nothing = np.full(len(rows), np.nan)
+    nothing, least_c = np.full(len(rows), np.nan), turn_of(noise)
+    of_a, of_b = (_at_rows(item, rows, least_c) for item in (a, b))
     return Drive(
         time_s=time_s[rows],
-        temp_a_c=(a.temp_c + a.peaks_c)[rows],
-        temp_b_c=(b.temp_c + b.peaks_c)[rows],
-        rate_a_c_s=a.rate_c_s[rows],
-        rate_b_c_s=b.rate_c_s[rows],
+        temp_a_c=of_a.temp_c,
+        temp_b_c=of_b.temp_c,
+        rate_a_c_s=of_a.rate_c_s,
+        rate_b_c_s=of_b.rate_c_s,
         temp_sigma_c=by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows],
         peaks_a_c=a.peaks_c[rows],
         peaks_b_c=b.peaks_c[rows],
@@ -323,8 +338,31 @@ def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angl
         start_angle_rad=start_angle_rad,
         room_c=min(float(np.quantile(item.temp_c, 0.02)) for item in (a, b)),
         known=(known_a & known_b)[rows],
-        sensors=Sensors(time_s, (filled_a, filled_b), rows, (a.temp_c[rows], b.temp_c[rows])),
+        sensors=Sensors(time_s, (filled_a, filled_b), rows, (of_a.sensor_c, of_b.sensor_c), least_c),
+        turning=(of_a.turning, of_b.turning),
     )
+
+
+class _AtRows(NamedTuple):
+    """A temperature at the rows that a drive keeps: with its ripple's peaks, its slope, and as the sensor has it.
+
+    ``turning`` are the rows at which it turns, where its slope is none.
+    """
+
+    temp_c: Floats
+    rate_c_s: Floats
+    sensor_c: Floats
+    turning: Ints
+
+
+def _at_rows(log: Conditioned, rows: Ints, least_turn_c: float) -> _AtRows:
+    places, driven_c = rows.astype(float), log.temp_c + log.peaks_c
+    turns = turns_of(driven_c, least_turn_c)
+    turning = np.searchsorted(rows, turns)
+    turning = turning[turning < len(rows)]
+    rate = log.rate_c_s[rows]
+    rate[turning] = 0.0
+    return _AtRows(at_places(driven_c, turns, places), rate, at_places(log.temp_c, turns, places), turning)
 
 
 def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> tuple[Floats, Flags]:

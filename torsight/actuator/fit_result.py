@@ -252,7 +252,27 @@ def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str
     )
 
 
-def heated_again(drive: Drive) -> list[str]:
+def taken_as_exact(names: Sequence[str]) -> str:
+    """Return what to say of characterised values without an uncertainty."""
+    return f"{', '.join(names)} have no uncertainty and are taken as exact: their errors would look like an effect"
+
+
+def notes_of_drive(drive: Drive) -> list[str]:
+    """Return what to say of a record that the model can not follow in all parts."""
+    return [*_begun_within(drive), *_heated_again(drive)]
+
+
+def _begun_within(drive: Drive) -> list[str]:
+    """Return what to say of a record that begins within a transformation."""
+    if drive.left_out_s is None:
+        return []
+    rest = f"its first {drive.left_out_s:.0f} s, until both springs are cold, are left out"
+    if drive.left_out_s == 0.0:
+        rest = "as nothing is heated once both are cold, the angle may be off by any amount; start before the heating"
+    return [f"The record begins when a spring is hot already, and how far it had transformed is not in it: {rest}"]
+
+
+def _heated_again(drive: Drive) -> list[str]:
     """Return what to say of springs that are heated twice in a row: what they carry then is not the model's."""
     begins_s = drive.time_s[np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))]
     return [

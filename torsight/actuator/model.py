@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
 from typing import Any, Final, Literal
@@ -12,12 +12,13 @@ import numpy as np
 
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
 from torsight.actuator.effects import STAGES, Effect, chosen_effects, load_effects
+from torsight.actuator.known_start import begins_within, first_cold_row
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import History, Ports
 from torsight.actuator.simulation import Simulation, angle_of_ports, run_ports, seen_of_ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import SPRING_B, Rig, values_of_b
-from torsight.core.errors import ConfigError, InputError, require_kind
+from torsight.core.errors import ConfigError, InputError, NoResultError, require_kind
 from torsight.core.files.storage import check_keys
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
@@ -102,6 +103,9 @@ class ActuatorModel:
     def prepare(self, table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
         """Return the drive of a merged record: conditioned temperatures, half-cycles, start.
 
+        Where a record begins within a transformation, it is taken from where both springs are cold, if they are heated
+        after that.
+
         Raises
         ------
         InputError
@@ -111,7 +115,17 @@ class ActuatorModel:
         require_kind(table, SyncedTable, where=f"prepare, {where}", do="read_merged(path) gives one")
         self._require_reach(table, where=where)
         require_units(table.time_s, {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}, where=where)
-        return prepare_table(table, row_rate_hz=row_rate_hz, where=where)
+        drive = prepare_table(table, row_rate_hz=row_rate_hz, where=where)
+        rig = Rig.from_values(self._nominal)
+        if not begins_within(drive, self.simulate(drive), rig):
+            return drive
+        row = first_cold_row(drive, rig)
+        later = table.at(table.time_s >= drive.time_s[row]) if row < len(drive) else None
+        try:
+            cut = drive if later is None else prepare_table(later, row_rate_hz=row_rate_hz, where=where)
+        except (InputError, NoResultError):
+            cut = drive
+        return replace(cut, left_out_s=float(cut.time_s[0] - drive.time_s[0]))
 
     def _require_reach(self, table: SyncedTable, *, where: str) -> None:
         """Refuse angles that span more than both springs together are wound: they are hardly in radians."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.segments import by_role
+from torsight.actuator.record.turns import at_places
 from torsight.actuator.springs import Rig
 from torsight.core.units import DEG, Floats, Ints
 
@@ -284,10 +285,12 @@ class Ports:
     def read_at(self, wanted_s: Floats) -> Ports:
         """Return ports with the temperatures that stand in the log at other times (n,), half-cycles as before."""
         drive = self.drive
-        moved = self.changed(log_rows=np.interp(wanted_s, drive.time_s, np.arange(float(len(drive)))))
-        logged = (drive.temp_a_c, drive.temp_b_c, drive.rate_a_c_s, drive.rate_b_c_s)
-        temp_a_c, temp_b_c, rate_a, rate_b = moved.logged(*logged)
-        return moved.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
+        places = np.interp(wanted_s, drive.time_s, np.arange(float(len(drive))))
+        moved = self.changed(log_rows=places)
+        rate_a, rate_b = moved.logged(drive.rate_a_c_s, drive.rate_b_c_s)
+        temps_c = (drive.temp_a_c, drive.temp_b_c)
+        a, b = (at_places(temp_c, turns, places) for temp_c, turns in zip(temps_c, drive.turning, strict=True))
+        return moved.changed(temp_a_c=a, temp_b_c=b, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
     @property
     def log_time_s(self) -> Floats:

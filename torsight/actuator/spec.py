@@ -69,6 +69,7 @@ def keys_of(*tables: str) -> tuple[str, ...]:
 _OF_SPRINGS: Final = keys_of("geometry", "material")
 ALL_KEYS: Final[Mapping[str, _Key]] = {**KEYS, **{SPRING_B + name: KEYS[name] for name in _OF_SPRINGS}}
 """The same with the values that spring B may have for itself."""
+_CHARACTERISED: Final = tuple(name for name in keys_of("material") if not name.startswith("C_"))
 ZERO_SIGMA_DEG: Final = 30.0
 """Standard deviation of the sticks' zero where nobody has measured it: they are mounted by eye, more or less alike.
 Half and twice of it leave every digit of friction and zero that is printed, on two records that another rig made."""
@@ -143,6 +144,11 @@ class ActuatorSpec(Frozen):
                 )
             )
         return tuple(made)
+
+    @property
+    def exact(self) -> tuple[str, ...]:
+        """Names of the moduli, temperatures and the critical angle that have no uncertainty: they count as exact."""
+        return tuple(name for name in _CHARACTERISED if name in self.values and name not in self.uncertainty)
 
     def to_tables(self) -> dict[str, dict[str, Any]]:
         """Return the tables of ``ACTUATOR.toml``."""

@@ -199,6 +199,21 @@ class SyncedTable(Frozen, Shown):
             **_temperature_facts(self),
         }
 
+    def at(self, rows: Flags) -> SyncedTable:
+        """Return it at some of its rows (n,)."""
+        heat_a, heat_b = (None if heat is None else heat[rows] for heat in (self.heat_a, self.heat_b))
+        return SyncedTable(
+            self.time_s[rows],
+            self.angle_rad[rows],
+            self.angle_sigma_rad[rows],
+            self.temp_a_c[rows],
+            self.temp_b_c[rows],
+            heat_a,
+            heat_b,
+            {name: column[rows] for name, column in self.extra.items()},
+            self.clock_sigma_s,
+        )
+
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``merged.csv``."""
         return merged_columns(self)

@@ -11,7 +11,7 @@ import numpy as np
 
 from torsight.actuator.doubt import Alternative, Doubt, principal_axes
 from torsight.actuator.effects import Effect, load_effects
-from torsight.actuator.fit_result import heated_again, require_motion
+from torsight.actuator.fit_result import notes_of_drive, require_motion, taken_as_exact
 from torsight.actuator.fitted import FittedModel, fitted_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
@@ -135,7 +135,8 @@ def decided(
         "plain_pulls": plain_pulls,
         "notes": (
             *notes_of(findings, *(characterised(record.spec, listed) for listed in (pulls, plain_pulls))),
-            *dict.fromkeys(note for one in records for note in heated_again(one.drive)),
+            *((taken_as_exact(record.spec.exact),) if chosen.members and record.spec.exact else ()),
+            *dict.fromkeys(note for one in records for note in notes_of_drive(one.drive)),
         ),
         "evidence": evidence_of(findings),
         "covariance": covariance(chosen),

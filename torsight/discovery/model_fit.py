@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.fit_result import FitResult, heated_again, misfit, notes_of_fit, quiet, require_motion
+from torsight.actuator.fit_result import FitResult, misfit, notes_of_drive, notes_of_fit, quiet, require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.errors import require_kind
@@ -98,7 +98,8 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     rmse_deg = errors_of(problem, found, None).rmse_train_deg
     floor_deg = float(np.sqrt(noise / count.sum()))
     pulled = contradiction(characterised(problem.spec, pulls_of(problem, found)))
-    attention = tuple(words for words in (misfit(drive, rmse_deg, ratio, floor_deg), pulled) if words)
+    settled = (misfit(drive, rmse_deg, ratio, floor_deg), pulled, *notes_of_drive(drive))
+    attention = tuple(words for words in settled if words)
     return FitResult(
         model=model,
         values=values,
@@ -115,7 +116,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
         cycle=fitted_cycle(drive, simulation, values),
         converged=known.settled,
         silent_about=silent_about,
-        notes=(*attention, *heated_again(drive), *notes_of_fit(model, silent_about, ratio, rows)),
+        notes=(*attention, *notes_of_fit(model, silent_about, ratio, rows)),
         attention=attention,
         reading_deg=single_reading_deg(problem, found, Stretches.of(problem)),
     )

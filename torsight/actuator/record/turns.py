@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled
+from torsight.core.series import extremes
 from torsight.core.units import Floats, Ints
 
 REVERSAL_C: Final = 3.0
@@ -47,3 +48,22 @@ def turning_points(temperature: Floats, half: Ints, threshold: float) -> NDArray
             extreme, where = value, k
         direction[k] = sense
     return direction
+
+
+def turns_of(temp_c: Floats, least_c: float) -> Ints:
+    """Return the samples (k,) of a temperature (n,) at which it turns and goes back by so much or more."""
+    return np.array(extremes(temp_c, least_c)[1:-1], np.int64)
+
+
+def at_places(temp_c: Floats, turns: Ints, places: Floats) -> Floats:
+    """Return a temperature (n,) at places (m,), rising, among its samples: on lines, turns (k,) as they were reached.
+
+    A turn that lies between two places stands at the later one. A transformation that only advances is, there, where
+    the turn has left it; on the line it would have ended short of that, for all of the rest that follows.
+    """
+    before = np.minimum(places.astype(np.int64), len(temp_c) - 2)
+    found = temp_c[before] + (places - before) * (temp_c[before + 1] - temp_c[before])
+    after = np.searchsorted(places, turns)
+    reached = (after > 0) & (after < len(places))
+    found[after[reached]] = temp_c[turns[reached]]
+    return np.asarray(found)

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from sync.merge.slow_motion import slow_motion_text
+from torsight.actuator.fit_result import taken_as_exact
 from torsight.actuator.spec import ActuatorSpec, read_actuator
 from torsight.cli.checkup.clock import Filming, predict_clock
 from torsight.cli.checkup.film_check import check_film
@@ -207,12 +208,10 @@ def _look_at_angles(angles: StickAngles) -> list[Finding]:
 
 def _look_at_priors(spec: ActuatorSpec) -> list[Finding]:
     """Say which values count as exact."""
-    characterised = [name for name in spec.values if name.split("_")[0] in ("E", "A", "M", "theta")]
-    exact = [name for name in characterised if name not in spec.uncertainty and name != "theta_p_deg"]
-    if not exact:
+    if not spec.exact:
         return []
-    text = f"{', '.join(exact)} have no uncertainty and are taken as exact: their errors would look like an effect."
-    level = "limits" if len(exact) == len(characterised) - 1 else "note"
+    level = "note" if spec.uncertainty else "limits"
+    text = f"{taken_as_exact(spec.exact)}."
     return [Finding("actuator", level, text, "give one standard deviation of each in [uncertainty]")]
 
 

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive, Pair, Sensors
-from torsight.actuator.record.segments import HalfCycles, by_role
+from torsight.actuator.record.segments import HalfCycles, by_role, turn_of
 from torsight.actuator.record.slow_log import SLOW_S
+from torsight.actuator.record.turns import turns_of
 from torsight.core.units import Floats, Ints
 
 STEP_S: Final = 0.5 * SLOW_S
@@ -168,7 +169,8 @@ class Played:
             start_angle_rad=start_angle_rad,
             room_c=self.room_c,
             known=np.ones(n, bool),
-            sensors=_ExactSensors(self.time_s, temps_c, np.arange(n), temps_c),
+            sensors=_ExactSensors(self.time_s, temps_c, np.arange(n), temps_c, turn_of(0.0)),
+            turning=(turns_of(self.temp_a_c, turn_of(0.0)), turns_of(self.temp_b_c, turn_of(0.0))),
         )
 
 
