@@ -51,19 +51,40 @@ def test_the_top_between_two_readings_is_found(interval_s, within_c):
     assert left < within_c < 0.5 * cut
 
 
-def test_a_slow_log_is_predicted_as_a_fast_one():
+def switched_off(time_s, rate_c_s, *, noise_c=0.0):
+    """Return the log of an incomplete heating from 20 s on that is not held at its top, 57.5 °C."""
+    up_s, own_s = 34.5 / rate_c_s, time_s - 20.0
+    course = np.clip(rate_c_s * own_s, 0.0, 34.5) * np.exp(-np.maximum(own_s - up_s, 0.0) / 40.0)
+    noise = noise_c * np.random.default_rng(2).standard_normal((2, len(time_s)))
+    return TemperatureLog(time_s, np.round(23.0 + course + noise[0], 2), np.round(23.0 + noise[1], 2))
+
+
+@pytest.mark.parametrize(
+    ("rate_c_s", "interval_s", "noise_c", "within_deg"),
+    [(0.2, 5.0, 0.0, 2.7), (0.5, 5.0, 0.0, 6.0), (0.5, 3.0, 0.07, 8.0), (0.5, 1.0, 0.02, 3.0)],
+)
+def test_a_slow_log_is_predicted_as_a_fast_one(rate_c_s, interval_s, noise_c, within_deg):
     model = ActuatorModel(reference_spec())
     fitted = FittedModel(model, model.nominal())
 
-    def predicted(time_s):
-        # An incomplete heating whose top lies between two readings of the slow log.
-        temp_c = 23.0 + 0.2 * np.clip(time_s - 20.0, 0.0, 172.5)
-        cold = np.maximum(time_s - 192.5, 0.0)
-        temp_c = 23.0 + (temp_c - 23.0) * np.exp(-cold / 40.0)
-        log = TemperatureLog(time_s, temp_c, np.full(len(time_s), 23.0))
+    def predicted(time_s, noise_c=0.0):
+        log = switched_off(time_s, rate_c_s, noise_c=noise_c)
         return fitted.predict(log, start_angle_rad=177.6 * DEG).angle_rad / DEG
 
-    slow_s = np.arange(0.0, 600.0, 5.0)
-    fast = predicted(np.arange(0.0, 595.5, 0.25))[::20]
-    assert predicted(slow_s) == pytest.approx(fast, abs=2.0)
+    every, fine_s = round(interval_s / 0.25), np.arange(0.0, 595.5, 0.25)
+    fast = predicted(fine_s)
+    # Wherever the top lies between two readings.
+    for first in range(0, every, max(1, every // 12)):
+        own = slice(first, None, every)
+        assert predicted(fine_s[own], noise_c) == pytest.approx(fast[own], abs=within_deg)
     assert np.ptp(fast) > 100.0
+
+
+def test_a_top_between_two_readings_is_as_far_off_as_is_said():
+    # At any place between the readings, and held or not: what is said of it covers the top.
+    for late_s in np.linspace(0.05, 0.95, 7):
+        log = switched_off(np.arange(late_s - 1.0, 500.0, 1.0), 0.5, noise_c=0.02)
+        found = condition(log.time_s, log.temp_a_c)
+        top = int(np.argmax(found.temp_c))
+        assert abs(found.temp_c[top] - 57.5) < 3.0 * found.sigma_c[top]
+        assert found.sigma_c[top] < 0.15

@@ -15,10 +15,8 @@ import numpy as np
 
 from sync.log.outliers import spikes
 from sync.log.timestamps import BRIDGED_S, longest_gap_s
-from torsight.actuator.record.conditioning import Conditioned, Readings, condition
-from torsight.actuator.record.log_noise import measure_noise
+from torsight.actuator.record.conditioning import Conditioned, Readings, between_readings, condition
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles, turn_of
-from torsight.actuator.record.slow_log import between, corner_gaps
 from torsight.actuator.record.turns import at_places, turns_of
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
@@ -36,8 +34,9 @@ _ROW_STEP_C: Final = 0.25
 """Faster heatings and coolings keep more rows: so that in 99 % of them a temperature changes by less than this, and a
 row's mean angle lies within 0.1° of the angle at its instant but where motion starts or stops within it."""
 _FAR_APART_S: Final = 1.5
-"""Predictions get rows between readings that are further apart: that takes half to two thirds of their error away at
-2 to 5 s, a third at 1 s for five times the rows (benchmarks/actuator/slow_logs.py)."""
+"""Predictions get rows between readings that are further apart: later records behind readings every 3 s are off by 1.60
+instead of 2.31° with that, every 5 s by 4.6 instead of 16.6°, and every 2 s by 1.26 instead of 1.35°
+(benchmarks/actuator/slow_logs.py, tops held for up to 15 s)."""
 
 _LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
 """Time constants for which wires behind their sensors are found; what lies between is on a line. Between 2.5 and 3.7 s
@@ -229,7 +228,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     start, _ = start_angle(table.angle_rad, table.angle_sigma_rad)
     turns = whole_turns(table.angle_rad)
     ahead_rad = 2.0 * math.pi * turns
-    drive = _driven(table, row_rate_hz=row_rate_hz, start_angle_rad=start - ahead_rad, where=where)
+    drive = _driven(table, table, row_rate_hz=row_rate_hz, start_angle_rad=start - ahead_rad, where=where)
     angle, sigma = table.angle_rad, table.angle_sigma_rad
     if len(drive) < len(table):
         rows = drive.sensors.rows
@@ -241,42 +240,37 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     return replace(drive, angle_rad=angle, angle_sigma_rad=sigma, turns=turns, cycles=cycles, clock_sigma_s=known_s)
 
 
-def prepare_log(log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
+def prepare_log(
+    log: TemperatureLog, *, start_angle_rad: float, where: str = "log", readings: TemperatureLog | None = None
+) -> Drive:
     """Return the drive of a temperature log alone, at every one of its instants.
+
+    ``readings`` are those of a log between which rows were filled in (:func:`filled_in`).
 
     Raises
     ------
     InputError, NoResultError
         As :func:`prepare_table`.
     """
-    return _driven(log, row_rate_hz=math.inf, start_angle_rad=start_angle_rad, where=where)
+    return _driven(log, readings or log, row_rate_hz=math.inf, start_angle_rad=start_angle_rad, where=where)
 
 
 def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, Ints]:
-    """Return a log with rows between readings that are far apart, so that a model meets the corners there.
+    """Return a log with rows on lines between readings that are far apart, so that a model meets its corners there.
 
     Also which of its rows are those of the log (n,). Between readings of which one is missing there is nothing.
     """
-    temps = (log.temp_a_c, log.temp_b_c)
     interval_s = usual_step(log.time_s)
-    if interval_s <= _FAR_APART_S or min(np.isfinite(temp_c).sum() for temp_c in temps) < 2:
+    if interval_s <= _FAR_APART_S:
         return log, np.arange(len(log))
     every = math.ceil(interval_s * ROW_RATE_HZ)
     rows = np.arange(len(log)) * every
     fine = np.arange(rows[-1] + 1)
-    time_s, held = np.interp(fine, rows, log.time_s), fine // every
-
-    def column(temp_c: Floats) -> Floats:
-        good = np.isfinite(temp_c)
-        known_s, known_c = log.time_s[good], temp_c[good]
-        corners = corner_gaps(known_s, known_c, measure_noise(known_s, known_c)[0])
-        filled = between(known_s, known_c, corners, time_s)
-        filled[~good[held] | ~good[-(-fine // every)]] = np.nan
-        filled[rows] = temp_c
-        return filled
-
+    held = fine // every
+    # A line to a number that is none is none.
+    time_s, a, b = (np.interp(fine, rows, column) for column in (log.time_s, log.temp_a_c, log.temp_b_c))
     heat_a, heat_b = (None if heat is None else heat[held] for heat in (log.heat_a, log.heat_b))
-    return TemperatureLog(time_s, column(temps[0]), column(temps[1]), heat_a, heat_b), rows
+    return TemperatureLog(time_s, a, b, heat_a, heat_b), rows
 
 
 def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
@@ -309,12 +303,22 @@ def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
     return float(np.mean(inside)), mean_sigma / math.sqrt(max(1, len(inside)))
 
 
-def _driven(log: SyncedTable | TemperatureLog, *, row_rate_hz: float, start_angle_rad: float, where: str) -> Drive:
-    """Return the drive of a record's temperatures and switches, without an angle."""
+def _driven(
+    log: SyncedTable | TemperatureLog,
+    readings: SyncedTable | TemperatureLog,
+    *,
+    row_rate_hz: float,
+    start_angle_rad: float,
+    where: str,
+) -> Drive:
+    """Return the drive of a record's temperatures and switches, without an angle, from rows and their own readings."""
     time_s = log.time_s
-    filled_a, known_a = _bridge(time_s, log.temp_a_c, where=f"{where}, column temp_a_c")
-    filled_b, known_b = _bridge(time_s, log.temp_b_c, where=f"{where}, column temp_b_c")
-    a, b = condition(time_s, filled_a), condition(time_s, filled_b)
+    (filled_a, known_a), (filled_b, known_b) = _bridged(log, where=where)
+    if readings is log:
+        a, b = condition(time_s, filled_a), condition(time_s, filled_b)
+    else:
+        pair = _bridged(readings, where=where)
+        a, b = (between_readings(readings.time_s, filled_c, time_s) for filled_c, _ in pair)
     noise = max(a.noise_c, b.noise_c)
     cycles = half_cycles(a.temp_c, b.temp_c, heat_a=log.heat_a, heat_b=log.heat_b, noise_c=noise, where=where)
     fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in (a, b))
@@ -363,6 +367,12 @@ def _at_rows(log: Conditioned, rows: Ints, least_turn_c: float) -> _AtRows:
     rate = log.rate_c_s[rows]
     rate[turning] = 0.0
     return _AtRows(at_places(driven_c, turns, places), rate, at_places(log.temp_c, turns, places), turning)
+
+
+def _bridged(log: SyncedTable | TemperatureLog, *, where: str) -> tuple[tuple[Floats, Flags], tuple[Floats, Flags]]:
+    """Return both temperatures with gaps and spikes bridged, each with where it is known."""
+    a = _bridge(log.time_s, log.temp_a_c, where=f"{where}, column temp_a_c")
+    return a, _bridge(log.time_s, log.temp_b_c, where=f"{where}, column temp_b_c")
 
 
 def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> tuple[Floats, Flags]:

@@ -152,7 +152,8 @@ class FittedModel(Frozen, Shown):
         require_kind(log, TemperatureLog, where=f"predict, {where}", do="read_log(path) gives one")
         ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad, where=where)
         whole, rows = filled_in(log)
-        drive = self.model.prepare_log(whole, start_angle_rad=start_angle_rad - ahead_rad, where=where)
+        start_rad = start_angle_rad - ahead_rad
+        drive = self.model.prepare_log(whole, start_angle_rad=start_rad, where=where, readings=log)
         simulation = self.simulate(drive).at(rows)
         angle_rad = np.where(drive.known[rows], simulation.angle_rad + ahead_rad, np.nan)
         return Prediction(angle_rad, drive, simulation, rows)

@@ -144,8 +144,17 @@ class ActuatorModel:
                 do="give radians in Python (degrees in files and commands), and check theta_p_deg",
             )
 
-    def prepare_log(self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log") -> Drive:
+    def prepare_log(
+        self,
+        log: TemperatureLog,
+        *,
+        start_angle_rad: float,
+        where: str = "log",
+        readings: TemperatureLog | None = None,
+    ) -> Drive:
         """Return the drive of a temperature log alone, at its own instants.
+
+        ``readings`` are those of a log between which rows were filled in.
 
         Raises
         ------
@@ -165,7 +174,7 @@ class ActuatorModel:
                 do="give the angle as read at the first row (radians in Python, degrees in files and commands)",
             )
         require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where=where)
-        return prepare_log(log, start_angle_rad=start_angle_rad, where=where)
+        return prepare_log(log, start_angle_rad=start_angle_rad, where=where, readings=readings)
 
     def ports(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Ports:
         """Return the plain model's ports for this drive, with the effects applied.

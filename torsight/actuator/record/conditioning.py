@@ -21,7 +21,7 @@ import numpy as np
 from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, measure_noise, resolution
 from torsight.actuator.record.ripple import ripple_peaks
-from torsight.actuator.record.slow_log import between, corner_gaps, own_readings
+from torsight.actuator.record.slow_log import between, corner_gaps, own_readings, turns_reached
 from torsight.actuator.record.smoother import smoothed
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
@@ -51,7 +51,7 @@ def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
     """Remove the noise of a temperature log (n,) and keep its corners; times increase, not necessarily at one rate."""
     own = own_readings(time_s, temp_c)
     if own is not None:
-        return _apart(Readings.of(*own), time_s, temp_c)
+        return between_readings(*own, time_s)
     readings = Readings.of(time_s, temp_c)
     noise, found = readings.noise_c, readings.behind(time_s, 0.0)
     if noise <= NEGLIGIBLE_C:
@@ -63,25 +63,23 @@ def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
     return found
 
 
-def _apart(readings: Readings, wanted_s: Floats, lines_c: Floats) -> Conditioned:
-    """Return readings that lie apart at other times: without noise from corner to corner, lines between them.
+def between_readings(time_s: Floats, temp_c: Floats, wanted_s: Floats) -> Conditioned:
+    """Return readings (n,) that lie apart as they drive the model at other times (m,): lines, and corners between them.
 
-    The smoother's corners lie at readings: between two of them that are seconds apart it would cut the wire's off.
-    ``lines_c`` are the lines between the readings.
+    The smoother's corners lie at readings; between two that are seconds apart the wire's own are found after it.
     """
-    time_s, temp_c = readings.time_s, readings.temp_c
-    corners = corner_gaps(time_s, temp_c, readings.noise_c)
-    known_c, left_over = temp_c.copy(), np.full(len(temp_c), readings.sigma_c)
-    for rows in np.split(np.arange(len(temp_c)), np.flatnonzero(corners) + 1):
-        if len(rows) >= SHORTEST and readings.noise_c > NEGLIGIBLE_C:
-            piece = replace(readings, time_s=time_s[rows], temp_c=temp_c[rows])
-            known_c[rows], _, left_over[rows] = piece.smooth(time_s[rows], 0.0)
-    value, sigma = between(time_s, known_c, corners, wanted_s), np.interp(wanted_s, time_s, left_over)
+    readings = Readings.of(time_s, temp_c)
+    known_c, slope_c_s, left_over = readings.smooth(time_s, 0.0)
+    if readings.noise_c > NEGLIGIBLE_C:
+        noise_c = readings.noise_c * math.sqrt(readings.alike)
+        level_holds(time_s, temp_c, noise_c, value=known_c, rate=slope_c_s, left_over=left_over)
+    else:
+        known_c = temp_c
+    corners = corner_gaps(time_s, known_c, left_over[:-1])
+    value, doubt = between(time_s, known_c, corners, wanted_s)
+    sigma = np.hypot(np.interp(wanted_s, time_s, left_over), doubt)
     peaks_c = ripple_peaks(time_s, temp_c, known_c, readings.digit_noise_c, readings.alike)
     rate = np.asarray(np.gradient(value, wanted_s))
-    if readings.noise_c > NEGLIGIBLE_C:
-        alike = readings.interval_s / usual_step(wanted_s)
-        level_holds(wanted_s, lines_c, readings.noise_c * math.sqrt(alike), value=value, rate=rate, left_over=sigma)
     return Conditioned(value, rate, sigma, readings.noise_c, readings.interval_s, np.interp(wanted_s, time_s, peaks_c))
 
 
@@ -121,7 +119,9 @@ class Readings:
 
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
         """Return the wire's temperature (n,) at the wanted times, behind a sensor of this time constant."""
-        return Conditioned(*self.smooth(wanted_s, lag_s), self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
+        value, slope, sigma = self.smooth(wanted_s, lag_s)
+        value, sigma = turns_reached(wanted_s, value, sigma)
+        return Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
 
     def smooth(self, wanted_s: Floats, lag_s: float) -> tuple[Floats, Floats, Floats]:
         """Return value, slope and sigma of the wire's temperature at the wanted times."""
