@@ -1,7 +1,8 @@
 """Films of two sticks with known angles, drawn pixel by pixel: nothing here uses the code under test.
 
 World: mm, z along the rotation axis towards the camera, x to the right and y up as displayed. Every pixel is sampled
-at several points (and instants, for smear), each of which looks up which surface its ray meets first.
+at several points (and instants, for smear), each of which looks up which surface its ray meets first. Imported as
+``tests.tracker.films`` everywhere: numba asks for kept code by the module's name that compiled it.
 """
 
 from __future__ import annotations
