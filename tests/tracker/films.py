@@ -203,7 +203,7 @@ class Rig:
         return 1.0 + self.uneven * ((x / width - 0.5) + 0.6 * (y / height - 0.5))
 
     def _under(self, ground, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ground as a camera that is moved so far sees it, and the samples of what else can be seen there."""
+        """Return the ground as a camera that is moved so far sees it, and the samples to draw the rest on."""
         width, height = self.size
         i = np.clip(np.rint(np.arange(height) - dy).astype(int) + 20, 0, height + 39)
         j = np.clip(np.rint(np.arange(width) - dx).astype(int) + 20, 0, width + 39)
