@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "tracker")]
+sys.path.insert(0, str(ROOT))
 
 
 def follow_dots() -> None:
@@ -35,9 +35,8 @@ def follow_dots() -> None:
 
 def follow_patches() -> None:
     """Compile the following of textures and tags, ten frames, and the drawing of the tests' films."""
-    from films import Rig
-    from flat_films import FlatFilm, Sprite, texture_picture
-
+    from tests.tracker.films import Rig
+    from tests.tracker.flat_films import FlatFilm, Sprite, texture_picture
     from tracker.detect.marker_file import read_markers
     from tracker.frames.source import open_source
     from tracker.track import track_film

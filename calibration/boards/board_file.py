@@ -114,14 +114,9 @@ def dictionary_of(name: str) -> cv2.aruco.Dictionary:
 
 
 def read_board(path: AnyPath) -> Board:
-    """Read ``BOARD.toml``; the keys stand at the top or in a table ``[board]``.
+    """Read ``BOARD.toml``, refused as :func:`torsight.core.read_camera` refuses a camera.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown or missing key, or a value of the wrong kind or out of range.
-    InputError
-        When the file cannot be read.
+    The keys stand at the top or in a table ``[board]``.
     """
     path = Path(path)
     content = read_toml(path)

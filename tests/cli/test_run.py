@@ -64,7 +64,7 @@ phase_rad = -1.1
 wire_capacity_j_per_k = 0.6
 [film]
 fps = 4.0
-crf = 12
+crf = 23
 [camera]
 width_px = 288
 height_px = 288

@@ -42,7 +42,7 @@ A_s_c = 0.4
 M_s_c = 0.6
 [film]
 fps = 3.0
-crf = 18
+crf = 23
 [log]
 offset_s = 5.0
 [output]

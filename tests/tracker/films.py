@@ -1,7 +1,8 @@
 """Films of two sticks with known angles, drawn pixel by pixel: nothing here uses the code under test.
 
 World: mm, z along the rotation axis towards the camera, x to the right and y up as displayed. Every pixel is sampled
-at several points (and instants, for smear), each of which looks up which surface its ray meets first.
+at several points (and instants, for smear), each of which looks up which surface its ray meets first. Imported as
+``tests.tracker.films`` everywhere: numba asks for kept code by the module's name that compiled it.
 """
 
 from __future__ import annotations
@@ -172,12 +173,15 @@ class Rig:
         ys = (np.arange(height)[rows, None] + fine).ravel()
         still = self.planes(*np.meshgrid(xs, ys))
         light = self._light(width, height)
+        shift, under = None, None
         for number, time_s in enumerate(self.times):
             dx, dy = shakes[number]
             if self.bump is not None and time_s >= self.bump[0]:
                 dx, dy = dx + self.bump[1], dy + self.bump[2]
             planes = still if dx == dy == 0 else self.planes(*np.meshgrid(xs - dx, ys - dy))
-            picture = self._expose(planes, ground, time_s, (dx, dy))
+            if (dx, dy) != shift:
+                shift, under = (dx, dy), self._under(ground, dx, dy)
+            picture = self._expose(planes, under, time_s)
             gain = 1.0 + self.flicker * np.sin(2 * np.pi * 7.3 * time_s)
             if self.dark_s is not None and self.dark_s[0] <= time_s < self.dark_s[1]:
                 gain *= 0.02
@@ -198,7 +202,16 @@ class Rig:
         y, x = np.mgrid[:height, :width]
         return 1.0 + self.uneven * ((x / width - 0.5) + 0.6 * (y / height - 0.5))
 
-    def _expose(self, planes, ground, time_s: float, shift) -> np.ndarray:
+    def _under(self, ground, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ground as a camera that is moved so far sees it, and the samples to draw the rest on."""
+        width, height = self.size
+        i = np.clip(np.rint(np.arange(height) - dy).astype(int) + 20, 0, height + 39)
+        j = np.clip(np.rint(np.arange(width) - dx).astype(int) + 20, 0, width + 39)
+        whole = ground[np.ix_(i, j)]
+        columns, rows = self._part()
+        return whole, _sampled(whole[rows, columns], self.samples)
+
+    def _expose(self, planes, under, time_s: float) -> np.ndarray:
         if self.exposure <= 0:
             instants = np.array([time_s])
         else:
@@ -212,18 +225,14 @@ class Rig:
             instants = time_s + ((np.arange(count) + 0.5) / count - 0.5) * self.exposure / self.fps
         total = 0.0
         for instant in instants:
-            total = total + self._sharp(planes, ground, float(instant), shift)
+            total = total + self._sharp(planes, under, float(instant))
         return total / len(instants)
 
-    def _sharp(self, planes, ground, time_s: float, shift) -> np.ndarray:
-        width, height = self.size
+    def _sharp(self, planes, under, time_s: float) -> np.ndarray:
         s = self.samples
         angle = float(self.angle_deg(np.array([time_s]))[0])
-        i = np.clip(np.rint(np.arange(height) - shift[1]).astype(int) + 20, 0, height + 39)
-        j = np.clip(np.rint(np.arange(width) - shift[0]).astype(int) + 20, 0, width + 39)
-        whole = ground[np.ix_(i, j)]
+        whole, picture = (one.copy() for one in under)
         columns, rows = self._part()
-        picture = _sampled(whole[rows, columns], s)
         layers = [
             (planes[0], self.base_deg, self.base_px, self.stick, self.base_radius_px or self.radius_px),
             (planes[1], self.base_deg + angle, self.moving_px, 0.97 * self.stick, self.radius_px),
@@ -407,11 +416,12 @@ def write_film(
         from fractions import Fraction
 
         stream.codec_context.time_base = Fraction(1, ticks)
-        for time_s, picture in zip(rig.times, rig.pictures(), strict=True):
+        times_s = rig.times
+        for time_s, picture in zip(times_s, rig.pictures(), strict=True):
             frame = av.VideoFrame.from_ndarray(picture, format="gray")
             if stream.pix_fmt != "gray":
                 frame = _as_luma(picture, stream.pix_fmt)
-            frame.pts = round((time_s - rig.times[0]) * ticks)
+            frame.pts = round((time_s - times_s[0]) * ticks)
             frame.time_base = Fraction(1, ticks)
             for packet in stream.encode(frame):
                 container.mux(packet)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from decoy_films import Bar, DecoyFilm
 
+from tests.tracker.decoy_films import Bar, DecoyFilm
 from torsight.cli.main import main
 from torsight.cli.track import track_to_folder
 from torsight.core.files.storage import read_json, read_table

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Cover, Rig, write_film
 
+from tests.tracker.films import Cover, Rig, write_film
 from tracker.checkpoint import RowStore
 from tracker.follow.follower import Follower
 

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Cover, Rig, write_film
 
+from tests.tracker.films import Cover, Rig, write_film
 from torsight.core.optics.camera import read_camera
 from tracker import track
 from tracker.angle.orient import orient

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from films import Rig, write_film
-from flat_films import FlatFilm, Sprite, tag
 
+from tests.tracker.films import Rig, write_film
+from tests.tracker.flat_films import FlatFilm, Sprite, tag
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
 from tracker.frames.source import open_source
 

@@ -157,13 +157,6 @@ class FitResult(Frozen, Shown):
         }
 
 
-CHECK_FILE: Final = (
-    "check values and units in the actuator file (tau_c_mnm in mN·m, C_A_mpa_per_k and C_M_mpa_per_k in MPa/K, moduli "
-    "in GPa), and give those that are not well known an [uncertainty]: without one they are exact"
-)
-"""What to do where a model explains nothing of a record."""
-
-
 def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
     """Refuse a record in which the actuator does not move, or as no actuator of this kind can."""
     angle = drive.angle_rad[drive.measured]
@@ -284,18 +277,24 @@ def _heated_again(drive: Drive) -> list[str]:
     ]
 
 
-def nothing_explained(result: FitResult, *, where: str) -> NoResultError:
-    """Return what to tell of a fit that explains nothing of the record ``where`` names."""
+def nothing_explained(what: str, r2: float, *, where: str, more: str = "") -> NoResultError:
+    """Return what to tell of a model that explains nothing of the record ``where`` names."""
+    return NoResultError(
+        what,
+        where=where,
+        value=f"R² {number(r2, 2)}{more}",
+        limit="R² above 0",
+        do="check values and units in the actuator file (tau_c_mnm in mN·m, C_A_mpa_per_k and C_M_mpa_per_k in MPa/K, "
+        "moduli in GPa), and give those that are not well known an [uncertainty]: without one they are exact",
+    )
+
+
+def turns(result: FitResult) -> str:
+    """Return how far the fitted model and the actuator turn, in words."""
     fitted_rad = result.simulation.angle_rad
     read_rad = fitted_rad + result.residual_rad
     turned_deg, read_deg = (float(np.ptp(one[np.isfinite(one)])) / DEG for one in (fitted_rad, read_rad))
-    return NoResultError(
-        "the fitted model is no better than a constant angle",
-        where=where,
-        value=f"R² {number(result.r2, 2)}: the model turns by {turned_deg:.0f}°, the actuator by {read_deg:.0f}°",
-        limit="R² above 0",
-        do=CHECK_FILE,
-    )
+    return f"the model turns by {turned_deg:.0f}°, the actuator by {read_deg:.0f}°"
 
 
 def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, rows: float) -> tuple[str, ...]:

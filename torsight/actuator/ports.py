@@ -223,7 +223,7 @@ class Ports:
     @property
     def load_changes(self) -> bool:
         """Whether a spring's torque changes by itself, without its phase or its angle."""
-        return any(torque is not None for torque in (self.passive_scale, self.side_a_nm, self.side_b_nm))
+        return not (self.passive_scale is None and self.side_a_nm is None and self.side_b_nm is None)
 
     def load_change(self) -> Floats:
         """Return the factor on the passive spring's torque and the driven and passive one's side torques (3, n).

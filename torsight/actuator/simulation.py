@@ -163,7 +163,7 @@ def seen_of_ports(
     """
     out, _ = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
     theta_a, sigma = out[0], np.zeros(out.shape[1])
-    rows = 1 + np.flatnonzero(out[5, 1:])
+    rows = 1 + out[5, 1:].nonzero()[0]
     if len(rows):
         jump, passed = out[5, rows], out[6, rows]
         theta_a = theta_a.copy()
@@ -204,7 +204,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
     rig, grid = ports.rig, ports.grid_rad()
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
-    moving_load = ports.passive_share or ports.load_changes or np.any(ports.friction_scale != 1.0)
+    moving_load = ports.passive_share or ports.load_changes or (ports.friction_scale != 1.0).any()
     unwound_a, unwound_b = ports.history.unwound_rad or (-1.0, -1.0)
     common = {
         "theta_p": rig.theta_p_rad,

@@ -17,7 +17,7 @@ from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import read_merged
 from torsight.core.progress import Progress
-from torsight.core.words.wording import number, verdict_sentence
+from torsight.core.words.wording import verdict_sentence
 
 if TYPE_CHECKING:
     from torsight.discovery.report import DiscoveryReport
@@ -72,25 +72,20 @@ def discover(
     laws = [out / law.csv_name for law in report.laws]
     more = [out / curves_name(k) for k in range(1, len(merged))]
     files = (*(out / name for name in FILES), *more, *laws)
-    if nothing := explains_nothing(content, where=", ".join(map(str, merged))):
+    if nothing := nothing_found(content, where=", ".join(map(str, merged))):
         say(f"torsight: {nothing}")
     return Answer(content, files=files, exit_code=nothing.exit_code if nothing else 0)
 
 
-def explains_nothing(discovery: Mapping[str, Any], *, where: str) -> NoResultError | None:
+def nothing_found(discovery: Mapping[str, Any], *, where: str) -> NoResultError | None:
     """Return what to tell, by ``discovery.json``, where the model is worse than a constant on held-out half-cycles."""
-    from torsight.actuator.fit_result import CHECK_FILE
+    from torsight.actuator.fit_result import nothing_explained
 
     r2 = discovery["after"]["r2_held_out"]
     if r2 is None or r2 > 0.0:
         return None
-    return NoResultError(
-        "the model that was found is no better than a constant angle on held-out half-cycles",
-        where=where,
-        value=f"R² {number(r2, 2)}",
-        limit="R² above 0",
-        do=CHECK_FILE,
-    )
+    what = "the model that was found is no better than a constant angle on held-out half-cycles"
+    return nothing_explained(what, r2, where=where)
 
 
 def curves_name(record: int) -> str:

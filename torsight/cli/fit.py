@@ -83,7 +83,7 @@ def fit_to_folder(
     merged: Path, actuator: Path, *, out: Path, effects: tuple[str, ...] = (), progress: Progress = silent
 ) -> FitResult:
     """Fit a merged record and write ``fit.json`` and ``model.json``; say where the fit explains nothing."""
-    from torsight.actuator.fit_result import nothing_explained
+    from torsight.actuator.fit_result import nothing_explained, turns
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
@@ -98,5 +98,6 @@ def fit_to_folder(
     fitted = fitted_model(result.model, result.values, drive, account=account, doubt=result.doubt)
     write_model(out / "model.json", fitted)
     if result.explains_nothing:
-        say(f"torsight: {nothing_explained(result, where=str(merged))}")
+        what = "the fitted model is no better than a constant angle"
+        say(f"torsight: {nothing_explained(what, result.r2, where=str(merged), more=f': {turns(result)}')}")
     return result

@@ -70,10 +70,10 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
 def answer_of(folder: Path) -> Answer:
     """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
     from torsight.cli.campaign import result_row
-    from torsight.cli.discover import explains_nothing
+    from torsight.cli.discover import nothing_found
 
     track = folder / "track.json"
-    nothing = explains_nothing(read_json(folder / "discovery.json"), where=str(folder / "merged.csv"))
+    nothing = nothing_found(read_json(folder / "discovery.json"), where=str(folder / "merged.csv"))
     if nothing:
         say(f"torsight: {nothing}")
     none = nothing or (track.is_file() and is_no_result(read_json(track)))

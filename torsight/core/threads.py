@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 import threading
@@ -11,7 +12,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextvars import ContextVar
 from typing import Final, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from torsight.core.progress import Progress, silent
 
@@ -39,10 +40,18 @@ def one_thread() -> Iterator[None]:
     inside = _alone.set(True)
     try:
         # The limit holds for what is loaded, the variables for what is loaded within.
-        with _in_environment(dict.fromkeys(VARIABLES, "1")), threadpool_limits(limits=1, user_api="blas"), _opencv():
+        pools = _pools(len(sys.modules))
+        with _in_environment(dict.fromkeys(VARIABLES, "1")), pools.limit(limits=1, user_api="blas"), _opencv():
             yield
     finally:
         _alone.reset(inside)
+
+
+@functools.lru_cache(maxsize=1)
+def _pools(modules: int) -> ThreadpoolController:
+    """Return the libraries that are loaded; to look for them takes milliseconds, and they come with new ``modules``."""
+    del modules
+    return ThreadpoolController()
 
 
 @contextlib.contextmanager

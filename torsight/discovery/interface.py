@@ -15,7 +15,7 @@ has nothing to say of.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, Protocol, Self
 
@@ -239,3 +239,30 @@ class OptionalMembers(Protocol):
 
 class Problem(NeededMembers, OptionalMembers, Protocol):
     """A record and a model of it, as the engine sees them."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class GivenProblem(OptionalMembers):
+    """A problem whose record, parameters and candidates are given and not worked out; members as of :class:`Problem`.
+
+    Measured laws become candidates under their laws' ids.
+    """
+
+    parameters: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    time_s: Floats
+    observed: Floats
+    sigma: Floats
+    valid: Flags
+    block: Ints
+    rest: Flags
+    drivers: Mapping[str, Floats] = field(default_factory=dict)
+    resolution: float = 0.0
+    forms: tuple[LawForm, ...] = ()
+
+    def with_laws(self, forms: Sequence[LawForm]) -> Self:
+        """Return the problem with these forms of laws among its candidates, in place of those that it had."""
+        known = {form.id for form in self.forms}
+        own = tuple(one for one in self.candidates if one.id not in known)
+        made = tuple(Candidate(form.id, "law", form.parameters) for form in forms)
+        return replace(self, candidates=(*own, *made), forms=tuple(forms))

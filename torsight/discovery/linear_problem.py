@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -13,34 +13,21 @@ from torsight.core.errors import InputError
 from torsight.core.law import Kernel, Law, LawForm, slope, smooth_kernels
 from torsight.core.parameter import Parameter
 from torsight.core.series import rms
-from torsight.core.units import Flags, Floats, Ints
-from torsight.discovery.interface import Candidate, OptionalMembers
+from torsight.core.units import Floats, Ints
+from torsight.discovery.interface import Candidate, GivenProblem
 
 
-@dataclass(frozen=True, eq=False)
-class LinearProblem(OptionalMembers):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LinearProblem(GivenProblem):
     """A :class:`torsight.discovery.interface.Problem` whose model is Σ parameter · column.
 
     Attributes
     ----------
     columns : mapping of str to (n,) array
         Column of every parameter, of the plain model and of the candidates.
-    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms
-        As in the protocol.
     """
 
     columns: Mapping[str, Floats]
-    parameters: tuple[Parameter, ...]
-    candidates: tuple[Candidate, ...]
-    time_s: Floats
-    observed: Floats
-    sigma: Floats
-    valid: Flags
-    block: Ints
-    rest: Flags
-    drivers: Mapping[str, Floats] = field(default_factory=dict)
-    resolution: float = 0.0
-    forms: tuple[LawForm, ...] = ()
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
@@ -49,16 +36,13 @@ class LinearProblem(OptionalMembers):
         found = (law_over(name, driver[self.valid], size) for name, driver in self.drivers.items())
         return tuple(law for law in found if law is not None)
 
-    def with_laws(self, forms: Sequence[LawForm]) -> LinearProblem:
-        """Return the problem with these forms of laws among its candidates."""
-        known = {form.id for form in self.forms}
-        own = tuple(candidate for candidate in self.candidates if candidate.id not in known)
+    def with_laws(self, forms: Sequence[LawForm]) -> Self:
+        """Return the problem with these forms of laws among its candidates, and their columns."""
         columns = dict(self.columns)
         for form in forms:
             at_rows = np.column_stack([form.at(self.drivers[form.id], row) for row in np.eye(len(form.names))])
             columns |= dict(zip(form.names, at_rows.T, strict=True))
-        laws = tuple(Candidate(form.id, "law", form.parameters) for form in forms)
-        return replace(self, columns=columns, candidates=(*own, *laws), forms=tuple(forms))
+        return replace(super().with_laws(forms), columns=columns)
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return Σ value · column over the base and the named effects."""

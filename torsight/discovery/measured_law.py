@@ -27,6 +27,17 @@ GIVES: Final = {
     "values": "change of a material value",
 }
 """What a law of each port gives, in words."""
+DRIVER_UNITS: Final = {
+    "angle_deg": "°",
+    "winding_deg": "°",
+    "angle_rate_deg_s": "°/s",
+    "temp_active_c": "°C",
+    "temp_passive_c": "°C",
+    "temp_rate_c_s": "°C/s",
+    "time_s": "s",
+    "dwell_s": "s",
+}
+"""Units of what a law is over, where it has one."""
 _CLOCK: Final = "lead of the temperature log's clock"
 
 

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.storage import read_toml, write_text
 from torsight.core.tracks import MARKERS
-from tracker.detect.marker_file import APART_PX, KINDS, MarkerHints, read_markers
+from tracker.detect.marker_file import APART_PX, KINDS, STICKS, MarkerHints, read_markers
 
 if TYPE_CHECKING:
     from tracker.frames.frame import FrameSource
 
-STICKS: Final = ("base", "moving")
 PICKED: Final = tuple(kind for kind in KINDS if kind != "tag")
 """Kinds of marker that are given by their positions; a tag is found by its number."""
 SNAPS: Final = "dot"

@@ -16,7 +16,8 @@ from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
 from torsight.markers.beginning import Beginning, Followed, follow_beginning, name_sticks, seconds_of
-from torsight.markers.picks import PICKED, SNAPS, STICKS, content_of, hints_of, place, read_earlier, write_markers
+from torsight.markers.picks import PICKED, SNAPS, content_of, hints_of, place, read_earlier, write_markers
+from tracker.detect.marker_file import STICKS
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Sighting

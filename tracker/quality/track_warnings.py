@@ -13,13 +13,13 @@ from torsight.core.words.wording import counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation
+from tracker.detect.marker_file import STICKS
 from tracker.follow.camera_state import circle_sigma_px
 from tracker.follow.judgement import MOVED_RAD
 from tracker.innovation import SURE, passes
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
-_STICKS: Final = ("base", "moving")
 _GONE: Final = 0.5
 """Share of frames without the base from which it is doubted."""
 _WANDERS: Final = 0.25
@@ -87,7 +87,7 @@ def _rival_markers(result: TrackResult) -> list[str]:
 
 
 def _in_words(couple: Mapping[str, Any]) -> str:
-    places = {stick: " and ".join(f"[{x:.0f}, {y:.0f}]" for x, y in couple[stick]) for stick in _STICKS}
+    places = {stick: " and ".join(f"[{x:.0f}, {y:.0f}]" for x, y in couple[stick]) for stick in STICKS}
     return f"base {places['base']} with moving {places['moving']}"
 
 
@@ -141,7 +141,7 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
     if axis is None:
         return []
     found: list[str] = []
-    for name, (inner, outer), first in zip(_STICKS, away_px(tracks, axis).reshape(2, 2).tolist(), (0, 2), strict=True):
+    for name, (inner, outer), first in zip(STICKS, away_px(tracks, axis).reshape(2, 2).tolist(), (0, 2), strict=True):
         offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
         length = np.hypot(*offset[tracks.valid[:, first : first + 2].all(axis=1)].T)
         # An axis between a stick's markers leaves open which one is meant as the inner one.

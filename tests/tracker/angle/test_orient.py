@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Rig
 
+from tests.tracker.films import Rig
 from torsight.core.errors import ConfigError
 from torsight.core.optics.camera import Camera, read_camera
 from torsight.core.tracks import MarkerTracks

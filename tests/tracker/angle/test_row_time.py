@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Rig
 from test_orient import SIGMA_PX, TILTED, camera_of, check, tracks_of
 
+from tests.tracker.films import Rig
 from torsight.core.optics.camera import read_camera
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.orient import orient

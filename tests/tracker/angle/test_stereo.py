@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Rig, write_pictures
 from test_orient import SIGMA_PX, TILTED, camera_of, check, tracks_of
 
+from tests.tracker.films import Rig, write_pictures
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.files.storage import read_json
 from torsight.core.optics.camera import Camera, read_camera

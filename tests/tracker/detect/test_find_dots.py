@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from films import Rig
 
+from tests.tracker.films import Rig
 from tracker.detect.sticks import sticks_in
 
 STILL = Rig(lambda t: np.full_like(t, 75.0), frames=1)

@@ -13,8 +13,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from films import Rig, write_film
 
+from tests.tracker.films import Rig, write_film
 from torsight.core.errors import InputError
 from torsight.core.tracks import StickAngles
 from tracker.angle.orient import orient

@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from films import Rig, write_film, write_pictures
 
+from tests.tracker.films import Rig, write_film, write_pictures
 from torsight.core.errors import ConfigError, InputError
 from tracker.frames.sample import Clip, read_timestamps
 from tracker.frames.source import open_source

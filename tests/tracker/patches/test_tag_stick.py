@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from flat_films import FlatFilm, Hand, Sprite, tag
 
+from tests.tracker.flat_films import FlatFilm, Hand, Sprite, tag
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.words.wording import listed
 from tracker.angle.orient import orient

@@ -11,8 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from flat_films import FlatFilm, Hand, Sprite, tag, texture_picture
 
+from tests.tracker.flat_films import FlatFilm, Hand, Sprite, tag, texture_picture
 from torsight.core.errors import NoResultError
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from films import Rig, write_film
 
+from tests.tracker.films import Rig, write_film
 from torsight.cli.frame_coverage import few_angles
 from torsight.cli.main import main
 from tracker.quality.account import advice

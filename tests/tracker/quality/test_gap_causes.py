@@ -10,8 +10,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from films import Cover, Rig, write_film
 
+from tests.tracker.films import Cover, Rig, write_film
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
 from tracker.quality.account import account

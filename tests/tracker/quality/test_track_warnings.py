@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from films import Cover, Rig, write_film, write_pictures
 
+from tests.tracker.films import Cover, Rig, write_film, write_pictures
 from torsight.cli.track import track_to_folder
 from torsight.core.tracks import MarkerTracks, StickAngles
 from tracker import track

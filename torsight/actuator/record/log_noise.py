@@ -17,7 +17,6 @@ NEGLIGIBLE_C: Final = 0.005
 """Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
 _MANY: Final = 0.25
 """Share of changes that are multiples of a last digit: more than chance makes."""
-_ORDER: Final = 3
 _STILL_C: Final = 1e-3
 """Readings that differ by less are one value: no thermometer's last digit is finer."""
 _BIWEIGHT: Final = 1.547645
@@ -105,11 +104,12 @@ def _scatter(rows: Floats, stride: int) -> Floats:
     biweight is a smooth function of the differences: it sums over their steps as over a density, and is as blind to
     outliers.
     """
-    size = np.abs(differences(rows, stride, _ORDER))
+    size = np.abs(differences(rows, stride))
     known = np.isfinite(size)
     scale, count = np.full(len(rows), np.nan), np.count_nonzero(known, axis=1)
     left = np.flatnonzero(count)
-    scale[left] = np.nanmedian(size[left], axis=1) / NORMAL_MEDIAN
+    # Where all is known the plain median is the same, in a seventh of the time for short rows.
+    scale[left] = (np.median if known.all() else np.nanmedian)(size[left], axis=1) / NORMAL_MEDIAN
     seen = 2 * np.count_nonzero(size > 0.0, axis=1) > count
     scale[left[~seen[left]]] = 0.0
     left = left[seen[left]]
@@ -122,7 +122,7 @@ def _scatter(rows: Floats, stride: int) -> Floats:
         left = left[np.abs(step) > _SCALE_DONE]
         if not len(left):
             break
-    return np.asarray(scale / difference_gain(_ORDER))
+    return np.asarray(scale / difference_gain())
 
 
 def _parts(values: Floats, count: int) -> list[Floats]:

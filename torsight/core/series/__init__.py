@@ -23,6 +23,8 @@ APART: Final = math.sqrt(2.0) * BY_CHANCE
 """The same of one sample's, for the difference of two."""
 NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
+ORDER: Final = 3
+"""Order of the differences by which noise is told from a course: lines and parabolas are not seen in third ones."""
 
 
 def runs(flag: Flags) -> list[tuple[int, int]]:
@@ -117,7 +119,7 @@ def robust_sigma(deviation: Floats) -> float:
     return float(np.median(np.abs(deviation))) / NORMAL_MEDIAN
 
 
-def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
+def scatter(*pieces: Floats, stride: int = 1, order: int = ORDER) -> float:
     """Return the standard deviation of one reading of evenly sampled pieces, one of them longer than three strides.
 
     Differences of that order, of samples that are ``stride`` apart, leave almost nothing of a slow trend, and their
@@ -128,7 +130,7 @@ def scatter(*pieces: Floats, stride: int = 1, order: int = 3) -> float:
     return robust_sigma(found) / difference_gain(order)
 
 
-def difference_gain(order: int) -> float:
+def difference_gain(order: int = ORDER) -> float:
     """Return the standard deviation of a difference of white noise, in those of a sample."""
     return math.sqrt(float(math.comb(2 * order, order)))
 
@@ -139,7 +141,7 @@ def share_explained(measured: Floats, fitted: Floats) -> float:
     return 1.0 - float(np.sum((measured - fitted) ** 2)) / total if total > 0.0 else float("nan")
 
 
-def differences(piece: Floats, stride: int, order: int) -> Floats:
+def differences(piece: Floats, stride: int, order: int = ORDER) -> Floats:
     """Return the differences of that order of a piece (n,), or of every one of many (m, n)."""
     count = max(0, piece.shape[-1] - order * stride)
     total = np.zeros((*piece.shape[:-1], count))

@@ -16,7 +16,7 @@ from scipy.optimize import isotonic_regression
 from torsight.core.parameter import REACH
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed, number, variable_name
-from torsight.discovery.measured_law import MeasuredLaw
+from torsight.discovery.measured_law import DRIVER_UNITS, MeasuredLaw
 
 _WHAT: Final = {
     "torque": "a stray torque",
@@ -27,16 +27,6 @@ _WHAT: Final = {
     "phase": "the recoverable angle",
 }
 _CLOCK: Final = "the lead of the temperature log's clock"
-_UNITS: Final = {
-    "angle_deg": "°",
-    "winding_deg": "°",
-    "angle_rate_deg_s": "°/s",
-    "temp_active_c": " °C",
-    "temp_passive_c": " °C",
-    "temp_rate_c_s": " °C/s",
-    "time_s": " s",
-    "dwell_s": " s",
-}
 _USUAL: Final = "temp_active_c"
 """The driver that is meant where a sentence names none: its unit says it."""
 _WRONG: Final = 0.05
@@ -136,7 +126,7 @@ def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) ->
     if level is not None:
         return f"{what} {level} and constant within its 95 % interval"
     driver = law.driver_values[law.covered]
-    unit = _UNITS.get(law.driver, "")
+    unit = _spaced(DRIVER_UNITS.get(law.driver, ""))
     counts = law.driver == "cycle"
     range_ = f"from {known.counted} {driver[0]:.0f} to {driver[-1]:.0f}"
     if not counts:
@@ -203,4 +193,4 @@ def _nothing(mean: float, known: OnNodes, places: range) -> bool:
 
 
 def _spaced(unit: str) -> str:
-    return unit if unit in {"°", ""} else f" {unit}"
+    return unit if unit in {"°", "°/s", ""} else f" {unit}"

@@ -38,8 +38,8 @@ ITERATIONS: Final = 14
 _HALVINGS: Final = 5
 _LITTLE: Final = 1e-6
 """Information about a free value, in one over its scale squared."""
-_SETTLED: Final = 0.3
-"""Gain in log units below which a step no longer matters."""
+SETTLED: Final = 0.3
+"""Gain in log units below which a further step, or round of weights, no longer matters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,9 +184,9 @@ class _Measurement:
             now = self._value(slopes.at_x, _projected(slopes.x, m, picture.form), precision)
             target = self._space.clip(picture.mean)
             promised = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision) - now
-            found = self._towards(slopes.x, target, now, precision) if promised > _SETTLED else None
+            found = self._towards(slopes.x, target, now, precision) if promised > SETTLED else None
             if found is None:
-                if promised > _SETTLED and slopes.refresh():
+                if promised > SETTLED and slopes.refresh():
                     continue
                 break
             gained, u, at_u = found

@@ -22,7 +22,7 @@ from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation, Field, Places, curvature_spread, places_of
 from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import Measured, log_evidence, measure_law
+from torsight.discovery.inference.measure import SETTLED, Measured, log_evidence, measure_law
 from torsight.discovery.inference.noise import (
     Stretches,
     correlation_samples,
@@ -35,9 +35,8 @@ from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.interface import Problem
 from torsight.discovery.settings import Settings
 
-_SETTLED: Final = 0.3
-"""Gain in log units below which a further round of weights no longer matters."""
 _ROUNDS: Final = 6
+"""Rounds of weights at most."""
 _FIRST_CORRELATION: Final = 4.0
 """Correlation time, in samples, that is assumed at most before anything explains the record: what a missing effect
 leaves is correlated over a whole stroke and says nothing of the noise."""
@@ -154,7 +153,7 @@ class Search:
     def has_settled(self, found: Explanation) -> bool:
         """Return whether one more fit of a set of effects from its optimum gains nothing that matters."""
         again = self.fit_from(found.fit.values, found.fit.effects)
-        return self.value_of(again) <= self.value_of(found) + _SETTLED
+        return self.value_of(again) <= self.value_of(found) + SETTLED
 
     def value_of(self, explanation: Explanation) -> float:
         """Return the posterior density's logarithm at an explanation's optimum."""
@@ -190,7 +189,7 @@ class Search:
             gained = _value(likelihood, problem, found) - best_value
             if gained >= 0.0:
                 best, best_value = found, best_value + gained
-            if gained <= _SETTLED:
+            if gained <= SETTLED:
                 break
         fitter = _weighted(likelihood, problem, best.solution.prediction)
         evidence = log_evidence(fitter, best, likelihood) + _banks(laws)
@@ -274,7 +273,7 @@ class Search:
 
     def with_effect(self, parent: Explanation, name: str) -> Explanation:
         """Fit one more effect beside a fitted set."""
-        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > _SETTLED)
+        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > SETTLED)
         if fit.cost > parent.cost - WORTH:
             # Where nothing is gained the residual is the parent's, and worth the same.
             evidence = log_evidence(parent.fitter, fit, parent.likelihood) + _banks(parent.laws)
@@ -292,7 +291,7 @@ class Search:
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
         measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood)
         found = [measure(fit.values, known=known, curve=curve)]
-        if curve is None and self._pulled(parent) > _SETTLED:
+        if curve is None and self._pulled(parent) > SETTLED:
             nominal = parent.fitter.nominal
             known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
             found.append(measure({**fit.values, **nominal.values}, known=known))
@@ -353,7 +352,7 @@ class Search:
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
-        if _loss(one, base) < _SETTLED:
+        if _loss(one, base) < SETTLED:
             return one
         values = {**one.fit.values, **base}
         if one.laws and one.laws[-1].law.id in one.members:

@@ -23,7 +23,7 @@ from scipy.interpolate import BSpline
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.optimize import minimize_scalar
 
-from torsight.core.series import correlation_time
+from torsight.core.series import ORDER, correlation_time
 from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.fitting import Fit
 from torsight.discovery.own.model.evaluate import call
@@ -36,9 +36,6 @@ Pieces = Sequence[Floats]
 
 _PARTS: Final = 8
 """Pieces of third order of which a function of the output is made: a law's free forms bend less often."""
-_ORDER: Final = 3
-"""Order of the differences between rows by which noise is told from a course, as in ``scatter``; each one shares rows
-with as many more."""
 _SURE: Final = NormalDist().inv_cdf(1.0 - 1e-3)
 """Standard deviations that one signal in a thousand exceeds that has nothing to do with another one."""
 _REACH: Final = 4
@@ -211,7 +208,7 @@ def _go_together(driver: Pieces, function: Pieces) -> bool:
 
     With the function taken off, less of it is left, and that not by chance.
     """
-    pairs = [(np.diff(a, _ORDER), np.diff(b, _ORDER)) for a, b in zip(driver, function, strict=True)]
+    pairs = [(np.diff(a, ORDER), np.diff(b, ORDER)) for a, b in zip(driver, function, strict=True)]
     one, other = (np.concatenate(some) for some in zip(*pairs, strict=True))
     rows = np.isfinite(other)
     one, other = one[rows], other[rows]
@@ -219,7 +216,8 @@ def _go_together(driver: Pieces, function: Pieces) -> bool:
     if square <= 0.0:
         return False
     slope = float(one @ other) / square
-    spread = math.sqrt(float(np.mean((one - slope * other) ** 2)) * (_ORDER + 1) / square)
+    # Each difference shares rows with as many more as its order.
+    spread = math.sqrt(float(np.mean((one - slope * other) ** 2)) * (ORDER + 1) / square)
     return slope > 0.5 and slope > _SURE * spread
 
 

@@ -11,21 +11,11 @@ from torsight.core.files.storage import write_bytes, write_table
 from torsight.core.parameter import REACH
 from torsight.core.series import runs
 from torsight.core.words.wording import effect_name, variable_name
-from torsight.discovery.measured_law import GIVES, MeasuredLaw
+from torsight.discovery.measured_law import DRIVER_UNITS, GIVES, MeasuredLaw
 from torsight.report.figures.motion import Figure
 from torsight.report.plots.panels import Axis, Panel
 from torsight.report.plots.still import png
 
-_UNITS: Final = {
-    "angle_deg": "°",
-    "winding_deg": "°",
-    "angle_rate_deg_s": "°/s",
-    "temp_active_c": "°C",
-    "temp_passive_c": "°C",
-    "temp_rate_c_s": "°C/s",
-    "time_s": "s",
-    "dwell_s": "s",
-}
 _OWN_FILES: Final = re.compile(rf"law_({'|'.join(GIVES)})_[a-z0-9_]+\.(csv|png)")
 
 
@@ -47,7 +37,7 @@ def law_panel(law: MeasuredLaw, *, across: str = "") -> Panel:
     x, half = law.driver_values, REACH * law.sigma
     low, high = law.value - half, law.value + half
     counts = law.driver == "spring"
-    unit = _UNITS.get(law.driver)
+    unit = DRIVER_UNITS.get(law.driver)
     across = across or variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
     panel = Panel(
         Axis.around(across, x, margin=0.3 if counts else 0.0),

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from torsight.core.files.results import RunResults
 from torsight.core.words.wording import effect_name, explanations
+from torsight.discovery.settings import Settings
 from torsight.report.plots.formulas import with_symbols
 from torsight.report.sections.page_content import in_words
 from torsight.report.sections.prior_pulls import Prior, contradicted, priors
@@ -73,8 +74,8 @@ def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
         found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
     for effect in discovery.get("effects") or []:
         chance = effect.get("probability")
-        # The level from which the engine calls an answer credible, unless it is told another one.
-        if chance is not None and chance < 0.95:
+        # A discovery.json does not say where its engine was told another level.
+        if chance is not None and chance < Settings().credible:
             found.append(f"The effect '{effect_name(str(effect['id']))}' is named with probability {chance:.2f} only.")
     return found
 

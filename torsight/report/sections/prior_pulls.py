@@ -6,17 +6,12 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from torsight.core.errors import TorsightError
 from torsight.core.files.results import RunResults
 from torsight.core.files.storage import read_toml
-from torsight.core.words.wording import decimals_for, fixed
-
-_BY_CHANCE: Final = 3.0
-"""Standard deviations that a characterised value is off by in one of 370."""
-REACH: Final = _BY_CHANCE + 1.0
-"""Least half-width of the small picture, in standard deviations of the prior: what chance does not do lies within."""
+from torsight.core.words.wording import CONTRADICTED_SIGMAS, decimals_for, fixed
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +45,12 @@ class Prior:
 
 def contradicted(pull: float | None) -> bool:
     """Return whether a fit lies further from a characterised value than chance takes it."""
-    return pull is not None and abs(pull) > _BY_CHANCE
+    return pull is not None and abs(pull) > CONTRADICTED_SIGMAS
 
 
 def common_reach(pulls: Iterable[float | None]) -> float:
-    """Return the half-width, in standard deviations, at which all of these pulls can be compared by eye."""
-    return max([REACH, *(1.1 * abs(pull) for pull in pulls if pull is not None)])
+    """Return the half-width, in standard deviations, at which pulls can be compared by eye: chance lies within."""
+    return max([CONTRADICTED_SIGMAS, *(1.1 * abs(pull) for pull in pulls if pull is not None)])
 
 
 def priors(results: RunResults) -> dict[str, Prior]:

@@ -8,18 +8,18 @@ needs to know nothing of effects.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.law import Law, LawForm
+from torsight.core.law import Law
 from torsight.core.parameter import Parameter
-from torsight.core.units import Flags, Floats, Ints
+from torsight.core.units import Floats
 from torsight.core.words.wording import counted
-from torsight.discovery.interface import OVER_ESTIMATED, OVER_GIVEN, Candidate, OptionalMembers
+from torsight.discovery.interface import OVER_ESTIMATED, OVER_GIVEN, Candidate, GivenProblem
 from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model import layout as lay
@@ -42,8 +42,8 @@ _FAR: Final = 1e3
 there."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ModelProblem(OptionalMembers):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ModelProblem(GivenProblem):
     """A :class:`torsight.discovery.interface.Problem` around a function; made by :func:`model_problem`.
 
     Attributes
@@ -58,7 +58,7 @@ class ModelProblem(OptionalMembers):
         Laws as declared.
     layout : Layout
         How records and outputs lie in the engine's row.
-    parameters, candidates, time_s, observed, sigma, valid, block, rest, drivers, resolution, forms, once, elsewhere
+    once, elsewhere
         As in the protocol.
     nodes, law_scales : mapping of str to (k,) float64, mapping of str to float
         Nodes of each declared law by its name, and the size of it that matters.
@@ -76,17 +76,6 @@ class ModelProblem(OptionalMembers):
     ports: tuple[LawPort, ...]
     layout: Layout
     evaluator: Evaluator
-    parameters: tuple[Parameter, ...]
-    candidates: tuple[Candidate, ...]
-    time_s: Floats
-    observed: Floats
-    sigma: Floats
-    valid: Flags
-    block: Ints
-    rest: Flags
-    drivers: Mapping[str, Floats]
-    resolution: float
-    forms: tuple[LawForm, ...] = ()
     nodes: Mapping[str, Floats] = field(default_factory=dict)
     law_scales: Mapping[str, float] = field(default_factory=dict)
     once: tuple[str, ...] = ()
@@ -128,13 +117,6 @@ class ModelProblem(OptionalMembers):
         """Laws that are added to an output, by their ids, with the number of the output."""
         free = {name: values for name, values in self.drivers.items() if name not in {p.driver for p in self.ports}}
         return added_laws(self.layout, free, np.where(self.valid, self.observed, np.nan))
-
-    def with_laws(self, forms: Sequence[LawForm]) -> ModelProblem:
-        """Return the problem with these forms of laws among its candidates, each under its law's id."""
-        known = {form.id for form in self.forms}
-        own = tuple(one for one in self.candidates if one.id not in known)
-        made = tuple(Candidate(form.id, "law", form.parameters) for form in forms)
-        return replace(self, candidates=(*own, *made), forms=tuple(forms))
 
     def _added(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats | float:
         """Return what laws over drivers add to the outputs (n,), in the engine's units."""
