@@ -15,7 +15,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
-from tracker.detect.fiducials import tags_seen
+from tracker.detect.fiducials import TagsSeen
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, are_markers, couples_in
@@ -23,6 +23,7 @@ from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.motion_model import STALE
+from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
 from tracker.hypotheses import Choice, Couple, weigh_couples
 from tracker.rows import SEEN
@@ -81,24 +82,26 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
-    kept: list[NDArray[np.uint8]] = []
-    dots = _Dots(source)
-    last, tags = 0, ("", list[int]())
+    dots, tags = _Dots(source), TagsSeen()
+    last, by_tags = -1, True
     for last, lent in looked_at(source, progress, what="the markers"):
         luma = lent.copy()
-        # The first frame and the last two: markers may come into sight late.
-        kept = [*kept[:1], *kept[1:][-1:], luma]
-        # Two pictures prove a tag to be one.
-        if dots.settled_by(last, luma) or (last == LOOKED_AT[1] and (tags := tags_seen(kept))[1]):
+        tags.take(luma)
+        settled = dots.settled_by(last, luma)
+        if dots.start is None or dots.start.doubtful:
+            by_tags = True
+        elif dots.start.frame == last:
+            # What four modules of tags look like are no dots on sticks, if they are tags.
+            by_tags = tags.hold([place_of(marker.record[0]) for marker in dots.start.markers])
+        if tags.pictures > 1 and tags.pair[1] if by_tags else settled:
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
-    if not kept:
+    if last < 0:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
     where = f"{getattr(source, 'name', 'film')}, frames 0 to {last}"
-    if dots.start is None or dots.start.doubtful:
-        family, numbers = tags if tags[1] else tags_seen(kept)
-        if numbers:
-            return _start_at_tags(family, numbers, where=where)
+    family, numbers = tags.pair
+    if by_tags and numbers:
+        return _start_at_tags(family, numbers, where=where)
     if dots.start is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
