@@ -166,17 +166,26 @@ class Weighing:
         self._pairs = {id(pair): pair for couple in couples for pair in couple}
         self._states = {key: DotState(markers_on(luma, pair)) for key, pair in self._pairs.items()}
         self._time_s: list[float] = []
+        self._any_seen = True
         self._read: dict[int, list[NDArray[np.void]]] = {key: [] for key in self._pairs}
 
     def add(self, frame: Frame) -> None:
-        """Follow every pair into the next frame."""
+        """Follow every pair into the next frame.
+
+        Where all were lost at once the picture is of something else, or all is covered: the base comes back where it
+        stood, and none is searched for until one is seen.
+        """
         self._time_s.append(frame.time_s)
+        any_seen = False
         for key, state in self._states.items():
-            seen = None if frame.luma is None or frame.damaged else state.step(frame.luma, frame.time_s, np.zeros(2))
-            if seen is not None and (seen["state"] == SEEN).all():
-                self._read[key].append(seen[_KEPT].astype(_NOT_READ.dtype))
-            else:
-                self._read[key].append(_NOT_READ)
+            read = _NOT_READ
+            if frame.luma is not None and not frame.damaged:
+                luma, time_s = frame.luma, frame.time_s
+                seen = state.step(luma, time_s, np.zeros(2)) if self._any_seen else state.glance(luma, time_s)
+                if (seen["state"] == SEEN).all():
+                    read, any_seen = seen[_KEPT].astype(_NOT_READ.dtype), True
+            self._read[key].append(read)
+        self._any_seen = any_seen
 
     def weighed(self, *, every: int = 1) -> list[Couple]:
         """Return the couples, each with either pair as the base, the likeliest first; by every so-many-th frame."""

@@ -126,7 +126,7 @@ class _Dots:
         self.start: Start | None = None
         self._source = source
         self._read, self._score = -1, -math.inf
-        self._asked: list[Floats] = []
+        self._asked: list[tuple[float, Floats]] = []
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Take in a picture; return whether no later one need be looked at."""
@@ -134,16 +134,17 @@ class _Dots:
         score = min(stick.score for stick in found[0]) if found else -math.inf
         if not found or not are_markers(found[0]) or (score <= CLEAR and (self._read >= 0 or score <= self._score)):
             return False
-        # What did not do at the same place in another picture does not do now.
+        # What did not do at the same place in another picture does not do now, as far as that was followed.
         places = np.array([stick.places_px for stick in found[0]])
         radius_px = found[0][0].inner.radius_px
-        if any(np.abs(places - before).max() < radius_px for before in self._asked):
+        if any(index < until and np.abs(places - before).max() < radius_px for until, before in self._asked):
             return False
-        self._asked.append(places)
         weighed, stands = weigh_couples(luma, found, self._after(index))
-        enough = False
+        enough, until = False, math.inf
         if score > CLEAR:
-            count, enough = self._count(_markers(luma, weighed[0]), index) if stands else (0, False)
+            count, enough, until = self._count(_markers(luma, weighed[0]), index) if stands else (0, False, math.inf)
+        self._asked.append((until, places))
+        if score > CLEAR:
             if count <= self._read:
                 return False
             self._read = count
@@ -155,18 +156,24 @@ class _Dots:
     def _after(self, index: int) -> Iterator[Frame]:
         return (frame for frame in decoded(self._source) if frame.index > index)
 
-    def _count(self, markers: list[Marker], index: int) -> tuple[int, bool]:
-        """Return in how many frames after a picture one of its sticks is read, and whether that is enough.
+    def _count(self, markers: list[Marker], index: int) -> tuple[int, bool, float]:
+        """Return in how many frames after a picture one of its sticks is read, whether that is enough, and up to where.
 
-        The other stick may lie under it. None count as long as nothing moves.
+        The other stick may lie under it. None count as long as nothing moves. What is lost for longer than it was seen
+        is followed no further.
         """
         follower = Follower([DotState(markers)], moving=None)
-        read = number = 0
+        read = number = last = 0
+        until = math.inf
         for number, frame in enumerate(islice(self._after(index), LOOKED_AT[-1]), 1):
-            read += bool((follower.step(frame)["state"].reshape(2, 2) == SEEN).all(axis=1).any())
+            if (follower.step(frame)["state"].reshape(2, 2) == SEEN).all(axis=1).any():
+                read, last = read + 1, number
             if number >= 2 * STALE and 2 * read > number and read > self._read and follower.moving is not None:
-                return read, True
-        return (0, False) if follower.moving is None else (read, 2 * read >= number)
+                return read, True, until
+            if number - last > max(2 * STALE, read):
+                until = frame.index
+                break
+        return (0, False, until) if follower.moving is None else (read, 2 * read >= number, until)
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:
