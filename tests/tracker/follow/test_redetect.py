@@ -105,6 +105,16 @@ def test_a_marker_on_the_axis_does_not_say_where_the_other_one_is() -> None:
     check(followed(scenes)[-1], scenes[-1])
 
 
+def test_a_stick_whose_outer_marker_is_lost_as_it_starts_is_found_again() -> None:
+    # In line with the base, so that nothing tells the axis yet; the outer one is smeared away at first.
+    def scene(degrees: float, *, smeared: bool = False) -> list[complex]:
+        return [*BASE, *moving(degrees)[: 1 if smeared else 2]]
+
+    scenes = [scene(180.0)] * 5 + [scene(180.0 - 3.0 * k, smeared=True) for k in range(1, 13)]
+    scenes += [scene(143.0 - k) for k in range(4)]
+    check(followed(scenes)[-1], scenes[-1])
+
+
 @pytest.mark.parametrize("jump", [6.0 - 5.0j, -11.0 + 9.0j, -60.0 - 45.0j])
 def test_a_picture_that_jumps(jump: complex) -> None:
     # The last one is beyond what is searched in the first frame: 3 × 15 px.
