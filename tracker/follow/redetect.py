@@ -118,7 +118,9 @@ def _jump_px(scene: Scene, stick: int) -> float:
         # A base goes with the picture, which the moving stick tells while that lies over it.
         return jump_px(1 if len(missing) == 1 else 1 + int(scene.rig[0]["unknown"]))
     if len(missing) == 1:
-        by_other = by_other_px(axis, missing[0]) if axis["known"] else math.inf
+        # A stick alone does not know the other one's dots, which may be as far from what is seen of it as its own.
+        unknown_px = math.inf if len(scene.sticks) > 1 else JUMP_PX
+        by_other = by_other_px(axis, missing[0]) if axis["known"] else unknown_px
         return min(by_other, jump_px(1 + int(markers["lost"][missing[0]])))
     return jump_px(1 + int(markers["lost"].min()))
 
