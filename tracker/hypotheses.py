@@ -8,16 +8,17 @@ sticks lie in line with that axis, and that they are alike in make. So every pai
     −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln g_ij,    σ_j² = r² + δ_jj² + σ_c²
 
 up to a constant of all couples. s and t are χ² of a marker as one that stands and as one that goes around a circle, of
-a usual frame (what errs is correlated over a film, and counts once); c_dj is that of a dot d of neither stick as one
-that is carried around by pair j. Frames in which the dots of i, or d, may be those of j tell nothing of them: what was
-followed as two may be one from where they met.
+a usual frame (what errs is correlated over a film, and counts once), over what the camera's shaking adds to it; c_dj is
+that of a dot d of neither stick as one that is carried around by pair j. Frames in which the dots of i, or d, may be
+those of j tell nothing of them: what was followed as two may be one from where they met.
 δ_ij is how far the axis that pair j shows lies beside the line of pair i. Markers are put on the middle of a stick
 within their radius r, and sticks of one rig are made alike: as far as the axis is beside the moving stick's own line it
 may be beside the base's. σ_c is what is not known of the axis; of a stick that hardly turned that is all, and no couple
 is better than another. u_ij is χ² of the ratios of their dots' steps in brightness, of the light around them, and of
 their lengths. g_ij: as much as the moving stick goes on to the axis, by the brightness of the line to it, the base is
 expected to; and where the axis lies beyond the inner marker of one of them, it lies between those of the other with
-the probability that is left for what is not usual. Both count once the axis is known to a marker's radius.
+the probability that is left for what is not usual; a dot on the axis, where sticks have a shaft or a screw, is a marker
+with that probability, too. All count once the axis is known to a marker's radius.
 """
 
 from __future__ import annotations
@@ -165,17 +166,26 @@ class Weighing:
         self._pairs = {id(pair): pair for couple in couples for pair in couple}
         self._states = {key: DotState(markers_on(luma, pair)) for key, pair in self._pairs.items()}
         self._time_s: list[float] = []
+        self._any_seen = True
         self._read: dict[int, list[NDArray[np.void]]] = {key: [] for key in self._pairs}
 
     def add(self, frame: Frame) -> None:
-        """Follow every pair into the next frame."""
+        """Follow every pair into the next frame.
+
+        Where all were lost at once the picture is of something else, or all is covered: the base comes back where it
+        stood, and none is searched for until one is seen.
+        """
         self._time_s.append(frame.time_s)
+        any_seen = False
         for key, state in self._states.items():
-            seen = None if frame.luma is None or frame.damaged else state.step(frame.luma, frame.time_s, np.zeros(2))
-            if seen is not None and (seen["state"] == SEEN).all():
-                self._read[key].append(seen[_KEPT].astype(_NOT_READ.dtype))
-            else:
-                self._read[key].append(_NOT_READ)
+            read = _NOT_READ
+            if frame.luma is not None and not frame.damaged:
+                luma, time_s = frame.luma, frame.time_s
+                seen = state.step(luma, time_s, np.zeros(2)) if self._any_seen else state.glance(luma, time_s)
+                if (seen["state"] == SEEN).all():
+                    read, any_seen = seen[_KEPT].astype(_NOT_READ.dtype), True
+            self._read[key].append(read)
+        self._any_seen = any_seen
 
     def weighed(self, *, every: int = 1) -> list[Couple]:
         """Return the couples, each with either pair as the base, the likeliest first; by every so-many-th frame."""
@@ -265,7 +275,10 @@ def _weighed(
     luma: NDArray[np.uint8], couples: Sequence[tuple[Stick, Stick]], motion: dict[int, _Motion]
 ) -> list[Couple]:
     both = [pair for one, two in couples for pair in ((one, two), (two, one))]
-    score = np.array([_score(luma, base, moving, motion) for base, moving in both]) - 0.5 * _rest(both, motion)
+    # Hand-held, all dots go to and fro by what the steadiest one does: their errors are larger by as much.
+    shake = 1.0 + min(float(_stands(one.places.T).min()) for one in motion.values())
+    score = np.array([_score(luma, base, moving, motion, shake=shake) for base, moving in both])
+    score -= 0.5 * _rest(both, motion) / shake
     chance = np.exp(score - score.max())
     chance /= chance.sum()
     found: list[Couple] = []
@@ -327,8 +340,13 @@ def _motion(state: DotState, at: Places, size_px: tuple[int, int]) -> _Motion:
     return replace(found, turns=_usual((at - complex(*axis["centre"])).T - found.unit * arms[:, None]).sum())
 
 
-def _score(luma: NDArray[np.uint8], base: Stick, turning: Stick, motion: Mapping[int, _Motion]) -> float:
-    """Return the logarithm of how well a couple explains its own motion, up to a constant of all couples."""
+def _score(
+    luma: NDArray[np.uint8], base: Stick, turning: Stick, motion: Mapping[int, _Motion], *, shake: float
+) -> float:
+    """Return the logarithm of how well a couple explains its own motion, up to a constant of all couples.
+
+    ``shake`` is by how much the variance of a marker's place is larger than that before a camera that stands.
+    """
     still, moving = motion[id(base)], motion[id(turning)]
     x, y = moving.axis.tolist()
     ux, uy = (
@@ -338,15 +356,15 @@ def _score(luma: NDArray[np.uint8], base: Stick, turning: Stick, motion: Mapping
     beside_px = ux * (y - base.inner.y_px) - uy * (x - base.inner.x_px)
     radius_px = max(base.inner.radius_px, base.outer.radius_px)
     spread = radius_px**2 + moving.beside_px**2 + moving.variance_px2
-    misfit = _stands(_apart(still, moving, radius_px).T).sum() + moving.turns
+    misfit = (_stands(_apart(still, moving, radius_px).T).sum() + moving.turns) / shake
     misfit += beside_px**2 / spread + _unlike(base, turning)
     goes_on = 0.0
     if moving.variance_px2 < radius_px**2:
         (bright, dark), (of_bright, of_dark) = (reaches(luma, one.towards(x, y), x, y) for one in (base, turning))
         share = (of_bright + 1.0) / (of_bright + of_dark + 2.0)
         goes_on = bright * math.log(share) + dark * math.log(1.0 - share)
-        if _holds(base, x, y) != _holds(turning, x, y):
-            goes_on += math.log(1.0 - SURE)
+        goes_on += math.log(1.0 - SURE) * (_holds(base, x, y) != _holds(turning, x, y))
+        goes_on += math.log(1.0 - SURE) * any(_lies_at(stick, x, y) for stick in (base, turning))
     return float(goes_on - 0.5 * (misfit + math.log(spread)))
 
 
@@ -365,6 +383,11 @@ def _holds(stick: Stick, x_px: float, y_px: float) -> bool:
     """Return whether a place lies between a stick's markers, along it."""
     ends = ((stick.inner, stick.outer), (stick.outer, stick.inner))
     return all((b.x_px - a.x_px) * (x_px - a.x_px) + (b.y_px - a.y_px) * (y_px - a.y_px) > 0.0 for a, b in ends)
+
+
+def _lies_at(stick: Stick, x_px: float, y_px: float) -> bool:
+    """Return whether a dot of a stick lies at a place."""
+    return any(math.hypot(dot.x_px - x_px, dot.y_px - y_px) < dot.radius_px for dot in (stick.inner, stick.outer))
 
 
 def _unlike(one: Stick, two: Stick) -> float:

@@ -15,7 +15,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
-from tracker.detect.fiducials import tags_seen
+from tracker.detect.fiducials import TagsSeen
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, are_markers, couples_in
@@ -23,6 +23,7 @@ from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.motion_model import STALE
+from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
 from tracker.hypotheses import Choice, Couple, weigh_couples
 from tracker.rows import SEEN
@@ -81,24 +82,26 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
-    kept: list[NDArray[np.uint8]] = []
-    dots = _Dots(source)
-    last, tags = 0, ("", list[int]())
+    dots, tags = _Dots(source), TagsSeen()
+    last, by_tags = -1, True
     for last, lent in looked_at(source, progress, what="the markers"):
         luma = lent.copy()
-        # The first frame and the last two: markers may come into sight late.
-        kept = [*kept[:1], *kept[1:][-1:], luma]
-        # Two pictures prove a tag to be one.
-        if dots.settled_by(last, luma) or (last == LOOKED_AT[1] and (tags := tags_seen(kept))[1]):
+        tags.take(luma)
+        settled = dots.settled_by(last, luma)
+        if dots.start is None or dots.start.doubtful:
+            by_tags = True
+        elif dots.start.frame == last:
+            # What four modules of tags look like are no dots on sticks, if they are tags.
+            by_tags = tags.hold([place_of(marker.record[0]) for marker in dots.start.markers])
+        if tags.pictures > 1 and tags.pair[1] if by_tags else settled:
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
-    if not kept:
+    if last < 0:
         raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
     where = f"{getattr(source, 'name', 'film')}, frames 0 to {last}"
-    if dots.start is None or dots.start.doubtful:
-        family, numbers = tags if tags[1] else tags_seen(kept)
-        if numbers:
-            return _start_at_tags(family, numbers, where=where)
+    family, numbers = tags.pair
+    if by_tags and numbers:
+        return _start_at_tags(family, numbers, where=where)
     if dots.start is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
@@ -123,7 +126,7 @@ class _Dots:
         self.start: Start | None = None
         self._source = source
         self._read, self._score = -1, -math.inf
-        self._asked: list[Floats] = []
+        self._asked: list[tuple[float, Floats]] = []
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Take in a picture; return whether no later one need be looked at."""
@@ -131,16 +134,17 @@ class _Dots:
         score = min(stick.score for stick in found[0]) if found else -math.inf
         if not found or not are_markers(found[0]) or (score <= CLEAR and (self._read >= 0 or score <= self._score)):
             return False
-        # What did not do at the same place in another picture does not do now.
+        # What did not do at the same place in another picture does not do now, as far as that was followed.
         places = np.array([stick.places_px for stick in found[0]])
         radius_px = found[0][0].inner.radius_px
-        if any(np.abs(places - before).max() < radius_px for before in self._asked):
+        if any(index < until and np.abs(places - before).max() < radius_px for until, before in self._asked):
             return False
-        self._asked.append(places)
         weighed, stands = weigh_couples(luma, found, self._after(index))
-        enough = False
+        enough, until = False, math.inf
         if score > CLEAR:
-            count, enough = self._count(_markers(luma, weighed[0]), index) if stands else (0, False)
+            count, enough, until = self._count(_markers(luma, weighed[0]), index) if stands else (0, False, math.inf)
+        self._asked.append((until, places))
+        if score > CLEAR:
             if count <= self._read:
                 return False
             self._read = count
@@ -152,18 +156,24 @@ class _Dots:
     def _after(self, index: int) -> Iterator[Frame]:
         return (frame for frame in decoded(self._source) if frame.index > index)
 
-    def _count(self, markers: list[Marker], index: int) -> tuple[int, bool]:
-        """Return in how many frames after a picture one of its sticks is read, and whether that is enough.
+    def _count(self, markers: list[Marker], index: int) -> tuple[int, bool, float]:
+        """Return in how many frames after a picture one of its sticks is read, whether that is enough, and up to where.
 
-        The other stick may lie under it. None count as long as nothing moves.
+        The other stick may lie under it. None count as long as nothing moves. What is lost for longer than it was seen
+        is followed no further.
         """
         follower = Follower([DotState(markers)], moving=None)
-        read = number = 0
+        read = number = last = 0
+        until = math.inf
         for number, frame in enumerate(islice(self._after(index), LOOKED_AT[-1]), 1):
-            read += bool((follower.step(frame)["state"].reshape(2, 2) == SEEN).all(axis=1).any())
+            if (follower.step(frame)["state"].reshape(2, 2) == SEEN).all(axis=1).any():
+                read, last = read + 1, number
             if number >= 2 * STALE and 2 * read > number and read > self._read and follower.moving is not None:
-                return read, True
-        return (0, False) if follower.moving is None else (read, 2 * read >= number)
+                return read, True, until
+            if number - last > max(2 * STALE, read):
+                until = frame.index
+                break
+        return (0, False, until) if follower.moving is None else (read, 2 * read >= number, until)
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:

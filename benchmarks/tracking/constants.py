@@ -37,10 +37,10 @@ CONSTANTS = {
     "follow/camera_state": ("SHAKE_PX", "TURN_RAD", "OFF_CIRCLE"),
     "follow/judgement": ("SURE_RAD", "_LENGTH", "_CLOSE", "NEAR"),
     "follow/learning": ("RATE", "_CHANGE_PX"),
-    "follow/motion_model": ("STALE",),
+    "follow/motion_model": ("STALE", "JUMP_PX", "_GROWTH"),
     "follow/reading": ("_DEVIATIONS", "_NEVER"),
     "follow/rotation_axis": ("STANDS_PX", "OFF_CIRCLE_PX"),
-    "follow/redetect": ("JUMP_PX", "_GROWTH", "_SLACK"),
+    "follow/redetect": ("_SLACK",),
 }  # fmt: skip
 
 

@@ -110,6 +110,22 @@ def test_screws_in_line_with_the_axis_are_not_taken_for_a_stick_of_another_make(
     assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
 
 
+@pytest.mark.parametrize("hand_px", [0.0, 5.0])
+def test_a_screw_on_the_axis_is_not_taken_for_a_marker(hand_px: float, tmp_path: Path) -> None:
+    # It lies in line with the axis, which markers that were put on by hand do not quite.
+    film = DecoyFilm.of(1, frames=90, size=(640, 480), decoys=0)
+    made = {"radius": 7.0, "level": 190.0, "dot_level": 70.0}
+    base = replace(film.base, dots=(60.0, 150.0), ends=(-14.0, 165.0), across=(3.0, -4.0), **made)
+    stick = replace(film.moving, dots=(60.0, 150.0), ends=(-14.0, 165.0), across=(-3.0, 6.0), **made)
+    time = np.arange(90) / 30.0
+    shake = hand_px * np.stack([np.sin(7.0 * time), np.cos(4.0 * time)], axis=1)
+    film = replace(film, base=base, moving=stick, shake_px=shake, angle_deg=100.0 + 60.0 * np.sin(2.0 * time))
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.choice is not None
+    places = np.array(start.choice.taken.moving.places_px) - film.shake_px[start.frame]
+    np.testing.assert_allclose(places, film.at(start.frame).dots_px, atol=1.0)
+
+
 def test_couples_of_which_the_film_tells_nothing_are_as_the_picture_has_them(tmp_path: Path) -> None:
     film = replace(DecoyFilm.of(1), angle_deg=np.full(20, 100.0))
     start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)

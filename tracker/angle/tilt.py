@@ -16,7 +16,8 @@ the covariance. A stick that hardly turns tells nothing: its markers' noise alon
 A rolling shutter (:mod:`tracker.angle.row_time`) is fitted along: pictures that are read along x, along y, or at once
 are three models, weighed by their evidence as well. So is what a codec makes of motion: it carries a marker on, by as
 much as its other errors are large, and changes the angle between both markers with the speed as well, but not with
-where they are in the picture.
+where they are in the picture. Smear does so, too, alike both ways round: what a marker is taken for, a bent tag most of
+all, lies a little beside the middle of what is smeared.
 """
 
 from __future__ import annotations
@@ -129,9 +130,10 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     # Frames of one direction, one way round, tell the same.
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
     usual = USUAL_PX / half_px
-    carried = usual * rate[rows] / max(float(np.sqrt(np.mean(rate[rows] ** 2))), 1e-12)
+    pace = rate[rows] / max(float(np.sqrt(np.mean(rate[rows] ** 2))), 1e-12)
+    carried = usual * np.column_stack([pace, pace**2])
     paths = _Paths(points, spread, direction[rows], lead[rows], carried, alike)
-    start = np.concatenate([np.zeros(8), _first_circles(points)])
+    start = np.concatenate([np.zeros(9), _first_circles(points)])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
     weigh = paths.weighing(start, usual=usual)
@@ -146,8 +148,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
 class _Paths:
     """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
 
-    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. A codec usually carries a marker on by
-    ``carried`` (n,), in the unit of the positions. Frames with one number ``alike`` (n,) are
+    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. A codec and smear usually carry a marker
+    on by ``carried`` (n, 2), in the unit of the positions. Frames with one number ``alike`` (n,) are
     averaged: what is left of them scatters, more along the motion than across it, and over a short arc a map that
     exchanges both would gain by that alone.
     """
@@ -182,7 +184,7 @@ class _Paths:
         The noise is that of the picture, carried along: a map that shrinks must not gain by making all errors smaller.
         """
         (x, y), (xx, xy, yx, yy) = _mapped(*self._places, values)
-        away_x, away_y = x - values[8], y - values[9]
+        away_x, away_y = x - values[9], y - values[10]
         radius, angle = np.hypot(away_x, away_y), np.arctan2(away_y, away_x)
         out_x, out_y = away_x / radius, away_y / radius
         deep = self._variance(out_x * xx + out_y * yx, out_x * xy + out_y * yy)
@@ -190,11 +192,11 @@ class _Paths:
         # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
         determinant = 0.25 * (xx.sum(axis=1) * yy.sum(axis=1) - xy.sum(axis=1) * yx.sum(axis=1))
         faster = determinant * self._square / _square(x, y)
-        ahead = faster * (self.lead_rad @ values[5:7]) + values[7] * self.carried * np.hypot(*(1.0 / values[10:12]))
-        apart = angle[:, 1] - angle[:, 0] - values[12] - ahead
+        ahead = faster * (self.lead_rad @ values[5:7]) + self.carried @ values[7:9] * np.hypot(*(1.0 / values[11:13]))
+        apart = angle[:, 1] - angle[:, 0] - values[13] - ahead
         apart -= 2.0 * np.pi * np.rint(apart / (2.0 * np.pi))
         across = np.sqrt(np.sum(wide / radius**2, axis=1))
-        return np.column_stack([(radius - values[10:12]) / np.sqrt(deep), apart / across])
+        return np.column_stack([(radius - values[11:13]) / np.sqrt(deep), apart / across])
 
     def _variance(self, by_x: Floats, by_y: Floats) -> Floats:
         """Return the variances (n, 2) of a sum of a marker's coordinates, each times something."""
@@ -245,14 +247,14 @@ def _fit(
     paths: _Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats, float]:
     def residuals(values: Floats) -> Floats:
-        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:8] / prior])
+        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:9] / prior])
 
     return least_squares(residuals, start, enough=_ENOUGH)
 
 
 def _prior(stretch: float) -> Floats:
     perspective = _PERSPECTIVE * np.sqrt(stretch)
-    return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR, 1.0])
+    return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR, 1.0, 1.0])
 
 
 def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:

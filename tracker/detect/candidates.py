@@ -12,7 +12,7 @@ from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import HUGE_PX, Refused, find_and_refuse
-from tracker.detect.fiducials import tags_seen
+from tracker.detect.fiducials import TagsSeen
 from tracker.detect.sticks import MOST, Stick, are_markers, choose_sticks, clearest, judge_pair, pairs_in, sticks_in
 
 
@@ -68,7 +68,9 @@ def look(luma: NDArray[np.uint8], *, taken: tuple[Stick, Stick] | None = None) -
         for number, (at, is_dot, taken_for_one, reason) in enumerate(places[:MOST], 1)
     )
     if found is None:
-        family, numbers = tags_seen([luma])
+        tags = TagsSeen()
+        tags.take(luma)
+        family, numbers = tags.pair
         reason = f"tags of {family} are seen, numbers {listed([str(number) for number in numbers])}" if numbers else ""
         return Sighting(candidates, None, reason or _why_none(luma, dots, paired, sticks))
     return Sighting(candidates, np.array([stick.places_px for stick in found]), "")

@@ -75,32 +75,63 @@ class FoundTag:
 
 def find_tags(luma: NDArray[np.uint8], family: str) -> list[FoundTag]:
     """Return the tags of a family in a picture, by OpenCV's detector."""
-    corners, numbers, _ = _detector(family).detectMarkers(np.ascontiguousarray(luma))
-    if numbers is None:
-        return []
-    return [
-        FoundTag(int(number), np.asarray(four, dtype=np.float64).reshape(4, 2))
-        for number, four in zip(np.ravel(numbers), corners, strict=True)
-    ]
+    return _found(luma, (family,))[family]
 
 
-def tags_seen(lumas: Sequence[NDArray[np.uint8]]) -> tuple[str, list[int]]:
-    """Return the first usual family of which two tags or more are seen in pictures of one film, and their numbers.
+def usual_tags(luma: NDArray[np.uint8]) -> dict[str, list[FoundTag]]:
+    """Return the tags of every usual family in a picture, in their order."""
+    return _found(luma, USUAL)
 
-    Of several pictures two have to show a tag, once each: clutter that looks like one does not stay.
-    """
-    for family in USUAL:
-        seen = [Counter(tag.number for tag in find_tags(luma, family)) for luma in lumas]
-        shown = Counter(number for one in seen for number, times in one.items() if times == 1)
-        numbers = sorted(number for number, pictures in shown.items() if pictures >= min(2, len(lumas)))
-        if len(numbers) > 1:
-            return family, numbers
-    return "", []
+
+class TagsSeen:
+    """The tags of the usual families in ``pictures`` of one film."""
+
+    def __init__(self) -> None:
+        self.pictures = 0
+        self._last: list[Floats] = []
+        self._shown: dict[str, Counter[int]] = {family: Counter() for family in USUAL}
+
+    def take(self, luma: NDArray[np.uint8]) -> None:
+        """Note the tags of a picture; a number that it shows twice is none."""
+        self.pictures += 1
+        self._last = []
+        for family, found in usual_tags(luma).items():
+            self._last += [tag.corners_px for tag in found]
+            numbers = Counter(tag.number for tag in found)
+            self._shown[family].update(number for number, times in numbers.items() if times == 1)
+
+    def hold(self, places: Sequence[tuple[float, float]]) -> bool:
+        """Return whether all of some places lie in tags of the last picture."""
+        rims = [corners.astype(np.float32) for corners in self._last]
+        return all(any(cv2.pointPolygonTest(rim, place, measureDist=False) >= 0.0 for rim in rims) for place in places)
+
+    @property
+    def pair(self) -> tuple[str, list[int]]:
+        """The first family of which two tags or more are seen, and their numbers; "" and none without one.
+
+        Of several pictures two have to show a tag: clutter that looks like one does not stay.
+        """
+        for family, shown in self._shown.items():
+            numbers = sorted(number for number, pictures in shown.items() if pictures >= min(2, self.pictures))
+            if len(numbers) > 1:
+                return family, numbers
+        return "", []
+
+
+def _found(luma: NDArray[np.uint8], families: tuple[str, ...]) -> dict[str, list[FoundTag]]:
+    corners, numbers, _, which = _detector(families).detectMarkersMultiDict(np.ascontiguousarray(luma))
+    found: dict[str, list[FoundTag]] = {family: [] for family in families}
+    if numbers is not None:
+        for family, number, four in zip(np.ravel(which), np.ravel(numbers), corners, strict=True):
+            tag = FoundTag(int(number), np.asarray(four, dtype=np.float64).reshape(4, 2))
+            found[families[int(family)]].append(tag)
+    return found
 
 
 @lru_cache(maxsize=32)
-def _detector(family: str) -> Any:
-    return cv2.aruco.ArucoDetector(family_of(family, where="tag"), cv2.aruco.DetectorParameters())
+def _detector(families: tuple[str, ...]) -> Any:
+    known = tuple(family_of(family, where="tag") for family in families)
+    return cv2.aruco.ArucoDetector(known, cv2.aruco.DetectorParameters())
 
 
 def in_words(found: list[FoundTag]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -10,11 +11,16 @@ from torsight.core.compiled import compiled, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import least
-from tracker.follow.rotation_axis import direction_from, folded, on_circle
+from tracker.follow.rotation_axis import STANDS_PX, arm_px, direction_from, folded, on_circle
 from tracker.follow.state import Scene
 
 STALE: Final = 15
 """Frames for which a lost marker is carried on along its last motion: half a second at 30 frames a second."""
+JUMP_PX: Final = 15.0
+"""Standard deviation of where a stick is against its prediction: a camera that is bumped, a stick that starts."""
+_GROWTH: Final = 2.5
+"""Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
+(Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
 REST, STEADY, AVERAGED, CURVED = range(4)
 """The ways to predict: at rest, steady, averaged over three steps, curved."""
 
@@ -54,6 +60,19 @@ def ways(marker: Record, time_s: float) -> Floats:
     return out
 
 
+@shared
+def jump_px(lost: int) -> float:
+    """Return the standard deviation of where a marker is that was seen ``lost`` frames ago."""
+    return JUMP_PX * math.pow(lost, _GROWTH)
+
+
+@shared
+def by_other_px(axis: Record, end: int) -> float:
+    """Return how far a marker may be, px, from where the other one of its stick says: one on the axis says nothing."""
+    arm = max(arm_px(axis, 1 - end), 1e-9)
+    return math.hypot(JUMP_PX, STANDS_PX * arm_px(axis, end) / arm)
+
+
 @internal
 def predict(scene: Scene, time_s: float) -> None:
     """Fill in where every marker is expected, and how far it is expected to have moved since the last frame."""
@@ -82,20 +101,18 @@ def predict(scene: Scene, time_s: float) -> None:
 
 @lending
 def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
-    """Expect lost markers on their circles: by the other one, or by the last turning where both are lost."""
+    """Expect lost markers on their circles: by the other one where that tells more, or by the last turning."""
     shift, axis = scene.rig[0].shift, scene.sticks[stick].axis
-    lost = (scene.markers[2 * stick].lost > 0, scene.markers[2 * stick + 1].lost > 0)
-    if not lost[0] and not lost[1]:
-        return
-    known, direction = False, 0.0
-    if lost[0] and lost[1]:
-        known, direction = _last_turning(scene, stick, time_s)
-    else:
-        seen = 1 if lost[0] else 0
-        at = scene.readings[2 * stick + seen].predicted
-        known, direction = True, direction_from(axis, at[0] - shift[0], at[1] - shift[1], seen)
+    last_known, last = _last_turning(scene, stick, time_s)
     for end in range(2):
-        if known and lost[end]:
+        marker, other = scene.markers[2 * stick + end], 2 * stick + 1 - end
+        if marker.lost == 0:
+            continue
+        known, direction = last_known, last
+        if scene.markers[other].lost == 0 and by_other_px(axis, end) < jump_px(1 + marker.lost):
+            at = scene.readings[other].predicted
+            known, direction = True, direction_from(axis, at[0] - shift[0], at[1] - shift[1], 1 - end)
+        if known:
             x, y = on_circle(axis, direction, end)
             predicted = scene.readings[2 * stick + end].predicted
             predicted[0], predicted[1] = x + shift[0], y + shift[1]
@@ -103,8 +120,11 @@ def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
 
 @lending
 def _last_turning(scene: Scene, stick: int, time_s: float) -> tuple[bool, float]:
-    """Return whether the last turning of a stick is known, and the direction to which it leads."""
-    axis, first, last, count = scene.sticks[stick].axis, 0.0, 0.0, 0
+    """Return whether the last turning of a stick is known, and the direction to which it leads.
+
+    Both markers tell it, each as well as its arm is long.
+    """
+    axis, first, off, weight = scene.sticks[stick].axis, 0.0, 0.0, 0.0
     if scene.markers[2 * stick].lost + scene.markers[2 * stick + 1].lost > 2 * STALE:
         return False, 0.0
     for end in range(2):
@@ -115,6 +135,7 @@ def _last_turning(scene: Scene, stick: int, time_s: float) -> tuple[bool, float]
         before, now = direction_from(axis, h[0, 1], h[0, 2], end), direction_from(axis, h[1, 1], h[1, 2], end)
         rate = folded(now - before) / (h[1, 0] - h[0, 0])
         last = now + rate * (time_s - h[1, 0])
-        first = last if count == 0 else first
-        count += 1
-    return count > 0, first + 0.5 * folded(last - first)
+        first = last if weight == 0.0 else first
+        off += arm_px(axis, end) ** 2 * folded(last - first)
+        weight += arm_px(axis, end) ** 2
+    return weight > 0.0, first + off / max(weight, 1e-9)

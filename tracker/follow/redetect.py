@@ -27,7 +27,7 @@ from tracker.detect.sticks import MOST
 from tracker.follow.camera_state import SHAKE_PX, TURN_RAD, goes_with_picture, own_circle_sigma_px, roll_of, take_roll
 from tracker.follow.frame_step import stick_at
 from tracker.follow.judgement import NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
-from tracker.follow.motion_model import is_base
+from tracker.follow.motion_model import JUMP_PX, by_other_px, is_base, jump_px
 from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px
 from tracker.follow.state import Scene
@@ -36,11 +36,6 @@ from tracker.rows import SEEN, SHADOWED
 
 Record = Any
 
-JUMP_PX: Final = 15.0
-"""Standard deviation of where a stick is against its prediction: a camera that is bumped, a stick that starts."""
-_GROWTH: Final = 2.5
-"""Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
-(Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
 _SLACK: Final = 0.05
 """Share of the step allowed for smear: a marker that is found again may be moving. Without it a tenth of the frames of
 the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
@@ -94,25 +89,15 @@ class Prediction:
         return Region(*low, *high)
 
 
-def jump_px(lost: int) -> float:
-    """Return the standard deviation of where a stick is that was seen ``lost`` frames ago."""
-    return JUMP_PX * math.pow(lost, _GROWTH)
-
-
 def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
     """Look for the stick that the frame step misses at a stage; what is found is put into the readings."""
     stick = stick_at(scene, stage)
-    both = slice(2 * stick, 2 * stick + 2)
-    markers, readings = scene.markers[both], scene.readings[both]
-    lost = int(markers["lost"].max())
+    lost = int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
     if lost > _EAGER and lost % SELDOM:
         return
     # A shake is of one frame: what is next to the place of a marker that was lost before may be another one.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
-    # A base goes with the picture, which the moving stick tells while that lies over it.
-    unseen = int(scene.rig[0]["unknown"]) if is_base(scene.rig[0], stick) else int(markers["lost"].min())
-    since = 1 if (readings["state"] == SEEN).any() else 1 + unseen
-    found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, jump_px(since))
+    found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, _jump_px(scene, stick))
     if len(found) == 1:
         for index, reading in zip((2 * stick, 2 * stick + 1), found[0][1:], strict=True):
             # The moving stick's edge in the window shifts a base dot, which still helped to find the pair.
@@ -122,6 +107,22 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
         ends = place_of(found[0][1]), place_of(found[0][2])
         if is_base(scene.rig[0], stick) and abs(roll_of(scene, *ends)) > TURN_RAD:
             take_roll(scene, *ends)
+
+
+def _jump_px(scene: Scene, stick: int) -> float:
+    """Return the standard deviation of where a stick is, px: by how long ago it was seen, and by what is seen of it."""
+    markers, readings = (part[2 * stick : 2 * stick + 2] for part in (scene.markers, scene.readings))
+    missing = np.flatnonzero(readings["state"] != SEEN).tolist()
+    axis = scene.sticks[stick]["axis"]
+    if is_base(scene.rig[0], stick):
+        # A base goes with the picture, which the moving stick tells while that lies over it.
+        return jump_px(1 if len(missing) == 1 else 1 + int(scene.rig[0]["unknown"]))
+    if len(missing) == 1:
+        # A stick alone does not know the other one's dots, which may be as far from what is seen of it as its own.
+        unknown_px = math.inf if len(scene.sticks) > 1 else JUMP_PX
+        by_other = by_other_px(axis, missing[0]) if axis["known"] else unknown_px
+        return min(by_other, jump_px(1 + int(markers["lost"][missing[0]])))
+    return jump_px(1 + int(markers["lost"].min()))
 
 
 def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -> list[tuple[float, Record, Record]]:

@@ -157,9 +157,12 @@ class FilmSource:
         return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
 
     def repeated(self, pts: Iterable[int | None]) -> int:
-        """Return how many chunks of an AVI, whose timestamps number them, hold no picture: they repeat the last."""
+        """Return how many chunks of an AVI, whose timestamps number them, may hold no picture: they repeat the last."""
         known = [number for number in pts if number is not None]
-        chunks = known[-1] - known[0] + 1 if known and self._about["format"] == "avi" else 0
+        if not known or self._about["format"] != "avi":
+            return 0
+        # The last frame may be shown for as long as any other one.
+        chunks = known[-1] - known[0] + int(np.diff(known).max(initial=1))
         return max(chunks - len(known), 0)
 
     def keep(self, indices: Iterable[int]) -> None:

@@ -14,7 +14,7 @@ from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
-from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words
+from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.followed_dots import DotState
@@ -218,10 +218,11 @@ def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list
     """Return the usual family of which most tags are seen, and these tags."""
     best: tuple[str, list[FoundTag]] = ("", [])
     code, own = but.partition("_")[0], count_of(but)
+    pictures = [usual_tags(luma) for luma in kept]
     for family in USUAL:
         if family == but:
             continue
-        seen = max((find_tags(luma, family) for luma in kept), key=len, default=[])
+        seen = max((found[family] for found in pictures), key=len, default=[])
         if family.startswith(f"{code}_") and not code.startswith("AP"):
             # The first tags of a larger family of one code are those of the smaller one.
             seen = [tag for tag in seen if tag.number >= own]

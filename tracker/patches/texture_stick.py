@@ -15,7 +15,8 @@ from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
 from tracker.follow.camera_state import SHAKE_PX, circle_misfit, circle_sigma_px
 from tracker.follow.judgement import further, rigid_misfit
-from tracker.follow.redetect import SELDOM, Prediction, jump_px
+from tracker.follow.motion_model import jump_px
+from tracker.follow.redetect import SELDOM, Prediction
 from tracker.follow.rotation_axis import learn_axis, turned
 from tracker.follow.state import STICK
 from tracker.innovation import passes

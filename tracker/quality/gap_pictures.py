@@ -20,7 +20,7 @@ from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG, Floats, Ints
 from tracker.angle.axis_of_circles import axis_px
 from tracker.detect.sticks import crossing_point
-from tracker.follow.redetect import JUMP_PX
+from tracker.follow.motion_model import JUMP_PX
 
 Luma = NDArray[np.uint8]
 Pictures = Callable[[Iterable[int]], dict[int, Luma]]

@@ -94,6 +94,30 @@ def test_a_codec_that_carries_a_marker_on_is_no_rolling_shutter() -> None:
         assert np.sqrt(np.mean(np.square(error / np.rad2deg(found.angles.sigma_rad)))) < 1.4
 
 
+@pytest.mark.parametrize("shift_px", [0.1, 0.2])
+def test_smear_that_shifts_a_marker_along_its_way_is_no_rolling_shutter(shift_px: float) -> None:
+    def angle_deg(t: np.ndarray) -> np.ndarray:
+        # Heating and cooling: fast one way at one end, and the other way at the other.
+        left = np.exp(-(t % 1.5) / 0.35)
+        return 173.0 + 140.0 * np.where(t % 3.0 < 1.5, 1.0 - left, left)
+
+    rig = replace(STRAIGHT, angle_deg=angle_deg, moving_px=(70.0, 100.0))
+    for seed in range(3):
+        tracks = tracks_of(rig, seed=seed)
+        turn_deg = np.gradient(rig.truth_deg, rig.times)
+        shift = np.square(turn_deg / np.abs(turn_deg).max())
+        stick = tracks.position_px[:, 3] - tracks.position_px[:, 2]
+        across = np.stack([stick[:, 1], -stick[:, 0]], axis=1) / 30.0
+        position = tracks.position_px.copy()
+        position[:, 3] += shift_px * across * shift[:, None]
+        found = orient(replace(tracks, position_px=position), None)
+        assert not found.report["rolling_shutter"]["known"]
+        error = np.rad2deg(found.angles.angle_rad) - rig.truth_deg
+        # What the shift itself makes, and noise.
+        limit = np.rad2deg(np.hypot(shift_px / 30.0 * np.sqrt(np.mean(shift**2)), 1.5 * np.sqrt(2.0) * SIGMA_PX / 30.0))
+        assert np.sqrt(np.mean(error**2)) < limit
+
+
 @pytest.mark.parametrize("along", [0, 1])
 @pytest.mark.parametrize(
     "wave", [(70.0, 0.0, 1.0), (0.0, 4.0, 3.0), (0.0, 25.0, 0.4)], ids=["one way", "small", "slow"]

@@ -10,7 +10,8 @@ from tracker.detect.sticks import Stick
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import markers_on
-from tracker.follow.redetect import Prediction, Region, jump_px
+from tracker.follow.motion_model import jump_px
+from tracker.follow.redetect import Prediction, Region
 from tracker.follow.state import STICK
 from tracker.frames.frame import Frame
 from tracker.rows import CODE
@@ -92,6 +93,26 @@ def test_a_usual_turn_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
     scenes = turning(12, step=1.0)
     for row, scene in zip(followed(scenes), scenes, strict=True):
         check(row, scene)
+
+
+def test_a_marker_on_the_axis_does_not_say_where_the_other_one_is() -> None:
+    # The outer one is covered while the stick turns on, and comes back beyond what one frame's motion allows.
+    def scene(degrees: float, *, covered: bool = False) -> list[complex]:
+        return [*BASE, AXIS, *([] if covered else [moving(degrees)[1]])]
+
+    scenes = [scene(60.0 + 4.0 * k) for k in range(15)]
+    scenes += [scene(0.0, covered=True)] * 4 + [scene(190.0 + k) for k in range(3)]
+    check(followed(scenes)[-1], scenes[-1])
+
+
+def test_a_stick_whose_outer_marker_is_lost_as_it_starts_is_found_again() -> None:
+    # In line with the base, so that nothing tells the axis yet; the outer one is smeared away at first.
+    def scene(degrees: float, *, smeared: bool = False) -> list[complex]:
+        return [*BASE, *moving(degrees)[: 1 if smeared else 2]]
+
+    scenes = [scene(180.0)] * 5 + [scene(180.0 - 3.0 * k, smeared=True) for k in range(1, 13)]
+    scenes += [scene(143.0 - k) for k in range(4)]
+    check(followed(scenes)[-1], scenes[-1])
 
 
 @pytest.mark.parametrize("jump", [6.0 - 5.0j, -11.0 + 9.0j, -60.0 - 45.0j])

@@ -292,6 +292,18 @@ def test_frames_that_an_avi_repeats_are_no_damage(codec: str, tmp_path: Path) ->
     assert source.damage.entries == []
 
 
+def test_an_avi_that_repeats_its_last_frame_too_is_not_cut(tmp_path: Path) -> None:
+    # One that counts in sixtieths of a second at 30 frames a second repeats every frame.
+    def prepare(stream: Any) -> None:
+        stream.codec_context.time_base = Fraction(1, 60)
+
+    path = write(tmp_path / "film.avi", RIG.pictures(), "mjpeg", pix_fmt="yuvj420p", prepare=prepare)
+    source = open_source(path)
+    assert source.frame_count == 2 * RIG.frames
+    assert len(list(source)) == RIG.frames
+    assert source.damage.entries == []
+
+
 def test_timestamps_rounded_by_the_container_are_no_variable_rate(tmp_path: Path) -> None:
     # Matroska counts milliseconds: 240 frames a second are 4 or 5 of them.
     path = write(tmp_path / "film.mkv", [np.zeros((48, 64), np.uint8)] * 60, "libx264", fps=240)

@@ -200,6 +200,13 @@ def test_tags_are_found_without_a_marker_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(result.tracks.position_px, same.tracks.position_px, atol=0.02)
 
 
+def test_tags_that_are_seen_in_few_of_the_first_frames_are_found(tmp_path: Path) -> None:
+    hands = [Hand(begin, end, (-ALONG, 0.0), radius_mm=20.0, level=200.0) for begin, end in ((0, 2), (9, 32))]
+    start = find_start(open_source(film(hands=hands, frames=32).write(tmp_path / "film.mkv")), None)
+    assert start.hints is not None
+    assert (start.kind, start.hints.ids) == ("tag", (0, 1))
+
+
 @pytest.mark.parametrize(
     ("how", "words"),
     [
