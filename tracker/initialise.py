@@ -93,7 +93,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         elif dots.start.frame == last:
             # What four modules of tags look like are no dots on sticks, if they are tags.
             by_tags = tags.hold([place_of(marker.record[0]) for marker in dots.start.markers])
-        if tags.pictures > 1 and tags.pair[1] if by_tags else settled:
+        if (tags.pictures > 1 and tags.pair[1]) if by_tags else settled:
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if last < 0:

@@ -17,7 +17,10 @@ from torsight.core.units import Flags
 
 
 def begins_within(drive: Drive, simulation: Simulation, rig: Rig) -> bool:
-    """Return whether at the first row the driven spring recovers already, or the other one has not cooled down."""
+    """Return whether at the first row the driven spring recovers already, or the other one has not cooled down.
+
+    Of the ``simulation`` that row is looked at.
+    """
     driven = drive.cycles.springs[0]
     recovers = (simulation.xi_a, simulation.xi_b)[driven][0] < 1.0
     other_nm = (simulation.torque_b_nm, simulation.torque_a_nm)[driven][0]

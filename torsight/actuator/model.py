@@ -117,7 +117,7 @@ class ActuatorModel:
         require_units(table.time_s, {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}, where=where)
         drive = prepare_table(table, row_rate_hz=row_rate_hz, where=where)
         rig = Rig.from_values(self._nominal)
-        if not begins_within(drive, self.simulate(drive), rig):
+        if not begins_within(drive, self.simulate(drive.at(np.arange(1))), rig):
             return drive
         row = first_cold_row(drive, rig)
         later = table.at(table.time_s >= drive.time_s[row]) if row < len(drive) else None

@@ -151,7 +151,7 @@ class Played:
         n = len(self.time_s)
         rates = (np.gradient(self.temp_a_c, self.time_s), np.gradient(self.temp_b_c, self.time_s))
         springs = tuple(number % 2 for number in range(int(self.half[-1]) + 1))
-        unknown, temps_c = np.full(n, np.nan), (self.temp_a_c, self.temp_b_c)
+        unknown, temps_c, least_c = np.full(n, np.nan), (self.temp_a_c, self.temp_b_c), turn_of(0.0)
         return Drive(
             time_s=self.time_s,
             temp_a_c=self.temp_a_c,
@@ -169,8 +169,8 @@ class Played:
             start_angle_rad=start_angle_rad,
             room_c=self.room_c,
             known=np.ones(n, bool),
-            sensors=_ExactSensors(self.time_s, temps_c, np.arange(n), temps_c, turn_of(0.0)),
-            turning=(turns_of(self.temp_a_c, turn_of(0.0)), turns_of(self.temp_b_c, turn_of(0.0))),
+            sensors=_ExactSensors(self.time_s, temps_c, np.arange(n), temps_c, least_c),
+            turning=(turns_of(self.temp_a_c, least_c), turns_of(self.temp_b_c, least_c)),
         )
 
 
