@@ -7,16 +7,16 @@ second (angles averaged over each row's interval), which loses nothing that a qu
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from sync.log.outliers import spikes
 from sync.log.timestamps import BRIDGED_S, longest_gap_s
-from torsight.actuator.record.conditioning import Conditioned, Readings, between_readings, condition
+from torsight.actuator.record.conditioning import Conditioned, between_readings, condition
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles, turn_of
+from torsight.actuator.record.sensors import Sensors
 from torsight.actuator.record.turns import at_places, turns_of
 from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
@@ -25,8 +25,6 @@ from torsight.core.series import extent, pair_means, usual_step
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
-
-Pair = tuple[Floats, Floats]
 
 ROW_RATE_HZ: Final = 5.0
 """A record that is faster than this is thinned to about so many rows per second for a fit."""
@@ -37,66 +35,6 @@ _FAR_APART_S: Final = 1.5
 """Predictions get rows between readings that are further apart: later records behind readings every 3 s are off by 1.60
 instead of 2.31° with that, every 5 s by 4.6 instead of 16.6°, and every 2 s by 1.26 instead of 1.35°
 (benchmarks/actuator/slow_logs.py, tops held for up to 15 s)."""
-
-_LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
-"""Time constants for which wires behind their sensors are found; what lies between is on a line. Between 2.5 and 3.7 s
-they err by 14.35 mK then, and by 14.26 mK as found for 3 s itself (benchmarks/actuator/log_constants.py)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sensors:
-    """The temperatures as logged, for effects that must go back to them.
-
-    Attributes
-    ----------
-    time_s : (m,) float64
-        Times of the log.
-    temps_c : two (m,) float64
-        Both temperatures, gaps bridged.
-    rows : (n,) int64
-        Rows of the log that the drive keeps (all that it keeps, where some of a drive's rows are taken).
-    driven_c : two (n,) float64
-        Both temperatures there, conditioned.
-    least_turn_c : float
-        By how much a temperature goes back where it turns.
-    """
-
-    time_s: Floats
-    temps_c: Pair
-    rows: Ints
-    driven_c: Pair
-    least_turn_c: float
-    _known: dict[float, Pair] = field(default_factory=dict)
-
-    @cached_property
-    def _readings(self) -> tuple[Readings, Readings]:
-        a, b = (Readings.of(self.time_s, temp) for temp in self.temps_c)
-        return a, b
-
-    def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
-        """Return what the wires' temperatures differ from the sensors' by at the kept rows, with this time constant.
-
-        Made for constants on a grid, once each: the two neighbours, and the share of the way from the first to the
-        second.
-        """
-        place = float(np.interp(lag_s, _LAG_GRID_S, np.arange(len(_LAG_GRID_S))))
-        low = min(int(place), len(_LAG_GRID_S) - 2)
-        share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
-        return share, self._at(_LAG_GRID_S[low]), self._at(_LAG_GRID_S[low + 1])
-
-    def _at(self, lag_s: float) -> Pair:
-        if lag_s not in self._known:
-            none = np.zeros(len(self.rows))
-            a, b = (
-                self._kept(readings.behind(self.time_s, lag_s).temp_c) - driven_c if lag_s > 0.0 else none
-                for readings, driven_c in zip(self._readings, self.driven_c, strict=True)
-            )
-            self._known[lag_s] = (a, b)
-        return self._known[lag_s]
-
-    def _kept(self, wire_c: Floats) -> Floats:
-        """Return a wire's temperature (m,) at the kept rows, its turns among them."""
-        return at_places(wire_c, turns_of(wire_c, self.least_turn_c), self.rows.astype(float))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

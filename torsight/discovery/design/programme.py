@@ -15,8 +15,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.drive import Drive, Pair, Sensors
+from torsight.actuator.drive import Drive
 from torsight.actuator.record.segments import HalfCycles, by_role, turn_of
+from torsight.actuator.record.sensors import Pair, Sensors
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.record.turns import turns_of
 from torsight.core.units import Floats, Ints
