@@ -5,7 +5,8 @@ over neighbouring rows rounds the corners of the temperature, where an incomplet
 better taken out by whoever drives a model with it, with the same filter for measurement and simulation. Where a frame
 falls on a timestamp the reading comes out as it is. Switches and all other columns hold the last row at or before the
 instant, as the logger did. Where the readings around are further apart than the longest gap the temperature stays
-empty.
+empty. Where the film lacks frames for longer than the log lacks readings, the log's rows stand without an angle: what
+happens there, such as the top of a heating, drives the actuator whether a camera saw it or not.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
 from torsight.core.errors import InputError
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog, clock_sigma_s
+from torsight.core.series import usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import Flags, Floats, Ints
 
@@ -40,18 +42,23 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
     Returns
     -------
     SyncedTable
-        One row per frame, film clock; NaN outside the log and in longer gaps.
+        One row per frame, film clock, and the log's rows in gaps of the film; no temperature outside the log and in
+        longer gaps of it, no angle where there is no frame.
     """
-    instant_s = clock.to_temperature_time(angles.time_s)
+    time_s, frames = _film_instants(angles.time_s, clock.to_film_time(log.time_s))
+    angle, sigma = np.full((2, len(time_s)), np.nan)
+    angle[frames] = np.where(angles.valid, angles.angle_rad, np.nan)
+    sigma[frames] = np.where(angles.valid, angles.sigma_rad, np.nan)
+    instant_s = clock.to_temperature_time(time_s)
     gap_s = longest_gap_s(log.time_s) if max_gap_s is None else max_gap_s
     last = np.searchsorted(log.time_s, instant_s, side="right") - 1
     covered = (last >= 0) & (instant_s <= log.time_s[-1])
     row = np.maximum(last, 0)
     extra = {name: _held(values, row, covered) for name, values in log.extra.items()}
     return SyncedTable(
-        time_s=angles.time_s,
-        angle_rad=np.where(angles.valid, angles.angle_rad, np.nan),
-        angle_sigma_rad=np.where(angles.valid, angles.sigma_rad, np.nan),
+        time_s=time_s,
+        angle_rad=angle,
+        angle_sigma_rad=sigma,
         temp_a_c=at_instants(log.time_s, log.temp_a_c, instant_s, max_gap_s=gap_s),
         temp_b_c=at_instants(log.time_s, log.temp_b_c, instant_s, max_gap_s=gap_s),
         heat_a=None if log.heat_a is None else log.heat_a[row] & covered,
@@ -59,6 +66,21 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
         extra={name: values for name, values in extra.items() if name not in ("angle_deg", "angle_sigma_deg")},
         clock_sigma_s=clock_sigma_s(clock.method, clock.offset_ci95_s),
     )
+
+
+def _film_instants(film_s: Floats, log_s: Floats) -> tuple[Floats, Ints]:
+    """Return the film's instants with the log's rows where frames are missing, and which of them are frames (n,)."""
+    if len(film_s) < 3 or len(log_s) < 2:
+        return film_s, np.arange(len(film_s))
+    step_s = usual_step(film_s)
+    gaps = np.append(np.diff(film_s), 0.0) > max(1.5 * step_s, usual_step(log_s))
+    after = np.searchsorted(film_s, log_s, side="right") - 1
+    within = (after >= 0) & gaps[after]
+    # A row that nearly falls on a frame says nothing more than that.
+    nearest_s = np.minimum(log_s - film_s[after], film_s[np.minimum(after + 1, len(film_s) - 1)] - log_s)
+    added_s = log_s[within & (nearest_s > 0.5 * step_s)]
+    time_s = np.sort(np.concatenate([film_s, added_s]))
+    return time_s, np.searchsorted(time_s, film_s)
 
 
 def require_overlap(

@@ -64,6 +64,33 @@ def test_long_gaps_stay_empty_and_short_ones_are_bridged():
     np.testing.assert_allclose(table.temp_a_c[~unknown], 20.0 + 0.3 * film_s[~unknown])
 
 
+def test_a_top_at_which_the_film_lacks_frames_is_kept():
+    log_s = np.arange(0.0, 60.0, 0.25)
+    temp = 70.0 - 2.0 * np.abs(log_s - 31.0)
+    log = TemperatureLog(log_s, temp, np.full(len(log_s), 23.0), heat_a=log_s < 31.0)
+    frames_s = np.arange(0.0, 60.0, 0.08)
+    film_s = frames_s[(frames_s < 28.0) | (frames_s > 33.0)]
+    angles = angles_at(film_s)
+    table = merge(angles, log, exact(-4.0))
+    assert np.all(np.diff(table.time_s) > 0.0)
+    seen = np.isfinite(table.angle_rad)
+    np.testing.assert_array_equal(table.time_s[seen], film_s)
+    np.testing.assert_array_equal(table.angle_rad[seen], angles.angle_rad)
+    added = table.at(~seen)
+    assert added.time_s[[0, -1]] == pytest.approx([28.0, 33.0], abs=0.3)
+    np.testing.assert_array_equal(np.isin(added.time_s - 4.0, log_s), True)
+    table = merge(angles, log, exact())
+    assert np.nanmax(table.temp_a_c) == 70.0
+    assert table.time_s[np.argmin(table.heat_a)] == 31.0
+
+
+def test_a_film_slower_than_its_log_keeps_its_rows():
+    log_s = np.arange(0.0, 60.0, 0.25)
+    film_s = np.arange(0.0, 59.0, 1.0)
+    table = merge(angles_at(film_s), TemperatureLog(log_s, log_s, log_s), exact())
+    np.testing.assert_array_equal(table.time_s, film_s)
+
+
 def test_angle_and_sigma_are_carried_and_switches_hold():
     log_s = np.arange(0.0, 20.0, 1.0)
     heat = (log_s >= 5.0) & (log_s < 9.0)
