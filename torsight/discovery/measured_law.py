@@ -71,6 +71,8 @@ class MeasuredLaw:
         The law in one sentence.
     number : int
         Which of the laws with this port and this driver it is, from 1, strongest first.
+    id : str
+        Of its family, as ``alternatives`` name it; empty in a file that does not say.
     """
 
     effect: str | None
@@ -85,6 +87,7 @@ class MeasuredLaw:
     covered: Flags
     sentence: str
     number: int = 1
+    id: str = ""
 
     @property
     def csv_name(self) -> str:
@@ -99,7 +102,7 @@ class MeasuredLaw:
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""
         own = {name: getattr(self, name) for name in _KEYS if name != "file"}
-        return {**own, "file": self.csv_name, "sentence": self.sentence}
+        return {**own, "law": self.id, "file": self.csv_name, "sentence": self.sentence}
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Return the columns of its file."""
@@ -153,4 +156,5 @@ def _read_law(folder: Path, entry: Mapping[str, Any]) -> MeasuredLaw:
         sigma=sigma,
         covered=covered > 0.5,
         sentence=str(entry.get("sentence") or ""),
+        id=str(entry.get("law") or ""),
     )

@@ -94,6 +94,7 @@ def explanations(discovery: Mapping[str, Any]) -> list[str]:
     One that is a part of another is that part alone.
     """
     accepted = [str(effect["id"]) for effect in discovery.get("effects") or []]
+    accepted += [str(law["law"]) for law in discovery.get("laws") or [] if law.get("law") and law["effect"] is None]
     sets: list[Sequence[str]] = [accepted] if accepted else []
     sets += [[one] if isinstance(one, str) else list(one) for one in discovery.get("alternatives") or []]
 

@@ -106,6 +106,7 @@ def _law(
         sigma=width * scales.factor,
         covered=covered,
         sentence="",
+        id=law.id,
     )
     return told, known
 

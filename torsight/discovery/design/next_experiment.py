@@ -293,13 +293,17 @@ def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
 
 
 def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: float, needed_gain: float) -> str:
+    needed = f"{math.sqrt(needed_gain):.1f} are needed"
+    if gain < needed_gain:
+        return (
+            f"No programme that was tried tells {listed(names)} apart: measure what separates them directly. The one "
+            f"that comes nearest is to {words}; after a refit they then differ by at least {math.sqrt(gain):.1f} "
+            f"standard deviations, and {needed}."
+        )
     apart = f"at least {math.sqrt(gain):.1f}" if gain < _SURE**2 else f"more than {_SURE:.0f}"
     rivals = f"{listed(names)} then differ by {apart} standard deviations after a refit"
     repeat = f"a repeat of this record by {math.sqrt(repeat_gain):.1f}"
-    needed = f"{math.sqrt(needed_gain):.1f} are needed"
     first = f"{words[0].upper()}{words[1:]}: {rivals} ({repeat}; {needed})."
     if gain >= _LITTLE * needed_gain:
         return first
-    if gain >= needed_gain:
-        return f"{first} That is little more than is needed: the new record may leave it open, too."
-    return f"{first} No programme that was tried tells them apart; measure what separates them directly."
+    return f"{first} That is little more than is needed: the new record may leave it open, too."

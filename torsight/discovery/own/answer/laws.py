@@ -86,6 +86,7 @@ class MeasuredCurve(Shown):
         return {
             "effect": self.effect,
             "port": self.id,
+            "law": self.id,
             "driver": self.driver,
             "unit": self.unit,
             "file": self.csv_name,
