@@ -205,11 +205,10 @@ class Fitter:
             starts = [{**start, **away} for start in starts]
             other = self.fit(effects, starts, max_iterations=20, keep=1, follow=follow)
             found = min(found, other, key=lambda fit: fit.cost)
-        if not hopes(found):
-            return found
-        if self.candidates[name].propose is not None:
-            found = self.propose_again(found, name)
-        found = self._by_trials(found)
+        if hopes(found):
+            if self.candidates[name].propose is not None:
+                found = self.propose_again(found, name)
+            found = self._by_trials(found)
         # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
         if found.cost <= parent.cost:
             return found

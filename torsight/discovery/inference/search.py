@@ -275,8 +275,9 @@ class Search:
 
     def _extended(self, item: tuple[EffectSet, str]) -> Explanation:
         parent, name = self._explanations[item[0]], item[1]
-        # What each explains alone is reported.
-        least = self._least(parent, len(parent.members) + 1) if parent.members else -np.inf
+        # What each explains alone is reported; beside the best set, its own likelihood may add the little that lacks.
+        whole = not parent.members or parent is self._best()
+        least = -np.inf if whole else self._least(parent, len(parent.members) + 1)
         if name in self._laws:
             return self._with_law(parent, self._laws[name], least=least)
         return self.with_effect(parent, name, least=least)
