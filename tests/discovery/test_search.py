@@ -179,12 +179,37 @@ def test_a_start_where_a_set_would_lose_nothing_is_not_followed(
 ) -> None:
     search = Search(machine(0.0), settings=Settings(), progress=silent)
     plain, asked = search.plain(), []
+    search._keep([plain])
     name = plain.fit.parameters[0].name
     away = plain.fit.values[name] + sigmas * curvature_spread(plain)[0, 0] ** 0.5
     predict = LinearProblem.predict
     monkeypatch.setattr(LinearProblem, "predict", lambda *given: asked.append(1) or predict(*given))
     again = search._from_elsewhere((plain, {name: away}))
     assert (len(asked) > 0, again is not plain) == (followed, followed)
+
+
+@pytest.mark.parametrize("name", ["coulomb", "direction"])
+def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fitted_as_ever(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, asked = Search(machine(0.3 * np.sign(signals()["speed"]), seed=5), settings=Settings(), progress=silent), []
+    plain, laws = search.plain(), {law.id: law for law in search.plain().fitter.problem.laws}
+    predict = LinearProblem.predict
+    monkeypatch.setattr(LinearProblem, "predict", lambda *given: asked.append(1) or predict(*given))
+
+    def extended(least: float) -> tuple[float, int]:
+        asked.clear()
+        more = {"least": least}
+        found = search._with_law(plain, laws[name], **more) if name in laws else search.with_effect(plain, name, **more)
+        return found.log_evidence, len(asked)
+
+    # What is worked out once is not counted.
+    extended(-np.inf)
+    whole, work = extended(-np.inf)
+    assert extended(search.value_of(plain) + whole - plain.log_evidence) == (whole, work)
+    left, less_work = extended(search.value_of(plain) + 1e6)
+    assert left <= whole + 1e-6
+    assert less_work < work
 
 
 def test_what_errors_of_the_inputs_do_is_each_set_s_own() -> None:

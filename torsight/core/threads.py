@@ -97,9 +97,14 @@ def in_parallel(
     found: list[_R] = []
     progress(step, 0, len(work))
     over = threading.Event()
+
+    def counted(one: _T) -> _R:
+        with _at_work():
+            return function(one)
+
     with ThreadPoolExecutor(WORKERS, initializer=_end_with, initargs=(over,)) as pool:
         try:
-            for result in pool.map(function, work):
+            for result in pool.map(counted, work):
                 found.append(result)
                 progress(step, len(found), len(work))
         finally:
@@ -107,13 +112,60 @@ def in_parallel(
     return found
 
 
+def with_help(work: Sequence[_T], function: Callable[[_T], _R]) -> list[_R]:
+    """Return ``function`` of each item in order, half of them worked out beside the others where a worker is idle.
+
+    For many short pieces of one fit, which may be the last that runs, or the only one.
+    """
+    half = len(work) // 2
+    if not half or not _ask_for_help():
+        return [function(one) for one in work]
+    try:
+        with ThreadPoolExecutor(1) as pool:
+            later = pool.submit(lambda: [function(one) for one in work[half:]])
+            return [function(one) for one in work[:half]] + later.result()
+    finally:
+        _leave()
+
+
 class _Thread(threading.local):
-    """What a worker knows of its work: an event that is set once nobody waits for it."""
+    """What a worker knows of its work: an event that is set once nobody waits for it, and whether it is counted."""
 
     over: threading.Event | None = None
+    counted: bool = False
 
 
 _THREAD: Final = _Thread()
+_LOCK: Final = threading.Lock()
+_AT_WORK: Final = [0]
+"""How many threads work now, those apart that no one has counted."""
+
+
+@contextlib.contextmanager
+def _at_work() -> Iterator[None]:
+    """Count this thread as one that works."""
+    with _LOCK:
+        _AT_WORK[0] += 1
+    _THREAD.counted = True
+    try:
+        yield
+    finally:
+        _THREAD.counted = False
+        _leave()
+
+
+def _ask_for_help() -> bool:
+    """Return whether one more thread may work beside this one; then it is counted."""
+    with _LOCK:
+        free = _AT_WORK[0] + (not _THREAD.counted) < WORKERS
+        _AT_WORK[0] += free
+    return free
+
+
+def _leave() -> None:
+    """Count one thread less."""
+    with _LOCK:
+        _AT_WORK[0] -= 1
 
 
 def _end_with(over: threading.Event) -> None:

@@ -27,6 +27,7 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.series import pair_means
+from torsight.core.threads import with_help
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
 from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
@@ -219,6 +220,10 @@ class ActuatorProblem(OptionalMembers):
         """Return the angle in degrees as a camera would read it, at the kept rows."""
         return self._predict(self.drive, values, effects)
 
+    def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Floats]:
+        """Return the same at several points."""
+        return with_help(values, lambda one: self.predict(one, effects))
+
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what noise left in the temperatures does to the angle, the tops of half-cycles apart.
 
@@ -260,7 +265,7 @@ class ActuatorProblem(OptionalMembers):
         """Return by how much the angle (n, k) is off ``clean`` where other drives take the record's place, degrees."""
         if not drives:
             return np.zeros((len(self.rows), 0))
-        return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
+        return np.column_stack(with_help(drives, lambda drive: self._predict(drive, values, effects) - clean))
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         return self._seen(drive, values, effects)[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.optimize import minimize
@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from torsight.core.parameter import Parameter
 from torsight.core.threads import go_on
 from torsight.core.units import Floats
-from torsight.discovery.inference.solver import Solution, Space, jacobian, objective, solve
+from torsight.discovery.inference.solver import Solution, Space, jacobian, looking_ahead, objective, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate, Problem
 
@@ -69,6 +69,11 @@ class Fit:
         """The objective: information in the residual plus the priors' share."""
         return self.solution.cost
 
+    @property
+    def ahead(self) -> float:
+        """The objective where an undamped step from a scout would lead."""
+        return self.solution.cost - self.solution.promised
+
 
 class Fitter:
     """Fits sets of effects to one problem.
@@ -110,38 +115,32 @@ class Fitter:
         effects: EffectSet,
         starts: Sequence[Mapping[str, float]],
         *,
-        weight: Weight | None = None,
         max_iterations: int = 12,
         keep: int = 2,
         near: Fit | None = None,
-        below: float = np.inf,
+        follow: Callable[[Fit], bool] | None = None,
     ) -> Fit:
         """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end.
 
-        Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail. Scouts that do
-        not promise to get ``below`` a value of the objective are not followed.
+        Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail. ``follow`` is
+        asked whether a scout is worth it.
         """
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
-        used = self.weight if weight is None else weight
-
-        def run(start: Floats | Solution, iterations: int, guess: Floats | None = None) -> Solution:
-            return solve(
-                model,
-                start,
-                observed=self.problem.observed,
-                weight=used,
-                space=space,
-                max_iterations=iterations,
-                guess=guess,
-                rough=not isinstance(start, Solution),
-            )
-
+        given: dict[str, Any] = {"observed": self.problem.observed, "weight": self.weight, "space": space}
         points = [np.array([start[p.name] for p in parameters]) for start in starts]
         guesses = [self._guess(start, parameters, near) for start in starts]
-        scouted = [run(point, _SCOUT_ITERATIONS, guess) for point, guess in zip(points, guesses, strict=True)]
-        scouts = sorted(scouted, key=lambda found: found.cost)
-        kept = _distinct(scouts, space)[:keep]
-        solutions = [run(scout, max_iterations) if scout.cost - scout.promised < below else scout for scout in kept]
+        scouts = [
+            solve(model, point, max_iterations=_SCOUT_ITERATIONS, guess=guess, rough=True, **given)
+            for point, guess in zip(points, guesses, strict=True)
+        ]
+        scouts.sort(key=lambda found: found.cost)
+        kept = [looking_ahead(model, scout, **given) for scout in _distinct(scouts, space)[:keep]]
+        solutions = [
+            solve(model, scout, max_iterations=max_iterations, **given)
+            if follow is None or follow(Fit(effects, parameters, scout))
+            else scout
+            for scout in kept
+        ]
         return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
 
     def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Floats | None:
@@ -170,9 +169,9 @@ class Fitter:
         solution = Solution(x, prediction, derivative, cost, converged=False)
         return Fit(effects, self.parameters(effects), solution)
 
-    def _costs(self, effects: EffectSet, weight: Weight | None = None) -> Callable[[Floats, Floats], float]:
+    def _costs(self, effects: EffectSet) -> Callable[[Floats, Floats], float]:
         """Return the objective of a set of effects as a function of a point (m,) and the prediction there (n,)."""
-        used, space = self.weight if weight is None else weight, self.space(effects)
+        used, space = self.weight, self.space(effects)
         observed = np.where(used.each > 0.0, self.problem.observed, 0.0)
         return lambda x, prediction: objective(observed - prediction, x, weight=used, space=space)
 
@@ -184,42 +183,48 @@ class Fitter:
         """Return measured less model (n,), NaN where a sample does not count."""
         return np.where(self.problem.valid, self.problem.observed - fit.solution.prediction, np.nan)
 
-    def extend(self, parent: Fit, name: str, *, weight: Weight | None = None, from_means: bool = True) -> Fit:
+    def extend(
+        self, parent: Fit, name: str, *, from_means: bool = True, hopes: Callable[[Fit], bool] = lambda _: True
+    ) -> Fit:
         """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
 
         The second (``from_means``) matters where an effect has pulled the base parameters off along a valley in which
         the record is explained as well: from the means the search comes down into the valley where the priors are
-        content.
+        content. What has no hopes of mattering is left where it is.
         """
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
         points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
         starts = [{**parent.values, **point} for point in points]
-        below = parent.cost - WORTH
-        found = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, near=parent, below=below)
+
+        def follow(scout: Fit) -> bool:
+            return scout.ahead < parent.cost - WORTH and hopes(scout)
+
+        found = self.fit(effects, starts, max_iterations=20, keep=1, near=parent, follow=follow)
         if from_means:
             starts = [{**start, **away} for start in starts]
-            other = self.fit(effects, starts, weight=weight, max_iterations=20, keep=1, below=below)
+            other = self.fit(effects, starts, max_iterations=20, keep=1, follow=follow)
             found = min(found, other, key=lambda fit: fit.cost)
-        if self.candidates[name].propose is not None:
-            found = self.propose_again(found, name, weight=weight)
-        found = self._by_trials(found, weight=weight)
+        if hopes(found):
+            if self.candidates[name].propose is not None:
+                found = self.propose_again(found, name)
+            found = self._by_trials(found)
         # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
         if found.cost <= parent.cost:
             return found
-        return self.fit(effects, [self._switched_off(parent, name)], near=parent, below=below)
+        return self.fit(effects, [self._switched_off(parent, name)], near=parent, follow=follow)
 
-    def propose_again(self, found: Fit, name: str, *, weight: Weight | None = None) -> Fit:
+    def propose_again(self, found: Fit, name: str) -> Fit:
         """Look for the effect once more, in the residual that its own fit leaves with it switched off."""
         candidate = self.candidates[name]
         without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)
         left = np.where(self.problem.valid, self.problem.observed - without, np.nan)
         points = candidate.starting_points(self.problem.time_s, left)
         starts = [{**found.values, **point} for point in points]
-        again = self.fit(found.effects, starts, weight=weight, near=found)
+        again = self.fit(found.effects, starts, near=found)
         return min(found, again, key=lambda fit: fit.cost)
 
-    def _by_trials(self, found: Fit, *, weight: Weight | None = None) -> Fit:
+    def _by_trials(self, found: Fit) -> Fit:
         """Fit effects whose derivatives see hardly anything by trials (Powell's method), in turn with all other values.
 
         Trials change the logarithms of their parameters: where a jump comes, a share decides.
@@ -229,7 +234,7 @@ class Fitter:
         if not own:
             return found
         space, model = self.space(found.effects), self._model(found.effects)
-        costs = self._costs(found.effects, weight)
+        costs = self._costs(found.effects)
         least = _FINEST * space.scale[own]
 
         def at(logarithms: Floats) -> Floats:
@@ -245,7 +250,7 @@ class Fitter:
             start = np.log(np.maximum(found.solution.x[own], least))
             best = minimize(cost, start, method="Powell", options={"maxfev": _TRIALS, "xtol": _FINEST, "ftol": _FINEST})
             values = dict(zip(found.values, at(best.x).tolist(), strict=True))
-            again = self.fit(found.effects, [values], weight=weight, max_iterations=20, keep=1)
+            again = self.fit(found.effects, [values], max_iterations=20, keep=1)
             gained = found.cost - again.cost
             if gained > 0.0:
                 found = again

@@ -18,13 +18,14 @@ Statist. Soc. B 63 (2001) 425).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, inlined
-from torsight.core.units import Floats
+from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.weight import Weight
 
@@ -39,7 +40,7 @@ _SETTLED: Final = 1e-3
 """Change of the shared errors, in their standard deviations, below which another round changes nothing."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Likelihood:
     """A record's likelihood as a function of a residual.
 
@@ -120,16 +121,19 @@ class Likelihood:
     def _variance(self, left: Floats) -> Floats:
         return np.asarray(self.floor**2 + 1e-30 + self._discrepancy(left)[self.kind] ** 2)
 
+    @cached_property
+    def _kinds(self) -> list[tuple[int, Flags, Floats, Floats]]:
+        """Every kind that has samples, which they are, their floors' squares and counts."""
+        each = ((kind, (self.kind == kind) & (self.count > 0.0)) for kind in (MOTION, REST, OPENING))
+        return [(kind, rows, self.floor[rows] ** 2 + 1e-30, self.count[rows]) for kind, rows in each if rows.any()]
+
     def _discrepancy(self, left: Floats) -> Floats:
         """Return the sizes for what shared errors leave."""
         sizes = np.zeros(3)
-        for kind in (MOTION, REST, OPENING):
-            rows = (self.kind == kind) & (self.count > 0.0)
-            if rows.any():
-                square = self.floor[rows] ** 2 + 1e-30
-                with np.errstate(over="ignore"):
-                    left_square = left[rows] ** 2
-                sizes[kind] = discrepancy(left_square, square, self.count[rows], self.least**2)
+        with np.errstate(over="ignore"):
+            square = left**2
+        for kind, rows, floor, count in self._kinds:
+            sizes[kind] = discrepancy(square[rows], floor, count, self.least**2)
         return np.sqrt(np.maximum(sizes, self.least**2))
 
     def log(self, residual: Floats) -> float:

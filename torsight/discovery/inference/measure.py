@@ -23,7 +23,7 @@ from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.priors import outlier_precision, prior_cost_of
-from torsight.discovery.inference.solver import TRUSTED, Slopes, Space
+from torsight.discovery.inference.solver import TRUSTED, Slopes, Space, full_step
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
@@ -38,6 +38,10 @@ ITERATIONS: Final = 14
 _HALVINGS: Final = 5
 _LITTLE: Final = 1e-6
 """Information about a free value, in one over its scale squared."""
+FURTHER: Final = 20.0
+"""How many times what the linear model promises a search may gain in all before it is left as hopeless. Of 214 laws
+that gained twenty log units and more on nine records, those that gained more than a hundred gained up to 16 times what
+the first step promised."""
 SETTLED: Final = 0.3
 """Gain in log units below which a further step, or round of weights, no longer matters."""
 
@@ -64,6 +68,8 @@ class Measured:
         Size of the form, in the law's scale.
     bank : float
         By how much the family's evidence differs from that of its most probable form alone.
+    hopes : bool
+        False where it was left because it would not come as far as it should.
     """
 
     law: Law
@@ -74,6 +80,7 @@ class Measured:
     log_evidence: float
     size: float
     bank: float
+    hopes: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,9 +113,9 @@ def measure_law(
     *,
     effects: EffectSet = (),
     likelihood: Likelihood,
-    iterations: int = ITERATIONS,
     known: Mapping[str, Floats] | None = None,
     curve: Floats | None = None,
+    least: float = -np.inf,
 ) -> Measured:
     """Measure a law beside the plain model and a set of effects.
 
@@ -124,19 +131,19 @@ def measure_law(
         Effects (and laws that are known already) that are part of the model.
     likelihood : Likelihood
         Of the record.
-    iterations : int
-        Steps at most.
     known : mapping of str to (n,) float64, optional
         Derivatives at the start by some of the values, where a fit without the law has them.
     curve : (k,) float64, optional
         Values of the law on its nodes from which to begin; none where left out.
+    least : float
+        Logarithm of the posterior density below which it does not matter.
     """
-    return _Measurement(problem, law, effects, likelihood).run(start, iterations, known or {}, curve)
+    return _Measurement(problem, law, effects, likelihood, least).run(start, known or {}, curve)
 
 
 class _Measurement:
-    def __init__(self, problem: Problem, law: Law, effects: EffectSet, likelihood: Likelihood) -> None:
-        self._law, self._likelihood = law, likelihood
+    def __init__(self, problem: Problem, law: Law, effects: EffectSet, likelihood: Likelihood, least: float) -> None:
+        self._law, self._likelihood, self._least = law, likelihood, least
         free = law.free()
         self._problem = problem.with_laws((*problem.forms, free))
         known = {candidate.id: candidate for candidate in problem.candidates}
@@ -167,10 +174,8 @@ class _Measurement:
         f = u[m:]
         return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
 
-    def run(
-        self, start: Mapping[str, float], iterations: int, known: Mapping[str, Floats], curve: Floats | None
-    ) -> Measured:
-        """Step from a start until nothing is gained."""
+    def run(self, start: Mapping[str, float], known: Mapping[str, Floats], curve: Floats | None) -> Measured:
+        """Step from a start until nothing is gained, or hope is lost."""
         m, k = len(self._names), len(self._law.nodes)
         u = np.zeros(m + k)
         u[:m] = [start[name] for name in self._names]
@@ -178,21 +183,27 @@ class _Measurement:
             u[m:] = curve
         slopes = Slopes(self._model, self._space, u, guess=self._guess(known))
         last: _Member | None = None
-        for _ in range(iterations):
+        hopes = True
+        for _ in range(ITERATIONS):
+            slopes.renew()
             picture = self._picture(slopes)
             precision = _precision(picture.form.basis)
             now = self._value(slopes.at_x, _projected(slopes.x, m, picture.form), precision)
             target = self._space.clip(picture.mean)
             promised = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision) - now
-            found = self._towards(slopes.x, target, now, precision) if promised > SETTLED else None
+            hopes = now + FURTHER * promised > self._least
+            found = self._towards(slopes.x, target, now, precision) if hopes and promised > SETTLED else None
             if found is None:
-                if promised > SETTLED and slopes.refresh():
+                if hopes and promised > SETTLED and slopes.refresh():
                     continue
+                # What derivatives promise where no step gets it is no hope.
+                hopes = now + FURTHER * SETTLED > self._least
                 break
             gained, u, at_u = found
             slopes.move(u, at_u, trusted=gained > TRUSTED * promised)
             last = picture.place
-        return self._measured(slopes, last)
+        slopes.renew()
+        return replace(self._measured(slopes, last), hopes=hopes)
 
     def _guess(self, known: Mapping[str, Floats]) -> Floats | None:
         """Return the derivatives that are known as columns, NaN for the others; None where none is."""
@@ -345,6 +356,20 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
             off = (x[i] - (parameter.null if parameter.null is not None else parameter.value)) / scale
             total += 0.5 * float(np.log(2.0 / np.pi)) - float(np.log(scale * (1.0 + off**2)))
     return total
+
+
+def far_ahead(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
+    """Return the most that the posterior density's logarithm may come to from a point, as the linear model has it."""
+    space, x, base = fitter.space(fit.effects), fit.solution.x, len(fitter.problem.parameters)
+    residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
+    step = full_step(fit.solution, residual, weight=likelihood.weight(residual), space=space)
+
+    def value(share: float) -> float:
+        there = residual - share * (fit.solution.jacobian @ step)
+        return likelihood.log(there) - 0.5 * prior_cost_of(space.prior_residual(x + share * step), base)
+
+    now = value(0.0)
+    return now + FURTHER * max(0.0, value(1.0) - now)
 
 
 def prior_information(space: Space, x: Floats, base: int) -> Floats:

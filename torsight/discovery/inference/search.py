@@ -22,7 +22,7 @@ from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation, Field, Places, curvature_spread, places_of
 from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import SETTLED, Measured, log_evidence, measure_law
+from torsight.discovery.inference.measure import SETTLED, Measured, far_ahead, log_evidence, measure_law
 from torsight.discovery.inference.noise import (
     Stretches,
     correlation_samples,
@@ -105,9 +105,16 @@ class Search:
 
     def _within_reach(self, one: Explanation, *, more: int = 0) -> bool:
         """Return whether a set, with so many members more, could be told beside the best one if all went well."""
+        return one.log_evidence + self.promise(one) > self._reach(len(one.members) + more)
+
+    def _reach(self, size: int) -> float:
+        """Return the evidence from which a set of so many members could be told beside the best one."""
         best = self._best()
-        most = one.log_evidence + self.promise(one) - self.needed * (len(one.members) + more)
-        return most > best.log_evidence - self.needed * len(best.members) - 0.5 * self._settings.apart
+        return best.log_evidence + self.needed * (size - len(best.members)) - 0.5 * self._settings.apart
+
+    def _least(self, one: Explanation, size: int) -> float:
+        """Return :meth:`_reach` as the logarithm of the posterior density under the likelihood of a set."""
+        return self.value_of(one) + self._reach(size) - one.log_evidence
 
     def _promising(self, size: int) -> list[Explanation]:
         """Return the best sets of so many members, as far as another fit of them could matter."""
@@ -253,10 +260,11 @@ class Search:
         fitter, laws = _fitter_of(best, members)
         fit = fitter.at(fitter.ordered(members), best.fit.values, near=best.fit)
         without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
-        law = self._laws.get(item[2])
+        law, least = self._laws.get(item[2]), self._least(best, len(best.members))
         if law is None:
-            return self.with_effect(without, item[2])
-        return self._with_law(without, law, curve=best.fitter.problem.curve_of(item[1], law, best.fit.values))
+            return self.with_effect(without, item[2], least=least)
+        curve = best.fitter.problem.curve_of(item[1], law, best.fit.values)
+        return self._with_law(without, law, curve=curve, least=least)
 
     def _grow(self, work: list[tuple[EffectSet, str]], *, step: str) -> None:
         """Extend fitted sets, each by one member, unless that was done before, and keep what comes of it."""
@@ -266,21 +274,30 @@ class Search:
         self._keep(found)
 
     def _extended(self, item: tuple[EffectSet, str]) -> Explanation:
-        return self._extended_by(self._explanations[item[0]], item[1])
+        parent, name = self._explanations[item[0]], item[1]
+        # What each explains alone is reported; beside the best set, its own likelihood may add the little that lacks.
+        whole = not parent.members or parent is self._best()
+        least = -np.inf if whole else self._least(parent, len(parent.members) + 1)
+        if name in self._laws:
+            return self._with_law(parent, self._laws[name], least=least)
+        return self.with_effect(parent, name, least=least)
 
-    def _extended_by(self, parent: Explanation, name: str) -> Explanation:
-        return self._with_law(parent, self._laws[name]) if name in self._laws else self.with_effect(parent, name)
+    def with_effect(self, parent: Explanation, name: str, *, least: float = -np.inf) -> Explanation:
+        """Fit one more effect beside a fitted set, as long as the posterior density may come to what matters."""
 
-    def with_effect(self, parent: Explanation, name: str) -> Explanation:
-        """Fit one more effect beside a fitted set."""
-        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > SETTLED)
-        if fit.cost > parent.cost - WORTH:
+        def hopes(fit: Fit) -> bool:
+            return far_ahead(parent.fitter, fit, parent.likelihood) > least
+
+        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > SETTLED, hopes=hopes)
+        if fit.cost > parent.cost - WORTH or not hopes(fit):
             # Where nothing is gained the residual is the parent's, and worth the same.
             evidence = log_evidence(parent.fitter, fit, parent.likelihood) + _banks(parent.laws)
             return replace(parent, fit=fit, log_evidence=evidence)
         return self._settled(parent.fitter.problem, fit, parent.laws)
 
-    def _with_law(self, parent: Explanation, law: Law, *, curve: Floats | None = None) -> Explanation:
+    def _with_law(
+        self, parent: Explanation, law: Law, *, curve: Floats | None = None, least: float = -np.inf
+    ) -> Explanation:
         """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
 
         Where what is missing has pulled the base values off, the second start comes down into the valley where the
@@ -289,7 +306,7 @@ class Search:
         """
         problem, fit = parent.fitter.problem, parent.fit
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
-        measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood)
+        measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood, least=least)
         found = [measure(fit.values, known=known, curve=curve)]
         if curve is None and self._pulled(parent) > SETTLED:
             nominal = parent.fitter.nominal
@@ -298,23 +315,33 @@ class Search:
         elif curve is None and all(parameter.sigma is None for parameter in problem.parameters):
             found += [measure({**fit.values, **place}) for place in problem.elsewhere]
         best = max(found, key=lambda measured: measured.log_evidence)
-        return self._explained(problem, parent.laws, best, parent.members)
+        return self._explained(problem, parent.laws, best, parent.members, None if best.hopes else parent.likelihood)
 
     def _explained(
-        self, problem: Problem, laws: tuple[Measured, ...], measured: Measured, members: EffectSet
+        self,
+        problem: Problem,
+        laws: tuple[Measured, ...],
+        measured: Measured,
+        members: EffectSet,
+        under: Likelihood | None = None,
     ) -> Explanation:
         """Return a measured law as an explanation: its form is one more candidate.
 
-        It comes out of its measurement under the weights of what it was measured beside, and is fitted under its own.
+        It comes out of its measurement under the weights of what it was measured beside, and is fitted under its own;
+        one without hopes is left as it is, ``under`` what it was measured under.
         """
         extended = problem.with_laws((*problem.forms, measured.form))
-        likelihood = self._likelihood_at(extended, measured.values, (*members, measured.law.id))
+        likelihood = under or self._likelihood_at(extended, measured.values, (*members, measured.law.id))
         fitter = _weighted(likelihood, extended, measured.prediction)
         effects, names = fitter.ordered((*members, measured.law.id)), list(measured.values)
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(measured.values.values()))[place]
         fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
-        return self._settled(extended, fit, (*laws, measured), likelihood)
+        laws = (*laws, measured)
+        if under is not None:
+            evidence = log_evidence(fitter, fit, under) + _banks(laws)
+            return Explanation(fitter, fit, laws, under, evidence, self._progress)
+        return self._settled(extended, fit, laws, likelihood)
 
     def _look_again(self, size: int) -> None:
         """Fit the best sets once more from where the others have led the base values, and the smaller ones, too.
@@ -354,7 +381,7 @@ class Search:
         one, base = item
         if _loss(one, base) < SETTLED:
             return one
-        values = {**one.fit.values, **base}
+        values, least = {**one.fit.values, **base}, self._least(one, len(one.members))
         if one.laws and one.laws[-1].law.id in one.members:
             last = one.laws[-1]
             without = one.fitter.problem.with_laws(
@@ -362,10 +389,14 @@ class Search:
             )
             members = tuple(name for name in one.members if name != last.law.id)
             start = {name: value for name, value in values.items() if name not in last.form.names}
-            again = measure_law(without, last.law, start, effects=members, likelihood=one.likelihood)
-            return self._explained(without, one.laws[:-1], again, members)
-        fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1)
-        return self._settled(one.fitter.problem, fit, one.laws)
+            again = measure_law(without, last.law, start, effects=members, likelihood=one.likelihood, least=least)
+            return self._explained(without, one.laws[:-1], again, members) if again.hopes else one
+
+        def hopes(fit: Fit) -> bool:
+            return far_ahead(one.fitter, fit, one.likelihood) > least
+
+        fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1, follow=hopes)
+        return self._settled(one.fitter.problem, fit, one.laws) if hopes(fit) else one
 
     def _follow_best(self, *, longest: float) -> None:
         """Take floor and correlation from the best set's residual, and every set's evidence under that likelihood.

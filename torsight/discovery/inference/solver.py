@@ -10,7 +10,7 @@ every step that a one-sided derivative proposes may lead uphill; then it is held
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
@@ -77,9 +77,9 @@ class Solution:
     converged : bool
         False where the evaluations ran out first.
     moved : float
-        Way in parameter scales since the derivatives were taken.
+        Way in parameter scales since the derivatives were taken; infinite where they have failed.
     promised : float
-        Decrease of the objective that a further step promises.
+        Decrease of the objective that a further step promises; NaN where it was not asked for.
     """
 
     x: Floats
@@ -88,7 +88,7 @@ class Solution:
     cost: float
     converged: bool
     moved: float = 0.0
-    promised: float = 0.0
+    promised: float = np.nan
 
 
 @runtime_checkable
@@ -159,7 +159,7 @@ def solve(
     guess : (n, m) array, optional
         Derivatives to begin with, where they are known from a smaller model; NaN columns are worked out.
     rough : bool
-        Leave the derivatives at the end as they are.
+        Leave the derivatives at the end as they are, even where they have failed.
     """
     y = np.where(weight.each > 0.0, observed, 0.0)
     slopes = Slopes(function, space, start, guess=guess)
@@ -176,6 +176,7 @@ def solve(
         return bool(kinked.any())
 
     for _ in range(max_iterations):
+        slopes.renew()
         residual = y - slopes.at_x
         normal, gradient = _normal(slopes.jacobian, residual, slopes.x, weight=weight, space=space)
         _hold(normal, gradient, held, space=space)
@@ -204,14 +205,27 @@ def solve(
         cost = trial_cost
     if not rough:
         slopes.refresh()
-    promised = 0.0 if converged else _promised(slopes, y, weight=weight, space=space)
-    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, converged, slopes.moved, promised)
+    return Solution(slopes.x, slopes.at_x, slopes.jacobian, cost, converged, slopes.moved)
 
 
-def _promised(slopes: Slopes, y: Floats, *, weight: Weight, space: Space) -> float:
-    """Return the decrease of the objective that an undamped step promises."""
+def looking_ahead(
+    function: Callable[[Floats], Floats], solution: Solution, *, observed: Floats, weight: Weight, space: Space
+) -> Solution:
+    """Return a rough solution with what an undamped step from there promises, by derivatives that have not failed."""
+    if solution.converged:
+        return replace(solution, promised=0.0)
+    slopes = Slopes(function, space, solution)
+    slopes.renew()
+    y = np.where(weight.each > 0.0, observed, 0.0)
     normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
-    return _step(normal, gradient, slopes.x, damping=0.0, space=space)[1]
+    _, promised = _step(normal, gradient, slopes.x, damping=0.0, space=space)
+    return replace(solution, jacobian=slopes.jacobian, moved=slopes.moved, promised=promised)
+
+
+def full_step(solution: Solution, residual: Floats, *, weight: Weight, space: Space) -> Floats:
+    """Return the undamped step (m,) from a solution at other weights; zeros of a residual (n,) do not count."""
+    normal, gradient = _normal(solution.jacobian, residual, solution.x, weight=weight, space=space)
+    return _step(normal, gradient, solution.x, damping=0.0, space=space)[0]
 
 
 class Slopes:
@@ -238,7 +252,7 @@ class Slopes:
             self.moved = 0.0 if guess is None else _NEAR
 
     def move(self, x: Floats, at_x: Floats, *, trusted: bool) -> None:
-        """Go to another point; Broyden's update where the derivatives have proven right, differences elsewhere."""
+        """Go to another point; Broyden's update where the derivatives have proven right; far from there they fail."""
         step = (x - self.x) / self._space.scale
         moved = float(np.max(np.abs(step)))
         missed = at_x - self.at_x - self.jacobian @ (x - self.x)
@@ -248,7 +262,12 @@ class Slopes:
         step[~self.jacobian.any(axis=0)] = 0.0
         if trusted and self.moved < _FAR and step.any():
             self.jacobian = self.jacobian + np.outer(missed, step / (step @ step) / self._space.scale)
-        else:
+        elif self.moved >= _NEAR:
+            self.moved = np.inf
+
+    def renew(self) -> None:
+        """Take derivatives that have failed anew."""
+        if np.isinf(self.moved):
             self.refresh()
 
     def refresh(self) -> bool:

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from torsight.core.units import Flags, Floats
 
@@ -47,9 +46,9 @@ class Weight:
         return self.shared * self.each[:, None]
 
     @cached_property
-    def _factor(self) -> tuple[Floats, bool]:
-        factor: tuple[Floats, bool] = cho_factor(np.eye(self.shared.shape[1]) + self.shared.T @ self._weighted)
-        return factor
+    def _information(self) -> Floats:
+        """What the samples and their priors say of the shared errors (k, k)."""
+        return np.asarray(np.eye(self.shared.shape[1]) + self.shared.T @ self._weighted)
 
     @property
     def alone(self) -> bool:
@@ -59,11 +58,13 @@ class Weight:
     @property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of 1 + Jᵀ w J: what the shared errors may take up costs as much."""
-        return 0.0 if self.alone else 2.0 * float(np.sum(np.log(np.diag(self._factor[0]))))
+        return 0.0 if self.alone else float(np.linalg.slogdet(self._information)[1])
 
     def errors(self, residual: Floats) -> Floats:
         """Return the most probable shared errors (k,) behind a residual, in their standard deviations."""
-        return np.zeros(0) if self.alone else np.asarray(cho_solve(self._factor, self._weighted.T @ residual))
+        return (
+            np.zeros(0) if self.alone else np.asarray(np.linalg.solve(self._information, self._weighted.T @ residual))
+        )
 
     def square(self, residual: Floats) -> float:
         """Return the objective of a residual."""
@@ -75,7 +76,7 @@ class Weight:
         plain = columns * self.each[:, None]
         if self.alone:
             return plain
-        return np.asarray(plain - self._weighted @ cho_solve(self._factor, self._weighted.T @ columns))
+        return np.asarray(plain - self._weighted @ np.linalg.solve(self._information, self._weighted.T @ columns))
 
     def only(self, rows: Flags) -> Weight:
         """Return the weight with nothing but these rows (n,) counted."""

@@ -311,7 +311,7 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
     if not follows(problem, fitter, base):
         least, declared = min([own, *costs, base.cost]), {p.name: p.value for p in problem.parameters}
         scouts = [{**declared, **point} for point in (points[0], *starts)]
-        afar = fitter.fit((one.id,), scouts, keep=1, below=_BETTER * least)
+        afar = fitter.fit((one.id,), scouts, keep=1, follow=lambda scout: scout.ahead < _BETTER * least)
         starts = [afar.values] * (afar.cost < _BETTER * least) + starts
     first = starts[0] if starts else points[0]
     # A value that is nearer to its null than one step of the declared scale cannot be told from it.
