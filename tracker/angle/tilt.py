@@ -49,15 +49,14 @@ _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
 _FEWEST: Final = 12
 KNOWN: Final = np.deg2rad(0.2)
-"""A tilt of which no more is left than can make this error of an angle is taken out, be it none."""
+"""A tilt of which no more is left than can make this error of an angle is taken out, be it none. A plane that is known
+may be off by as much: were it taken as exact, what it is off would look like a read-out."""
 _SHOWN: Final = (4.0, 9.0)
 """χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
 _BELIEVED: Final = math.erf(math.sqrt(0.5 * _SHOWN[0]))
 """Belief in a read-out from which some of it is taken out: two standard deviations, as for the stretch."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
-_PINNED: Final = np.deg2rad(0.001)
-"""Prior of what is known to be nought: the error of an angle that it makes."""
 _ENOUGH: Final = 1e-3
 """Gain in χ² that is not worth another step: a thirtieth of a standard deviation."""
 
@@ -108,7 +107,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
 
     ``inner`` and ``outer`` are positions (n, 2) from the picture's middle in units of half its width (``half_px``
     pixels), y up, NaN where not known, with covariances; in square pixels, or in the plane of motion where that is
-    ``known``: then the read-out alone is fitted.
+    ``known``: then the read-out alone is told.
     """
     stick = outer[0] - inner[0]
     seen = np.asarray(np.isfinite(stick).all(axis=1), dtype=np.bool_)
@@ -120,11 +119,11 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     rows = spread_rows(direction, seen, apart=fast)
     priors = [_prior(stretch) for stretch in _STRETCHES]
     if known:
-        priors = [np.append(np.full(5, _PINNED), priors[0][5:])]
+        priors = [np.append(np.full(5, KNOWN), priors[0][5:])]
     turned = _turned(direction[seen])
     if len(rows) < _FEWEST or turned < _TURNED_RAD:
         nothing = [_Found(0.0, np.zeros(7), np.diag(prior[:7] ** 2)) for prior in priors]
-        return _blended([item.without(_READ) for item in nothing], turned)
+        return _told_of(_blended([item.without(_READ) for item in nothing], turned), known=known)
     points = np.stack([inner[0][rows], outer[0][rows]], axis=1)
     spread = np.stack([inner[1][rows], outer[1][rows]], axis=1)
     # Frames of one direction, one way round, tell the same.
@@ -141,7 +140,15 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
         found.append(_Found(_evidence(covariance, chi_squared, prior), values[:7], covariance[:7, :7]))
         start = values
-    return _best_readout(found, _arc(direction[rows]))
+    return _told_of(_best_readout(found, _arc(direction[rows])), known=known)
+
+
+def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
+    """Return what is told: of a plane that is known the read-out alone, whatever the plane is off."""
+    if not known:
+        return tilt
+    told = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    return replace(tilt, values=told * tilt.values, covariance=np.outer(told, told) * tilt.covariance)
 
 
 @dataclass(frozen=True, eq=False)

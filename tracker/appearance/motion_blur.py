@@ -1,7 +1,7 @@
 """How long the shutter is open: fast markers leave a smear, from which it is learned (compiled).
 
 ``rig`` is the record that holds ``shutter_share`` (of the frame interval), ``shutter_cost`` of every share that is
-tried, and ``fast``, how many fast readings there were.
+tried, a mean over ``shutter_looks``, and ``fast``, how many fast readings there were.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ from tracker.appearance.lucas_kanade import (
 SHARES: Final = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
 """Shares of the frame interval that are tried."""
 _RATE: Final = 0.15
-"""Share of a new look in the account; of a path below ``_LONG_PX``, whose smears hardly differ, half of it."""
-_LONG_PX: Final = 4.0
+"""Share of a new whole look in the account. A smear makes a dot wider by the square of its length, so a path that is
+shorter than the dot is wide counts by the square of its share of that: many slow looks, which tell nothing, do not
+outweigh a fast one."""
 _CLEAR: Final = 0.15
 """By how much (of the logarithm of the residual) a smear has to fit better than none: compression softens moving dots,
 and that looks a little like a smear."""
@@ -75,10 +76,11 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
     if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
         return
     costs = np.log(costs + 1e-3)
-    weight = _RATE if math.hypot(path[0], path[1]) > _LONG_PX else 0.5 * _RATE
+    look = min(1.0, (path[0] ** 2 + path[1] ** 2) / (2.0 * shape.radius) ** 2)
+    rig.shutter_looks += look * (1.0 - _RATE * rig.shutter_looks)
     lowest = costs[least(costs)]
     for i in range(len(costs)):
-        rig.shutter_cost[i] += weight * (min(costs[i] - lowest, 2.0) - rig.shutter_cost[i])
+        rig.shutter_cost[i] += look / rig.shutter_looks * (min(costs[i] - lowest, 2.0) - rig.shutter_cost[i])
     rig.shutter_share = best_share(rig.shutter_cost)
 
 

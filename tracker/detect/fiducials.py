@@ -24,6 +24,10 @@ USUAL: Final = (
 """Families that are tried where none is given or the given one is not seen: the most printed first, of one code the
 smallest."""
 
+_MODULE_PX: Final = 8
+"""Size at which OpenCV reads a module, leaving a share of 0.13 out on each side: of its own 4 px that is none, and of a
+module of 4.5 px in the picture neighbours count, for corners are found in whole pixels."""
+
 
 def families() -> tuple[str, ...]:
     """Return the names of the families, as OpenCV calls its dictionaries without ``DICT_``; no name twice."""
@@ -131,7 +135,9 @@ def _found(luma: NDArray[np.uint8], families: tuple[str, ...]) -> dict[str, list
 @lru_cache(maxsize=32)
 def _detector(families: tuple[str, ...]) -> Any:
     known = tuple(family_of(family, where="tag") for family in families)
-    return cv2.aruco.ArucoDetector(known, cv2.aruco.DetectorParameters())
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.perspectiveRemovePixelPerCell = _MODULE_PX
+    return cv2.aruco.ArucoDetector(known, parameters)
 
 
 def in_words(found: list[FoundTag]) -> str:

@@ -205,13 +205,37 @@ def _goes_along(scene: Scene, luma: NDArray[np.uint8], inner: Record, outer: Rec
 
 
 def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Point]) -> list[Record]:
-    """Return a marker as read at each of some places where it is itself there."""
+    """Return a marker as read at each of some places where it is itself there.
+
+    Smeared as it was expected to move, or, where it was not expected to come to that place, as it went there. Before it
+    is known which stick moves, any two dots are followed as one: they are not asked whether they might have.
+    """
     out = np.zeros(len(places), READING)
-    for name in ("predicted", "path"):
-        out[name] = scene.readings[name][index]
-    return [
-        one for one, place in zip(out, places, strict=True) if read_at(scene, luma, index, place, _SLACK, one) == SEEN
-    ]
+    out["predicted"], expected = scene.readings["predicted"][index], scene.readings["path"][index].copy()
+    found = []
+    for one, place in zip(out, places, strict=True):
+        paths = [expected] if scene.rig[0]["moving"] < 0 else [expected, _path_to(scene, index, place)]
+        for path in paths:
+            scene.readings["path"][index] = one["path"] = path
+            if read_at(scene, luma, index, place, _SLACK, one) == SEEN:
+                found.append(one)
+                break
+    scene.readings["path"][index] = expected
+    return found
+
+
+def _path_to(scene: Scene, index: int, place: Point) -> Floats:
+    """Return how far a marker moves in a frame if it went evenly from where it was seen last to a place, px (2,)."""
+    marker, axis = scene.markers[index], scene.sticks[index // 2]["axis"]
+    if not marker["count"]:
+        return np.zeros(2)
+    shift, frames = complex(*scene.rig[0]["shift_now"]), int(marker["lost"]) + 1
+    last, now = complex(*marker["history"][marker["count"] - 1, 1:]), complex(*place) - shift
+    step = (now - last) / frames
+    if axis["known"]:
+        away, before = (at - complex(*axis["centre"]) for at in (now, last))
+        step = 1j * away * cmath.phase(away / before) / frames
+    return np.array([step.real, step.imag])
 
 
 def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Point]:

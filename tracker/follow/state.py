@@ -62,6 +62,7 @@ RIG: Final = np.dtype(
         ("offset_known", "i8"),
         ("shutter_share", "f8"),
         ("shutter_cost", "f8", (len(SHARES),)),
+        ("shutter_looks", "f8"),
         ("fast", "i8"),
     ]
 )

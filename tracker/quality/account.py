@@ -15,7 +15,7 @@ from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
 from tracker.quality.events import event, events_of_right, find_events
 from tracker.quality.gap_pictures import Pictures
-from tracker.quality.gaps import Causes, find_causes, gap_advice
+from tracker.quality.gaps import Causes, find_causes, gap_advice, lone_marker_advice
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
 
@@ -81,7 +81,7 @@ def account(
         length_px=markers["stick_length_px"],
         radius_px=markers["radius_px"] if markers["kind"] == "dot" else None,
         events=events,
-        gaps=gap_advice(content["frames"], causes),
+        gaps=gap_advice(content["frames"], causes) + lone_marker_advice(rows, angles),
     )
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events

@@ -73,8 +73,9 @@ class Seen:
             return "focus"
         if self.step_deg is None or abs(self.step_deg) < LEAST_FAST_DEG:
             return None
-        # Beyond the search's reach a stick is followed only as long as its speed stays the same.
-        if abs(self.step_deg) < (usual_deg if self.step_px >= 3.0 * JUMP_PX else FAST * usual_deg):
+        # Beyond the search's reach a stick is followed only as long as its speed stays the same, which is seen to a
+        # column of the layout, a degree.
+        if abs(self.step_deg) < (usual_deg - 1.0 if self.step_px >= 3.0 * JUMP_PX else FAST * usual_deg):
             return None
         return "shutter" if self.smear_px > SMEARED * radius_px else "speed"
 

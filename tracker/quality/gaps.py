@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.words.wording import counted
 from tracker.follow.motion_model import STALE
 from tracker.quality.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
+from tracker.rows import CODE
 from tracker.track import TrackResult
 
 _FELT: Final = 0.02
@@ -162,6 +164,21 @@ def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
             told.append(
                 f"{counted(count, 'frame')} of these have none for another reason: "
                 + _DO[name].format(**causes.figures)
+            )
+    return told
+
+
+def lone_marker_advice(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
+    """Return what is to be done where the moving stick's angle is known by one of its markers alone, or nothing."""
+    told: list[str] = []
+    seen = rows["state"][:, 2:] == CODE["seen"]
+    for end, name in enumerate(("inner", "outer")):
+        alone = int((angles.valid & ~seen[:, end] & seen[:, 1 - end]).sum())
+        if alone > _FELT * len(angles):
+            told.append(
+                f"The moving stick's {name} marker is not seen in {alone} of {counted(len(angles), 'frame')}, whose "
+                "angle rests on the other one alone and is less sure: keep it in the picture and clear of hands, wires "
+                "and glare, and film with a shorter shutter time where it is smeared."
             )
     return told
 

@@ -115,6 +115,26 @@ def test_a_stick_whose_outer_marker_is_lost_as_it_starts_is_found_again() -> Non
     check(followed(scenes)[-1], scenes[-1])
 
 
+def exposed(turn: np.ndarray, *, share: float) -> list[np.ndarray]:
+    """Draw the stick at some directions (degrees, one per frame), with the shutter open for a share of a frame."""
+    times = np.arange(len(turn)) + share * (np.arange(8)[:, None] - 3.5) / 8.0
+    at = np.interp(times.T, np.arange(len(turn)), turn)
+    drawn = [[picture([*BASE, *moving(one)], seed=8 * n + k) for k, one in enumerate(row)] for n, row in enumerate(at)]
+    return [np.mean(frame, axis=0).round().astype(np.uint8) for frame in drawn]
+
+
+def test_a_stick_that_starts_fast_is_found_by_its_smear() -> None:
+    # A fast turn tells the shutter, slow ones tell nothing; then the stick rests, and starts at 20 px per frame.
+    speed = [0.0] * 3 + [4.0] * 20 + [1.0] * 50 + [0.0] * 20 + [8.0] * 8
+    turn = 40.0 + np.cumsum(speed)
+    follower = follower_of([*BASE, *moving(40.0)])
+    for number, luma in enumerate(exposed(turn, share=0.9)):
+        row = follower.step(Frame(number, number / 30.0, luma))
+        if number > len(turn) - 7:
+            assert (row["state"] == CODE["seen"]).all()
+    assert follower.report()["shutter_share_of_frame"] == pytest.approx(0.9, abs=0.15)
+
+
 @pytest.mark.parametrize("jump", [6.0 - 5.0j, -11.0 + 9.0j, -60.0 - 45.0j])
 def test_a_picture_that_jumps(jump: complex) -> None:
     # The last one is beyond what is searched in the first frame: 3 × 15 px.

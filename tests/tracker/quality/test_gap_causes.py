@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 from tests.tracker.films import Cover, Rig, write_film
+from torsight.core.tracks import StickAngles
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
 from tracker.quality.account import account
 from tracker.quality.gap_pictures import Seen
+from tracker.quality.gaps import lone_marker_advice
 from tracker.quality.track_warnings import doubts
+from tracker.rows import CODE, ROW
 from tracker.track import track_film
 
 RIG = Rig(lambda t: 60.0 + 40.0 * (np.cos(5.0 * t) - 1.0), frames=36)
@@ -86,6 +89,20 @@ def test_the_cause_is_named(cause: str, rig: Any, words: str, tmp_path: Path) ->
     assert next(iter(told["frames"]["causes"])) == cause
     (about,) = [text for text in told["advice"] if "frames have no angle" in text]
     assert words in about
+
+
+@pytest.mark.parametrize(("marker", "name"), [(2, "inner"), (3, "outer")])
+def test_an_angle_that_rests_on_one_marker_has_advice(marker: int, name: str) -> None:
+    rows, zero = np.zeros(40, ROW), np.zeros(40)
+    rows["state"][5:15, marker] = CODE["hidden"]
+    # With both gone there is no angle, of which other advice tells.
+    rows["state"][15:20, 2:] = CODE["hidden"]
+    known = (rows["state"][:, 2:] == CODE["seen"]).any(axis=1)
+    angles = StickAngles(np.arange(40), np.arange(40) / 30.0, zero, zero, known, np.ones(40, bool))
+    (told,) = lone_marker_advice(rows, angles)
+    assert f"{name} marker is not seen in 10 of 40 frames" in told
+    rows["state"][:, 2:] = CODE["seen"]
+    assert lone_marker_advice(rows, angles) == []
 
 
 @pytest.mark.parametrize(
