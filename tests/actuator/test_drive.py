@@ -54,30 +54,6 @@ def test_a_top_between_two_rows_ends_the_transformation_where_it_was(rate_hz: fl
     np.testing.assert_allclose(thinned, fine, atol=0.02)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_wire_behind_a_slow_sensor_is_off_by_as_many_sigmas_as_its_sensor(seed: int):
-    """The noise of a sensor that is late by 5 s makes more of an error of its wire than of itself."""
-    table = read_at(4.0)
-    rng, lag_s, keep = np.random.default_rng(seed), 5.0, np.exp(-0.25 / 5.0)
-    read = [one.copy() for one in (table.temp_a_c, table.temp_b_c)]
-    for late, wire in zip(read, (table.temp_a_c, table.temp_b_c), strict=True):
-        for k in range(1, len(wire)):
-            # On a ramp it is late by its time constant.
-            behind_c = (wire[k] - wire[k - 1]) / 0.25 * lag_s
-            late[k] = wire[k] - behind_c + (late[k - 1] - wire[k - 1] + behind_c) * keep
-    noisy = [late + 0.05 * rng.standard_normal(len(late)) for late in read]
-    late_table = replace(table, temp_a_c=noisy[0], temp_b_c=noisy[1])
-    drive = ActuatorModel(reference_spec()).prepare(late_table, row_rate_hz=math.inf)
-    off = drive.sensors.off_by((drive.temp_sigma_c, drive.temp_sigma_c))
-    (share, *right), (_, *wrong) = drive.sensors.lag_correction(lag_s), off.lag_correction(lag_s)
-    at_lag = [low[0] + share * (high[0] - low[0]) for low, high in (right, wrong)]
-    wire_sigma_c = drive.temp_sigma_c + at_lag[1] - at_lag[0]
-    error_c = drive.temp_a_c + at_lag[0] - table.temp_a_c
-    driven = (drive.cycles.active == 0) & (table.temp_a_c > 30.0)
-    assert 0.5 < np.sqrt(np.mean((error_c[driven] / wire_sigma_c[driven]) ** 2)) < 1.5
-    assert np.median(wire_sigma_c[driven] / drive.temp_sigma_c[driven]) > 1.1
-
-
 @cache
 def whole_record() -> tuple[SyncedTable, ActuatorModel]:
     table, model = read_at(4.0), ActuatorModel(reference_spec())

@@ -262,7 +262,6 @@ def _driven(
     fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in (a, b))
     rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / _ROW_STEP_C))
     nothing, least_c = np.full(len(rows), np.nan), turn_of(noise)
-    sigma_c = by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows]
     of_a, of_b = (_at_rows(item, rows, least_c) for item in (a, b))
     return Drive(
         time_s=time_s[rows],
@@ -270,7 +269,7 @@ def _driven(
         temp_b_c=of_b.temp_c,
         rate_a_c_s=of_a.rate_c_s,
         rate_b_c_s=of_b.rate_c_s,
-        temp_sigma_c=sigma_c,
+        temp_sigma_c=by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows],
         peaks_a_c=a.peaks_c[rows],
         peaks_b_c=b.peaks_c[rows],
         noise_c=noise,
@@ -281,7 +280,7 @@ def _driven(
         start_angle_rad=start_angle_rad,
         room_c=min(float(np.quantile(item.temp_c, 0.02)) for item in (a, b)),
         known=(known_a & known_b)[rows],
-        sensors=Sensors(time_s, (filled_a, filled_b), rows, (of_a.sensor_c, of_b.sensor_c), sigma_c, least_c),
+        sensors=Sensors(time_s, (filled_a, filled_b), rows, (of_a.sensor_c, of_b.sensor_c), least_c),
         turning=(of_a.turning, of_b.turning),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -33,24 +33,16 @@ class Sensors:
         Rows of the log that the drive keeps (all that it keeps, where some of a drive's rows are taken).
     driven_c : two (n,) float64
         Both temperatures there, conditioned.
-    sigma_c : (n,) float64
-        One standard deviation of the driven spring's.
     least_turn_c : float
         By how much a temperature goes back where it turns.
-    error_c : two (n,) float64, optional
-        By how much the conditioned temperatures are taken to be off: wires behind slow sensors are then off as many
-        standard deviations of their own.
     """
 
     time_s: Floats
     temps_c: Pair
     rows: Ints
     driven_c: Pair
-    sigma_c: Floats
     least_turn_c: float
-    error_c: Pair | None = None
-    _known: dict[float, tuple[Pair, Pair]] = field(default_factory=dict)
-    _right: Sensors | None = None
+    _known: dict[float, Pair] = field(default_factory=dict)
 
     @cached_property
     def _readings(self) -> tuple[Readings, Readings]:
@@ -68,28 +60,14 @@ class Sensors:
         share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
         return share, self._at(_LAG_GRID_S[low]), self._at(_LAG_GRID_S[low + 1])
 
-    def off_by(self, error_c: Pair) -> Sensors:
-        """Return them with the conditioned temperatures off by an error (n,) each."""
-        return replace(self, error_c=error_c, _right=self._right or self)
-
     def _at(self, lag_s: float) -> Pair:
-        """Return what the wires' temperatures differ from the conditioned ones by, errors of both included."""
-        (a, b), (doubt_a, doubt_b) = (self._right or self).behind(lag_s)
-        if self.error_c is None:
-            return a, b
-        return a + (doubt_a - 1.0) * self.error_c[0], b + (doubt_b - 1.0) * self.error_c[1]
-
-    def behind(self, lag_s: float) -> tuple[Pair, Pair]:
-        """Return by how much the wires are hotter (n,), and how many times as doubtful as the conditioned ones."""
         if lag_s not in self._known:
-            n = len(self.rows)
-            hotter, doubt = [np.zeros(n), np.zeros(n)], [np.ones(n), np.ones(n)]
-            if lag_s > 0.0:
-                for k, (readings, driven_c) in enumerate(zip(self._readings, self.driven_c, strict=True)):
-                    wire = readings.behind(self.time_s, lag_s)
-                    hotter[k] = self._kept(wire.temp_c) - driven_c
-                    np.divide(wire.sigma_c[self.rows], self.sigma_c, out=doubt[k], where=self.sigma_c > 0.0)
-            self._known[lag_s] = (hotter[0], hotter[1]), (doubt[0], doubt[1])
+            none = np.zeros(len(self.rows))
+            a, b = (
+                self._kept(readings.behind(self.time_s, lag_s).temp_c) - driven_c if lag_s > 0.0 else none
+                for readings, driven_c in zip(self._readings, self.driven_c, strict=True)
+            )
+            self._known[lag_s] = (a, b)
         return self._known[lag_s]
 
     def _kept(self, wire_c: Floats) -> Floats:

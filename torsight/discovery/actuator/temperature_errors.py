@@ -101,7 +101,7 @@ def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
 
 
 def with_errors(drive: Drive, added_c: tuple[Floats, Floats]) -> Drive:
-    """Return the drive with errors on its temperatures and on their slopes, and behind slow sensors as much larger."""
+    """Return the drive with errors on its temperatures and on their slopes."""
     slopes = [np.gradient(error, drive.time_s) for error in added_c]
     return replace(
         drive,
@@ -109,5 +109,4 @@ def with_errors(drive: Drive, added_c: tuple[Floats, Floats]) -> Drive:
         temp_b_c=drive.temp_b_c + added_c[1],
         rate_a_c_s=drive.rate_a_c_s + slopes[0],
         rate_b_c_s=drive.rate_b_c_s + slopes[1],
-        sensors=drive.sensors.off_by(added_c),
     )
