@@ -24,7 +24,15 @@ from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.detect.dots import places_in
 from tracker.detect.sticks import MOST
-from tracker.follow.camera_state import SHAKE_PX, TURN_RAD, goes_with_picture, own_circle_sigma_px, roll_of, take_roll
+from tracker.follow.camera_state import (
+    SHAKE_PX,
+    TURN_RAD,
+    circle_misfit,
+    goes_with_picture,
+    own_circle_sigma_px,
+    roll_of,
+    take_roll,
+)
 from tracker.follow.frame_step import stick_at
 from tracker.follow.judgement import NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
 from tracker.follow.motion_model import JUMP_PX, by_other_px, is_base, jump_px
@@ -207,15 +215,17 @@ def _goes_along(scene: Scene, luma: NDArray[np.uint8], inner: Record, outer: Rec
 def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Point]) -> list[Record]:
     """Return a marker as read at each of some places where it is itself there.
 
-    Smeared as it was expected to move, or, where it was not expected to come to that place, as it went there. Before it
-    is known which stick moves, any two dots are followed as one: they are not asked whether they might have.
+    Smeared as it was expected to move, or, where it was not expected to come to that place, as it went there, if that
+    is on its circle. Before it is known which stick moves, any two dots are followed as one: they are not asked whether
+    they might have.
     """
     out = np.zeros(len(places), READING)
     out["predicted"], expected = scene.readings["predicted"][index], scene.readings["path"][index].copy()
+    own, shift, moves = scene.sticks[index // 2], scene.rig["shift_now"][0], scene.rig["moving"][0] >= 0
     found = []
     for one, place in zip(out, places, strict=True):
-        paths = [expected] if scene.rig[0]["moving"] < 0 else [expected, _path_to(scene, index, place)]
-        for path in paths:
+        goes = moves and circle_misfit(own, shift, place, index % 2) <= SIGMAS
+        for path in [expected, _path_to(scene, index, place)] if goes else [expected]:
             scene.readings["path"][index] = one["path"] = path
             if read_at(scene, luma, index, place, _SLACK, one) == SEEN:
                 found.append(one)
