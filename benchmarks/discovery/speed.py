@@ -4,9 +4,10 @@
     python benchmarks/discovery/speed.py --rates 4 --effects position_friction
 
 Eight half-cycles of a rig with a late sensor, and of one whose friction changes once per turn and is flat at its
-extremes: what the latter leaves beyond the effect's own form keeps the search going. Wanted: under 15 s at 4 Hz and
-30 s at 66 Hz on two cores that do nothing else. Beside the time stands the time that the cores worked; at 66 Hz also
-how much longer it takes than at 4 Hz (the search steps the model through the rows that matter, whatever the rate).
+extremes: what the latter leaves beyond the effect's own form keeps the search going. Wanted on two cores that do
+nothing else: 15 s for as many half-cycles in one hour at 4 Hz, 30 s for these two hours at 66 Hz. Beside the time
+stands the time that the cores worked; at 66 Hz also how much longer it takes than at 4 Hz (the search steps the model
+through the rows that matter, whatever the rate).
 """
 
 from __future__ import annotations

@@ -72,11 +72,11 @@ def _film_instants(film_s: Floats, log_s: Floats) -> tuple[Floats, Ints]:
     """Return the film's instants with the log's rows where frames are missing, and which of them are frames (n,)."""
     if len(film_s) < 3 or len(log_s) < 2:
         return film_s, np.arange(len(film_s))
+    # Half a step either way: a frame is missing from one and a half on, and a row within half of one is at a frame.
     step_s = usual_step(film_s)
     gaps = np.append(np.diff(film_s), 0.0) > max(1.5 * step_s, usual_step(log_s))
     after = np.searchsorted(film_s, log_s, side="right") - 1
     within = (after >= 0) & gaps[after]
-    # A row that nearly falls on a frame says nothing more than that.
     nearest_s = np.minimum(log_s - film_s[after], film_s[np.minimum(after + 1, len(film_s) - 1)] - log_s)
     added_s = log_s[within & (nearest_s > 0.5 * step_s)]
     time_s = np.sort(np.concatenate([film_s, added_s]))

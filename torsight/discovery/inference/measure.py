@@ -40,8 +40,8 @@ _LITTLE: Final = 1e-6
 """Information about a free value, in one over its scale squared."""
 FURTHER: Final = 20.0
 """How many times what the linear model promises a search may gain in all before it is left as hopeless. Of 214 laws
-that gained twenty log units and more on nine records, those that gained more than a hundred gained up to 16 times what
-the first step promised."""
+that gained twenty log units and more on a handful of records, those that gained more than a hundred gained up to 16
+times what the first step promised."""
 SETTLED: Final = 0.3
 """Gain in log units below which a further step, or round of weights, no longer matters."""
 

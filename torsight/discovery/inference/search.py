@@ -8,7 +8,7 @@ likelihood, whose floor and correlation come from the best of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -284,10 +284,7 @@ class Search:
 
     def with_effect(self, parent: Explanation, name: str, *, least: float = -np.inf) -> Explanation:
         """Fit one more effect beside a fitted set, as long as the posterior density may come to what matters."""
-
-        def hopes(fit: Fit) -> bool:
-            return far_ahead(parent.fitter, fit, parent.likelihood) > least
-
+        hopes = _hopes(parent, least)
         fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > SETTLED, hopes=hopes)
         if fit.cost > parent.cost - WORTH or not hopes(fit):
             # Where nothing is gained the residual is the parent's, and worth the same.
@@ -391,10 +388,7 @@ class Search:
             start = {name: value for name, value in values.items() if name not in last.form.names}
             again = measure_law(without, last.law, start, effects=members, likelihood=one.likelihood, least=least)
             return self._explained(without, one.laws[:-1], again, members) if again.hopes else one
-
-        def hopes(fit: Fit) -> bool:
-            return far_ahead(one.fitter, fit, one.likelihood) > least
-
+        hopes = _hopes(one, least)
         fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1, follow=hopes)
         return self._settled(one.fitter.problem, fit, one.laws) if hopes(fit) else one
 
@@ -457,6 +451,11 @@ def _weighted(likelihood: Likelihood, problem: Problem, prediction: Floats) -> F
 def _banks(laws: Sequence[Measured]) -> float:
     """Return by how much the evidence of laws' families differs from that of the forms that were fitted."""
     return sum(law.bank for law in laws)
+
+
+def _hopes(beside: Explanation, least: float) -> Callable[[Fit], bool]:
+    """Return the question whether a fit may come to a posterior density of ``least`` under a set's likelihood."""
+    return lambda fit: least == -np.inf or far_ahead(beside.fitter, fit, beside.likelihood) > least
 
 
 def _loss(one: Explanation, base: Mapping[str, float]) -> float:
