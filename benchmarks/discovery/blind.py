@@ -3,8 +3,9 @@
 Every case is a seed. From it come the declared rig, its true values (each off by its declared uncertainty), where the
 sticks' zero is, how the springs were wound before the record, the programme of four cycles (rates, tops, incomplete
 heatings) and another one for the later record, the noise, and what is hidden. A law's or an effect's strength is found
-by running the rig with and without it until it changes the angle by the wanted size (root mean square). 300 cases for
-work and 300 that are looked at for a report only: 100 clean, 100 laws, 50 forms, 50 pairs each.
+by running the rig with and without it until it changes the angle by the wanted size (root mean square). 320 cases for
+work and as many that are looked at for a report only: 100 clean, 100 laws, 50 forms, 50 pairs, and 20 with a phase law
+of another shape.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from blind_hidden import FORMS, PLACES, Key, drawn_effect, effect_piece, law_piece, shown_deg, together
+from blind_hidden import FORMS, PHASE, PLACES, Key, drawn_effect, effect_piece, law_piece, shown_deg, together
 from blind_rig import Record, draw_rig, log_uniform, run_rig, seen
 
 FIRST_SEED: Final = {"work": 100_000, "report": 300_000}
-COUNTS: Final = {"clean": 100, "law": 100, "form": 50, "pair": 50}
+COUNTS: Final = {"clean": 100, "law": 100, "form": 50, "pair": 50, "phase": 20}
 _SIZE_DEG: Final = (0.3, 10.0)
 
 
@@ -53,7 +54,7 @@ def suite(part: str) -> list[Case]:
     """Return the cases of ``work`` or ``report``; any first so many are a fair sample of the whole."""
     seed = FIRST_SEED[part]
     rng = np.random.default_rng(seed)
-    names, places = list(FORMS), list(PLACES)
+    names, places = list(FORMS), [place for place in PLACES if place != PHASE]
     made = {
         "clean": [Case("clean", seed + i) for i in range(COUNTS["clean"])],
         "law": [Case("law", seed + 1000 + i, law=places[i % len(places)]) for i in range(COUNTS["law"])],
@@ -62,6 +63,7 @@ def suite(part: str) -> list[Case]:
             Case("pair", seed + 3000 + i, tuple(names[k] for k in sorted(rng.choice(len(names), 2, replace=False))))
             for i in range(COUNTS["pair"])
         ],
+        "phase": [Case("law", seed + 4000 + i, law=PHASE) for i in range(COUNTS["phase"])],
     }
     order = [((i + 0.5) / len(cases), k, case) for k, cases in enumerate(made.values()) for i, case in enumerate(cases)]
     return [case for _, _, case in sorted(order, key=lambda item: item[:2])]

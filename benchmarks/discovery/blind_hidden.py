@@ -61,12 +61,17 @@ PLACES: Final[Mapping[Key, Place]] = {
         ("recoverable", "winding", "phase"), ("half_cycle", "cycle"), ("fatigue",), 0.4
     ),
     ("recoverable", "cycle"): Place(("recoverable", "winding", "phase"), ("cycle", "half_cycle"), ("fatigue",), 0.4),
+    ("phase", "temperature"): Place(("phase",), ("temp_active_c",), (), 8.0),
     ("values", "spring"): Place(("values",), ("spring",), ("unlike_springs", "spring_values"), 1.0),
 }
 """Where random laws act, by the rig's port and driver."""
 
+PHASE: Final[Key] = ("phase", "temperature")
+_BESIDE_C: Final = 3.0
+"""How far past both windows a phase law of another shape differs: what is further off is no part of it."""
 _STEEPEST: Final = {
     ("temperature", "temperature"): 0.6,
+    ("phase", "temperature"): 0.9,
     # Of K_S: the springs' stiffness stays positive, and a loading curve nowhere as steep as K_M.
     ("torque", "angle"): 1.0,
     ("winding", "winding"): 0.8,
@@ -232,6 +237,8 @@ def _range(place: Key, plain: Run, rig: DrawnRig) -> tuple[float, float]:
     reach_rad = float(np.max(np.abs(angle_rad))) + 10.0 * DEG
     hottest_c = float(max(signals.wire_a_c.max(), signals.wire_b_c.max()))
     halves = float(signals.half_cycle.max() + 1)
+    if place == PHASE:
+        return rig.values.rig.m_finish_c - _BESIDE_C, rig.values.rig.a_finish_c + _BESIDE_C
     return {
         "angle": (-reach_rad, reach_rad),
         "temperature": (ROOM_C, hottest_c),

@@ -10,9 +10,11 @@ from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log
 from torsight.actuator.laws import FAMILIES, between_nodes, laws_from, laws_of
+from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, phase_places
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.ports import History
 from torsight.actuator.spec import reference_spec
+from torsight.actuator.stepping.phase import PLACES, SHARE_DONE
 from torsight.core.errors import ConfigError
 from torsight.core.units import DEG
 
@@ -155,6 +157,39 @@ def test_what_friction_held_at_the_start_is_no_edge_where_friction_depends_on_th
     model = ActuatorModel(reference_spec(), ("home_torque",), laws=(form,))
     angles = [model.angle_rad(drive, {**model.nominal(), **values, "home_hold": hold}) for hold in (1.0, 0.999)]
     np.testing.assert_allclose(*angles, atol=0.2 * DEG)
+
+
+def test_a_transformation_that_runs_ahead_of_the_cosine_as_the_exponential_does_is_tanakas(drive, laws):
+    place = phase_places(OWN_STEPS)
+    as_cosine = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
+    lead = np.sign(place) * as_cosine - np.clip(place, 0.0, 1.0)
+    found = simulated(drive, laws["phase_temp_active_c"].free(), np.tile(lead, 2)).angle_rad
+    tanaka, plain = (
+        ActuatorModel(reference_spec(), phase_law=one).simulate(drive).angle_rad for one in ("tanaka", "liang_rogers")
+    )
+    assert np.sqrt(np.mean((found - tanaka) ** 2)) < 0.4 * DEG
+    assert np.sqrt(np.mean((plain - tanaka) ** 2)) > 40.0 * DEG
+
+
+def test_a_lead_on_heating_is_none_on_cooling(drive, laws):
+    law = laws["phase_temp_active_c"]
+    lead = np.where(law.nodes < BRANCH, 0.05 * np.sin(np.pi * np.clip(phase_places(law.nodes), 0.0, 1.0)), 0.0)
+    found = simulated(drive, law.free(), lead)
+    plain = ActuatorModel(reference_spec()).simulate(drive)
+    ahead = plain.xi_a - found.xi_a
+    heats = (drive.cycles.active == 0) & (np.gradient(drive.temp_a_c) > 0.0) & (drive.cycles.half == 0)
+    cools = (drive.cycles.half == 0) & ~heats
+    assert ahead[heats].max() > 0.05
+    assert np.abs(ahead[cools]).max() < 0.01
+
+
+def test_a_place_never_goes_back_while_its_temperature_goes_on(drive, laws):
+    law = laws["phase_temp_active_c"]
+    model = ActuatorModel(reference_spec())
+    ports = model.ports(drive, model.nominal())
+    steep = FAMILIES[law.id].apply(ports, lambda steps: np.where(steps > 5.0, -0.5, 0.5))
+    for moved in steep.moved_places():
+        assert (np.diff(PLACES + moved) > 0.0).all()
 
 
 def test_beyond_the_record_a_law_is_as_uncertain_as_its_prior(laws):

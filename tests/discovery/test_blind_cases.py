@@ -19,14 +19,14 @@ from torsight.actuator.model import ActuatorModel
 from torsight.core.units import DEG
 
 
-def test_the_parts_have_300_cases_each_and_share_none() -> None:
+def test_the_parts_have_320_cases_each_and_share_none() -> None:
     work, report = blind.suite("work"), blind.suite("report")
     for part in (work, report):
         count = {kind: sum(case.kind == kind for case in part) for kind in ("clean", "law", "form", "pair")}
-        assert count == {"clean": 100, "law": 100, "form": 50, "pair": 50}
+        assert count == {"clean": 100, "law": 120, "form": 50, "pair": 50}
         assert {case.law for case in part if case.law} == set(PLACES)
         assert {name for case in part if case.kind == "form" for name in case.effects} == set(FORMS)
-    assert len({case.seed for case in [*work, *report]}) == 600
+    assert len({case.seed for case in [*work, *report]}) == 640
 
 
 def test_a_clean_record_is_the_model_with_the_true_values_turned_by_the_zero() -> None:

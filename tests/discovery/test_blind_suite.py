@@ -63,6 +63,28 @@ def test_an_unbalanced_disk_gets_no_wrong_name_and_the_later_record_is_predicted
     assert with_law < min(1.0 * DEG, 0.25 * without)
 
 
+def test_a_rig_of_another_phase_law_shows_its_own_on_heating_and_on_cooling() -> None:
+    def run(*peaks_c: float) -> Record:
+        halves = [{"spring": s, "peak_c": c} for s, c in zip("abab", peaks_c, strict=False)]
+        law = {"kinetics_shape": {"bend": 0.0, "tanaka": 1.0}}
+        scene = {"seed": 4, "protocol": {"time_factor": 0.5, "half_cycle": halves}, "effects": law}
+        return make_record(scene, rate_hz=0.5)
+
+    record, later = run(86.0, 84.0, 60.0, 88.0), run(62.0, 84.0)
+    report = discover(record.table, SPEC, seed=0)
+    assert report.verdict == "unknown"
+    assert {(law.port, law.driver, law.way) for law in report.laws} == {
+        ("phase", "temp_active_c", "heating"),
+        ("phase", "temp_active_c", "cooling"),
+    }
+    for law in report.laws:
+        # The exponential is ahead of the cosine early in its window, by most of the way to half of it.
+        assert 2.0 < law.value.max() < 8.0
+    log = TemperatureLog(later.table.time_s, later.table.temp_a_c, later.table.temp_b_c)
+    predicted = predict_angle(report.model, log, start_angle_rad=float(later.angle_rad[0]))
+    assert np.sqrt(np.mean((predicted - later.angle_rad) ** 2)) < 1.0 * DEG
+
+
 def test_every_case_is_another_record_and_the_parts_share_none(cases: ModuleType) -> None:
     work, report, usual = (cases.suite(part) for part in ("work", "report", "usual"))
     assert len({case.seed for case in [*work, *report, *usual]}) == len(work) + len(report) + len(usual)

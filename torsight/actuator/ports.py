@@ -18,6 +18,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.turns import at_places
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.phase import PLACES
 from torsight.core.units import DEG, Floats, Ints
 
 Reading = Callable[[Floats, Floats], Floats]
@@ -26,7 +27,10 @@ STEEPEST: Final = 0.9
 """Share of the way from the second slope to K_M that a loading curve may steepen by: it is wound, not unwound."""
 REACH_RAD: Final = 100.0 * DEG
 """Angle past an onset at which a law that grows from there has the size by which it is declared, whatever its power."""
-_GRID_POINTS: Final = 1201
+_GOES_ON: Final = 1e-3
+"""A place goes on while its temperature does, at least by so much of it: what a root is looked for in has a slope. A
+window before its start that makes a thousandth of its way, of which the cosine makes 2.5e-6."""
+_GRID_POINTS: Final = len(PLACES)
 """Nodes of a table, 1.35° apart over the paper's angles: lines between them miss a wave five times per turn, the
 shortest that a law has, by (2π 1.35° / 72°)² / 8 = 0.2 % of its size."""
 _GRID_MARGIN: Final = 0.25
@@ -129,6 +133,9 @@ class Ports:
         Share of the friction that holds at the start of the record, from −1 to 1.
     heating_bend, cooling_bend : float
         By how much the transformation runs ahead of the phase law in the middle of its window.
+    lead : two (g,) float64, or None
+        How far the transformation runs ahead of the phase law on heating and on cooling, in windows, over
+        :data:`~torsight.actuator.stepping.phase.PLACES`; before the window, of nothing, past it, of all.
     latent_c_s : float
         By how much a wire is warmer than its sensor says per rate of its ξ.
     viscous_nms, viscous_power : float
@@ -183,6 +190,7 @@ class Ports:
     home_hold: float = 1.0
     heating_bend: float = 0.0
     cooling_bend: float = 0.0
+    lead: tuple[Floats, Floats] | None = None
     latent_c_s: float = 0.0
     viscous_nms: float = 0.0
     viscous_power: float = 1.0
@@ -252,6 +260,20 @@ class Ports:
     def with_dwell(self, factor: Floats) -> Ports:
         """Return ports whose friction after a rest is multiplied, over :data:`DWELL_DECADES`."""
         return self.changed(dwell_factor=factor if self.dwell_factor is None else self.dwell_factor * factor)
+
+    def with_lead(self, heating: Floats, cooling: Floats) -> Ports:
+        """Return ports whose transformations run further ahead of the phase law, windows over its places."""
+        before = self.lead or (0.0, 0.0)
+        return self.changed(lead=(before[0] + heating, before[1] + cooling))
+
+    def moved_places(self) -> tuple[Floats | None, Floats | None]:
+        """Return by how much either lead moves the places, so that none falls while its temperature goes on."""
+        if self.lead is None:
+            return None, None
+        inside = np.clip(PLACES, 0.0, 1.0)
+        led = inside + _GOES_ON * (PLACES - inside) - PLACES
+        heating, cooling = (no_steeper(led + lead, PLACES, np.inf, _GOES_ON - 1.0) for lead in self.lead)
+        return heating, cooling
 
     def with_loading(self, torque_nm: Floats, *, follows: float = 1.0, spring: str = "both") -> Ports:
         """Return ports whose loading curves have a further torque over the spring's angle (on :meth:`grid_rad`).

@@ -13,6 +13,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, Ports
 from torsight.actuator.stepping import kernel
 from torsight.actuator.stepping import kernel_laws as places
+from torsight.actuator.stepping.phase import PLACES
 from torsight.actuator.stepping.samples import Samples, sampled
 from torsight.core.units import DEG, MNM, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
@@ -215,6 +216,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "speed_step": 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1],
         "dwell_step": 0.0 if ports.dwell_factor is None else DWELL_DECADES[1],
         "swing": ports.swing,
+        "place_step": 0.0 if ports.lead is None else PLACES[1] - PLACES[0],
         "passive_share": ports.passive_share,
         "tanaka": tanaka,
         "room_c": ports.room_c,
@@ -267,6 +269,7 @@ def _tables(ports: Ports) -> Floats:
         *ports.loading_nm,
         ports.speed_friction_nm,
         ports.dwell_factor,
+        *ports.moved_places(),
     )
     size = max([2, *(len(table) for table in given if table is not None)])
     tables = np.zeros((len(given), size))

@@ -73,6 +73,8 @@ class MeasuredLaw:
         Which of the laws with this port and this driver it is, from 1, strongest first.
     id : str
         Of its family, as ``alternatives`` name it; empty in a file that does not say.
+    way : str
+        ``heating`` or ``cooling`` where it is a law of one of them, else empty.
     """
 
     effect: str | None
@@ -88,6 +90,7 @@ class MeasuredLaw:
     sentence: str
     number: int = 1
     id: str = ""
+    way: str = ""
 
     @property
     def csv_name(self) -> str:
@@ -97,12 +100,14 @@ class MeasuredLaw:
     @property
     def gives(self) -> str:
         """What its values are, in a few words; of a model of one's own the law's name."""
+        if self.way:
+            return f"lead of the transformation over the phase law on {self.way}"
         return _CLOCK if self.unit == "s" and self.port in GIVES else GIVES.get(self.port, self.port)
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""
         own = {name: getattr(self, name) for name in _KEYS if name != "file"}
-        return {**own, "law": self.id, "file": self.csv_name, "sentence": self.sentence}
+        return {**own, "law": self.id, "way": self.way, "file": self.csv_name, "sentence": self.sentence}
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Return the columns of its file."""
@@ -157,4 +162,5 @@ def _read_law(folder: Path, entry: Mapping[str, Any]) -> MeasuredLaw:
         covered=covered > 0.5,
         sentence=str(entry.get("sentence") or ""),
         id=str(entry.get("law") or ""),
+        way=str(entry.get("way") or ""),
     )

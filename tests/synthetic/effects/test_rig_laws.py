@@ -57,6 +57,13 @@ def test_a_constant_law_of_friction_is_another_coulomb_torque(reference_values: 
     assert np.abs(found.angle_rad - expected.angle_rad)[later].max() < 0.005 * DEG
 
 
+def test_a_phase_law_that_is_so_much_warmer_everywhere_has_colder_windows(reference_values: RigValues) -> None:
+    names = ("A_s_c", "A_f_c", "M_s_c", "M_f_c")
+    colder = rig_values({**reference_values.public, **{name: reference_values.public[name] - 2.0 for name in names}})
+    found = run(reference_values, constant("phase", "temperature", 2.0))
+    assert np.abs(found.angle_rad - run(colder).angle_rad).max() < 1e-4 * DEG
+
+
 def test_friction_over_rests_is_what_is_overcome_after_one(reference_values: RigValues, plain: RigRecord) -> None:
     # While it slides nothing has changed, so a jump leads back to the plain rig's motion: it only starts late.
     law = RigLaw("friction", "dwell", 0.0, 20.0, np.linspace(0.0, 0.3, 9))

@@ -21,7 +21,12 @@ from torsight.core.files.config import get_number, get_text
 from torsight.core.law import Law, LawForm, smooth_between
 from torsight.core.units import Floats
 
-_WAVES: Final = ("angle_deg", "winding_deg")
+_CURVED: Final = frozenset(
+    family.id
+    for family in FAMILIES.values()
+    if family.driver in ("angle_deg", "winding_deg") or family.id == "phase_temp_active_c"
+)
+"""Laws that may bend so sharply that lines between their nodes would cut them."""
 
 
 def apply_law(ports: Ports, form: LawForm, parameters: Floats) -> Ports:
@@ -31,11 +36,8 @@ def apply_law(ports: Ports, form: LawForm, parameters: Floats) -> Ports:
 
 
 def between_nodes(law: str, nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return places and values of a law with these values on its nodes (k,): between the places lines do.
-
-    Over angles a law may have waves with few nodes a period, which lines would cut.
-    """
-    return smooth_between(nodes, values) if FAMILIES[law].driver in _WAVES else (nodes, values)
+    """Return places and values of a law with these values on its nodes (k,): between the places lines do."""
+    return smooth_between(nodes, values) if law in _CURVED else (nodes, values)
 
 
 def laws_from(entries: object, *, where: str) -> tuple[LawForm, ...]:

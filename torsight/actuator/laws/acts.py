@@ -8,9 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from torsight.actuator.laws.phase_window import BRANCH, phase_steps
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, STEEPEST, Ports, no_steeper
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.phase import PLACES
 from torsight.core.units import DEG, MNM, Floats
 
 Curve = Callable[[Floats], Floats]
@@ -147,6 +149,12 @@ def _gentle(ports: Ports, torque_nm: Floats) -> Floats:
     """Return a torque over the grid that makes the loading curve nowhere as steep as unwinding, nor falling."""
     least = -STEEPEST * ports.rig.k_stress_induced
     return no_steeper(torque_nm, ports.grid_rad(), ports.steepest_bend_nm, least)
+
+
+def phase_lead(ports: Ports, law: Curve) -> Ports:
+    """Let the transformation run ahead of the phase law by so many windows, on heating and on cooling."""
+    steps = phase_steps(PLACES)
+    return ports.with_lead(law(steps), law(BRANCH + steps))
 
 
 def theta_l_half(ports: Ports, law: Curve) -> Ports:

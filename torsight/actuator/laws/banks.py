@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
+from torsight.actuator.laws.phase_window import IN_WINDOW, phase_places
+from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernels
 from torsight.core.units import DEG, Floats
 
 _COUNTS = (2.0, 5.0)
 """Over how many counts changes last or a limit is come near; records have four to twelve half-cycles."""
+_LEFT = (0.01, 0.05)
+"""Shares that a logistic law has done before a window and left after it: usual ones, 1 % as the exponential has it."""
+_FADES = 2.0
+"""Over how many steps past a window a smooth phase law fades, a choice: a tenth of the window."""
+_LENGTHS = (0.5, 0.25, 0.12, 0.06)
 _WANDERS = 0.1
 """What a clock wanders by as a share of what it may be off: computers that nobody put together differ by seconds and
 drift by tenths of a second an hour (200 ppm), and a network's corrections move either by some tens of milliseconds
@@ -107,6 +117,35 @@ def wandering(nodes: Floats) -> tuple[Kernel, ...]:
             Kernel(kernel.name, line + _WANDERS**2 * kernel.matrix, smooth=True)
             for kernel in smooth_kernels(nodes, shares=(0.5, 0.25, 0.12))
         ),
+    )
+
+
+def leading(nodes: Floats) -> tuple[Kernel, ...]:
+    """Return usual laws in place of the cosine, and both with smooth functions; alike on heating and cooling, or not.
+
+    Over steps from the start of a window to its end (:mod:`~torsight.actuator.laws.phase_window`), heating before
+    cooling. Past either end a smooth function fades out: there what a record does not show would be a transformation
+    far from its window.
+    """
+    own = nodes[: len(nodes) // 2]
+    place = phase_places(own)
+    inside = np.clip(place, 0.0, 1.0)
+    # Where the cosine has done as much; before the start, where nothing is done, without a kink.
+    same = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
+    forms = {"exponential": np.sign(place) * same - inside}
+    for share in _LEFT:
+        logistic = np.tanh(math.log((1.0 - share) / share) * (0.5 - place))
+        forms[f"logistic, {share:.0%} past either end"] = np.arccos(logistic) / np.pi - inside
+    past = np.abs(own - np.clip(own, 0.0, IN_WINDOW))
+    within = np.exp(-((past / _FADES) ** 2))
+    faded = np.outer(within, within)
+    usual = sum(outer(form) for form in forms.values())
+    kinds = [(kernel, False) for kernel in usual_kernels(list(forms.items()))]
+    kinds += [(replace(one, matrix=usual + faded * one.matrix), True) for one in smooth_kernels(own, shares=_LENGTHS)]
+    return tuple(
+        Kernel(f"{kernel.name}, {way}", np.asarray(np.kron(both, kernel.matrix), np.float64), smooth=smooth)
+        for way, both in (("alike", np.ones((2, 2))), ("each way its own", np.eye(2)))
+        for kernel, smooth in kinds
     )
 
 

@@ -37,6 +37,8 @@ class Family:
         From nodes to the bank.
     time_like : bool
         True where the driver only counts time or cycles.
+    over : str
+        What the nodes are, in a few words, where they are not values of the driver.
     read : callable, optional
         The inverse of ``apply``: from ports and places on the driver (k,) to the law that has made them, if one has.
     """
@@ -53,6 +55,7 @@ class Family:
     kernels: Callable[[Floats], tuple[Kernel, ...]]
     spring: str = "both"
     time_like: bool = False
+    over: str = ""
     read: Callable[[Ports, Floats], Floats] | None = None
 
 
@@ -108,6 +111,9 @@ _ALL: Final = (
            acts.theta_l_half, nodes.half_nodes, 0.03, banks.counted),
     Family("phase_cycle", "phase", "cycle", "", "the recoverable angle over a spring's own cycles", "phase",
            acts.theta_l_cycle, nodes.cycle_nodes, 0.03, banks.counted),
+    Family("phase_temp_active_c", "phase", "temp_active_c", "", "the phase law over the temperature", "phase",
+           acts.phase_lead, nodes.phase_nodes, 0.05, banks.leading,
+           over="steps through the window of heating, then of cooling"),
     Family("values_spring", "values", "spring", "°C", "spring B's values", "phase", acts.differing,
            nodes.unlike_nodes, 1.0, banks.unlike, spring="b"),
 )  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.acts import DIFFERING
+from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS
 from torsight.actuator.record.segments import by_role
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
@@ -59,6 +60,12 @@ def active_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the driven spring's temperature, °C."""
     active_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[0]
     return _over(float(active_c.min()), float(active_c.max()), _NODES)
+
+
+def phase_nodes(_drive: Drive) -> Nodes:
+    """Return steps of the phase law's angle (:func:`phase_steps`), of heating and then of cooling."""
+    nodes = np.concatenate([OWN_STEPS, BRANCH + OWN_STEPS])
+    return Nodes(nodes, nodes[0], nodes[-1])
 
 
 def passive_nodes(drive: Drive) -> Nodes | None:

@@ -15,10 +15,10 @@ Everything is in the coordinates of the active spring: x falls while it recovers
 sign s (φ = s (x − θ_P/2)).
 
 Arrays that go from function to function:
-``p`` scalars of the rig; ``tables`` (4, m) torques over θ^A; ``sections`` (3, m) of the wire: weight, how much
-cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q`` the
-reference state; ``w`` (7, m) per section: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, and at
-what rate ξ changed before;
+``p`` scalars of the rig; ``tables`` (11, m) its functions of one variable; ``sections`` (3, m) of the wire: weight, how
+much cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q``
+the reference state; ``w`` (7, m) per section: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place,
+and at what rate ξ changed before;
 ``g`` what goes on from sample to sample; :class:`State` holds them together.
 """
 
@@ -259,7 +259,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
     for attempt in range(2):
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
         limit = load_torque(x, sense, hold, c, p, o, tables)
-        reached = wire_fraction(limit, c, p, sections, w) if attempt == 0 else g[XI_NOW]
+        reached = wire_fraction(limit, c, p, tables, sections, w) if attempt == 0 else g[XI_NOW]
         over = sense * (limit - made_torque(x, reached, c, q, p, tables))
         if over > SLIP_TOLERANCE:
             begins = q[SLIDING] != sense
@@ -274,7 +274,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
             first = excess(x, sense, state, p, o, tables, sections) if begins or hold > scale else over
             g[X_NOW] = _slid(sense, first, state, p, o, tables, sections)
             g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
-            g[XI_NOW] = advance(g[TAU_NOW], c, p, sections, w)
+            g[XI_NOW] = advance(g[TAU_NOW], c, p, tables, sections, w)
             if hold > scale and p["swing"] > 0.0:
                 # Inertia carries it past the balance: there friction holds it until its torque has risen again.
                 g[X_NOW] += p["swing"] * (g[X_NOW] - held)
@@ -294,7 +294,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
 
 
 @inlined
-def _nothing_to_do(c: Floats, g: Floats, w: Floats, p: Scalars, sections: Floats) -> bool:
+def _nothing_to_do(c: Floats, g: Floats, w: Floats, p: Scalars, tables: Floats, sections: Floats) -> bool:
     """Return whether the angle stands and no section's transformation advances at the torque as it is.
 
     What depends on the speed or on the time at rest has to have come to rest before.
@@ -305,7 +305,7 @@ def _nothing_to_do(c: Floats, g: Floats, w: Floats, p: Scalars, sections: Floats
     for j in range(w.shape[1]):
         own = section_temp(j, c, p, sections)
         complete = w[2, j] >= 1.0 and p["tanaka"] < 0.5
-        if not complete and window_place(heating, own, g[TAU_NOW], p) > w[2, j]:
+        if not complete and window_place(heating, own, g[TAU_NOW], p, tables)[0] > w[2, j]:
             return False
     return True
 
@@ -363,7 +363,7 @@ def step_through(
         fresh = starts or turns
         who = int(g[WHO])
         c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
-        if not fresh and _nothing_to_do(c, g, w, p, sections):
+        if not fresh and _nothing_to_do(c, g, w, p, tables, sections):
             for i in range(5):
                 out[i, k] = out[i, k - 1]
             _pass_over(per_s[k], c, g)
@@ -421,7 +421,7 @@ def run(
         In each half-cycle: factor on the recoverable angle, and what is lost of it whatever the winding (rad).
     springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
         Scalars in SI units, with the values of spring A and with those of spring B.
-    tables : (9, m) float64
+    tables : (11, m) float64
         See :mod:`torsight.actuator.stepping.kernel_laws`.
     sections : (3, m) float64
         Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).

@@ -51,19 +51,24 @@ PACE, XI_BEFORE = 5, 6
 
 
 @inlined
-def held_back(heating: bool, place: float, j: int, c: Floats, w: Floats, p: Scalars) -> tuple[float, float]:
+def held_back(
+    heating: bool, place: float, follows: float, j: int, c: Floats, w: Floats, p: Scalars
+) -> tuple[float, float]:
     """Return the place in the window that latent heat lets a section reach, and how far that follows the sensor's.
+
+    ``follows`` is how far the place without it follows the temperature.
 
     s + ℓ ξ'/w = s_T: s_T the place by the sensor, ℓ what is held back per rate, w the window's width. ξ' at the
     sample's end comes from the mean rates over it and the one before, as the speed does (:func:`speed_friction`); where
     that is none, nothing holds it back any more.
     """
     part, width = (w[1, j], p["a_width"]) if heating else (1.0 - w[1, j], p["m_width"])
+    width /= follows
     delay = p["latent"] * part * c[PER_S] * (1.0 + c[AHEAD]) / width
     reached = held_place(heating, place + c[AHEAD] * p["latent"] * w[PACE, j] / width, w[2, j], delay, p)
     if reached >= place:
-        return place, 1.0
-    return reached, 1.0 / (1.0 + delay * done_slope(heating, reached, p))
+        return place, follows
+    return reached, follows / (1.0 + delay * done_slope(heating, reached, p))
 
 
 @inlined
@@ -79,32 +84,34 @@ def transformed(heating: bool, before: float, done: float) -> float:
 
 
 @inlined
-def section_at(torque: float, j: int, c: Floats, p: Scalars, sections: Floats, w: Floats) -> tuple[float, float]:
+def section_at(
+    torque: float, j: int, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats
+) -> tuple[float, float]:
     """Return a section's ξ at a torque, advanced only, and how far in the window its transformation has come."""
     heating = c[HEATING] > 0.0
-    place = window_place(heating, section_temp(j, c, p, sections), torque, p)
+    place, follows = window_place(heating, section_temp(j, c, p, sections), torque, p, tables)
     if not place > w[2, j]:
         return w[0, j], w[2, j]
     if p["latent"] > 0.0:
-        place, _ = held_back(heating, place, j, c, w, p)
+        place, _ = held_back(heating, place, follows, j, c, w, p)
     return transformed(heating, w[1, j], share_done(heating, place, p)), place
 
 
 @inlined
-def wire_fraction(torque: float, c: Floats, p: Scalars, sections: Floats, w: Floats) -> float:
+def wire_fraction(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats) -> float:
     """Return the wire's ξ at this torque: each section's law, advanced only."""
     total = 0.0
     for j in range(w.shape[1]):
-        total += sections[0, j] * section_at(torque, j, c, p, sections, w)[0]
+        total += sections[0, j] * section_at(torque, j, c, p, tables, sections, w)[0]
     return total
 
 
 @lending
-def advance(torque: float, c: Floats, p: Scalars, sections: Floats, w: Floats) -> float:
+def advance(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats) -> float:
     """Set every section to its ξ at this torque and return the wire's."""
     total = 0.0
     for j in range(w.shape[1]):
-        w[0, j], w[2, j] = section_at(torque, j, c, p, sections, w)
+        w[0, j], w[2, j] = section_at(torque, j, c, p, tables, sections, w)
         total += sections[0, j] * w[0, j]
     return total
 
@@ -172,7 +179,7 @@ def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables:
     """Return load less made torque at a trial angle, positive as long as it must slide on."""
     c, q, w = state.c, state.q, state.w
     load = load_torque(x, sense, c[SCALE], c, p, o, tables)
-    return sense * (load - made_torque(x, wire_fraction(load, c, p, sections, w), c, q, p, tables))
+    return sense * (load - made_torque(x, wire_fraction(load, c, p, tables, sections, w), c, q, p, tables))
 
 
 @inlined
@@ -225,7 +232,9 @@ def load_and_slope(x: float, sense: float, c: Floats, p: Scalars, o: Scalars, ta
 
 
 @inlined
-def fraction_and_slope(torque: float, c: Floats, p: Scalars, sections: Floats, w: Floats) -> tuple[float, float, bool]:
+def fraction_and_slope(
+    torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats
+) -> tuple[float, float, bool]:
     """Return :func:`wire_fraction` by Liang and Rogers, its derivative, and whether any section advances.
 
     Each section's ξ and place are kept as the trial's.
@@ -236,12 +245,12 @@ def fraction_and_slope(torque: float, c: Floats, p: Scalars, sections: Floats, w
     ahead = bend(heating, p)
     total, slope, advances = 0.0, 0.0, False
     for j in range(w.shape[1]):
-        place = window_place(heating, section_temp(j, c, p, sections), torque, p)
-        xi, follows = w[0, j], 1.0
+        place, follows = window_place(heating, section_temp(j, c, p, sections), torque, p, tables)
+        xi = w[0, j]
         if place > w[2, j]:
             advances = True
             if p["latent"] > 0.0:
-                place, follows = held_back(heating, place, j, c, w, p)
+                place, follows = held_back(heating, place, follows, j, c, w, p)
             xi = 0.0 if heating else 1.0
             if place < 1.0:
                 cosine = np.cos(np.pi * bent(place, ahead))

@@ -4,10 +4,11 @@
 # Compiled functions call each other by position, flags too.
 """What the stepping rule is made of, compiled: the phase law, cold martensite's torque, friction.
 
-``p`` holds the rig's scalars (:data:`SCALARS`), those of one spring among them. ``tables`` (9, m): torques over
+``p`` holds the rig's scalars (:data:`SCALARS`), those of one spring among them. ``tables`` (11, m): torques over
 θ^A (friction down and up, stray torque), over either spring's own angle (side torque, what its loading curve has beside
-its two slopes; the rows stand in the spring's scalars, 0 where there is none), friction torque over the speed, and the
-factor on friction over log10(1 + rest in s).
+its two slopes; the rows stand in the spring's scalars, 0 where there is none), friction torque over the speed, the
+factor on friction over log10(1 + rest in s), and how far a transformation runs ahead of the phase law over the place in
+its window, heating and cooling.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.actuator.stepping.phase import LN_100
+from torsight.actuator.stepping.phase import LN_100, PLACES
 from torsight.core.compiled import inlined, lending
 from torsight.core.units import Floats
 
+_FIRST_PLACE: Final = float(PLACES[0])
 ROUNDED: Final = 1e-14
 """What a fraction, or an angle in radians, moves by where it has come to rest: fifty times the rounding of a one."""
 
@@ -36,13 +38,14 @@ SCALARS: Final = np.dtype(
             # Of the rig.
             "theta_p", "tau_c", "viscous", "viscous_power", "speed_step", "dwell_step", "passive_share", "tanaka",
             "room_c", "grid_start", "grid_step", "fixed_theta_l", "has_friction", "has_stray", "steady", "home_hold",
-            "first_share", "heating_bend", "cooling_bend", "unwound_a", "unwound_b", "latent", "swing",
+            "first_share", "heating_bend", "cooling_bend", "unwound_a", "unwound_b", "latent", "swing", "place_step",
         )
     ]
 )  # fmt: skip
 
 # Rows of the tables.
 FRICTION_DOWN, FRICTION_UP, STRAY, SIDE_A, SIDE_B, LOADING_A, LOADING_B, SPEED, DWELL = 0, 1, 2, 3, 4, 5, 6, 7, 8
+LEAD_HEATING, LEAD_COOLING = 9, 10
 
 
 class State(NamedTuple):
@@ -58,14 +61,6 @@ class State(NamedTuple):
     saved_q: Floats
     saved_w: Floats
     wound: Floats
-
-
-@inlined
-def window_place(heating: bool, temperature: float, torque: float, p: Scalars) -> float:
-    """Return where in the law's window the wire is: 0 at its start, 1 at its end, in the direction of change."""
-    if heating:
-        return (temperature - p["a_start"] - p["temp_per_torque_a"] * torque) / p["a_width"]
-    return 1.0 - (temperature - p["m_finish"] - p["temp_per_torque_m"] * torque) / p["m_width"]
 
 
 @inlined
@@ -133,6 +128,23 @@ def _between(place: float, row: int, step: float, tables: Floats) -> tuple[float
     i = int(place)
     rise = tables[row, i + 1] - tables[row, i]
     return tables[row, i] + (place - i) * rise, rise / step
+
+
+@inlined
+def window_place(heating: bool, temperature: float, torque: float, p: Scalars, tables: Floats) -> tuple[float, float]:
+    """Return where in the law's window the wire is: 0 at its start, 1 at its end, in the direction of change.
+
+    With how much that follows the wire's temperature: one, where no lead over the law is known.
+    """
+    if heating:
+        place = (temperature - p["a_start"] - p["temp_per_torque_a"] * torque) / p["a_width"]
+    else:
+        place = 1.0 - (temperature - p["m_finish"] - p["temp_per_torque_m"] * torque) / p["m_width"]
+    if p["place_step"] == 0.0:
+        return place, 1.0
+    row, step = LEAD_HEATING if heating else LEAD_COOLING, p["place_step"]
+    lead, slope = _between((place - _FIRST_PLACE) / step, row, step, tables)
+    return place + lead, 1.0 + slope
 
 
 @inlined

@@ -129,7 +129,7 @@ def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, ta
             load -= sense * p["tau_c"]
         else:
             load, load_slope = load_and_slope(x, sense, c, p, o, tables)
-        xi, xi_slope, advances = fraction_and_slope(load, c, p, sections, w)
+        xi, xi_slope, advances = fraction_and_slope(load, c, p, tables, sections, w)
         if not (advances or may_creep):
             return False
         stiffness, stretch = p["k_a"] + xi * spread, x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
@@ -163,7 +163,7 @@ def stick(
     a, fa, b, fb = total, 0.0, total, 0.0
     xi = total
     for trial in range(80):
-        law = wire_fraction(made_torque(x, xi, c, q, p, tables), c, p, sections, w)
+        law = wire_fraction(made_torque(x, xi, c, q, p, tables), c, p, tables, sections, w)
         fx = xi - law
         if trial == 0:
             if fx == 0.0:
@@ -205,7 +205,7 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
     g[XI_NOW] = stick(g[X_NOW], before, c, q, w, p, tables, sections)
     q[AT_REST] += abs(g[XI_NOW] - before)
     g[TAU_NOW] = made_torque(g[X_NOW], g[XI_NOW], c, q, p, tables)
-    advance(g[TAU_NOW], c, p, sections, w)
+    advance(g[TAU_NOW], c, p, tables, sections, w)
 
 
 @lending
@@ -235,10 +235,12 @@ def slide_anew(sense: float, limit: float, reached: float, state: State, p: Scal
 
 
 @inlined
-def _passive_excess(xi: float, base: float, angle: float, heating: bool, c: Floats, g: Floats, o: Scalars) -> float:
+def _passive_excess(
+    xi: float, base: float, angle: float, heating: bool, c: Floats, g: Floats, o: Scalars, tables: Floats
+) -> float:
     """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
     torque = base + (o["k_a"] + xi * (o["k_m"] - o["k_a"])) * angle * (1.0 - xi)
-    done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o), o)
+    done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o, tables)[0], o)
     return transformed(heating, g[XI_0_P], done) - xi
 
 
@@ -251,16 +253,16 @@ def crosstalk(theta: float, c: Floats, g: Floats, o: Scalars, tables: Floats) ->
         g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
     heating, xi = g[TURN_P] > 0.0, g[XI_P]
     # What the law at the torque of a trial ξ is above the trial falls as the trial grows, in both directions of change.
-    a, fa = xi, _passive_excess(xi, base, angle, heating, c, g, o)
+    a, fa = xi, _passive_excess(xi, base, angle, heating, c, g, o, tables)
     fraction = xi
     if (fa < 0.0) if heating else (fa > 0.0):
         b = 0.0 if heating else 1.0
-        fb = _passive_excess(b, base, angle, heating, c, g, o)
+        fb = _passive_excess(b, base, angle, heating, c, g, o, tables)
         for _ in range(80):
             if abs(fb) <= ROUNDED or abs(b - a) < ROUNDED or fa == fb:
                 break
             x = b - fb * (b - a) / (fb - fa)
-            a, fa, b, fb = tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, o))
+            a, fa, b, fb = tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, o, tables))
         fraction = b
     if abs(fraction - xi) > ROUNDED:
         g[XI_P] = fraction

@@ -18,6 +18,9 @@ import numpy as np
 from torsight.core.units import Floats
 
 LN_100: Final = math.log(100.0)
+PLACES: Final = np.linspace(-1.0, 2.0, 1201)
+"""Places of the tables of leads (how far a transformation runs ahead of its law), a whole window beyond both ends; as
+many as all tables have."""
 
 
 def _liang_rogers(place: Floats) -> Floats:

@@ -127,7 +127,7 @@ def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sent
         name=name,
         law=form.id,
         title=family.title,
-        driver=family.driver,
+        driver=family.over or family.driver,
         unit=family.unit or "a share",
         stage=family.stage,
         sentence=f"{sentence[:1].upper()}{sentence[1:]}",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
 from torsight.actuator.laws import between_nodes
+from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, phase_places
+from torsight.actuator.springs import Rig
 from torsight.core.law import Law
-from torsight.core.units import Floats
+from torsight.core.units import Flags, Floats
 from torsight.discovery.actuator.law_words import OnNodes, law_sentence
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import Explanation, joint_covariance
@@ -18,6 +20,7 @@ from torsight.discovery.inference.measure import Measured
 from torsight.discovery.measured_law import MeasuredLaw, numbered
 
 _POINTS: Final = 121
+_PHASE_LAW: Final = "phase_temp_active_c"
 _OWN_CYCLES: Final = "phase_cycle"
 """The law that counts either spring's own cycles; the others count half-cycles."""
 _TEMPERATURES: Final = 4
@@ -53,7 +56,10 @@ def measured_laws(
         Law to the effect whose name it carries; laws without a name are not in it.
     """
     spread = joint_covariance(chosen)
-    found = [_law(problem, chosen, item, spread, shares, names) for item in chosen.laws]
+    found = []
+    for item in chosen.laws:
+        known = _Known.of(chosen, item, spread, shares, names)
+        found += _phase_laws(problem, chosen, known) if item.law.id == _PHASE_LAW else [_law(problem, chosen, known)]
     found.sort(key=lambda one: -one[0].share)
     laws = numbered([law for law, _ in found])
     tau_c_mnm = chosen.fit.values["tau_c_mnm"]
@@ -62,19 +68,61 @@ def measured_laws(
     )
 
 
-def _law(
-    problem: ActuatorProblem,
-    chosen: Explanation,
-    item: Measured,
-    spread: Floats,
-    shares: Mapping[str, float],
-    names: Mapping[str, str],
-) -> tuple[MeasuredLaw, OnNodes]:
-    law, form = item.law, item.form
-    places = [[p.name for p in chosen.fit.parameters].index(name) for name in form.names]
-    values = form.values([chosen.fit.values[name] for name in form.names])
-    covariance = form.basis @ spread[np.ix_(places, places)] @ form.basis.T
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """A law's values on its nodes (k,) and their covariance (k, k), its name and its share."""
+
+    law: Law
+    values: Floats
+    covariance: Floats
+    name: str | None
+    share: float
+
+    @classmethod
+    def of(
+        cls,
+        chosen: Explanation,
+        item: Measured,
+        spread: Floats,
+        shares: Mapping[str, float],
+        names: Mapping[str, str],
+    ) -> _Known:
+        """Return what an explanation says of one of its laws; ``spread`` is its joint covariance."""
+        form, law = item.form, item.law
+        places = [[p.name for p in chosen.fit.parameters].index(name) for name in form.names]
+        values = form.values([chosen.fit.values[name] for name in form.names])
+        covariance = form.basis @ spread[np.ix_(places, places)] @ form.basis.T
+        return cls(law, values, covariance, names.get(law.id), float(shares.get(law.id, 1.0)))
+
+    @property
+    def sigma(self) -> Floats:
+        """One standard deviation on the nodes (k,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def written(
+        self, driver: Floats, curve: Floats, width: Floats, covered: Flags, *, unit: str, way: str = ""
+    ) -> MeasuredLaw:
+        """Return the law with values (n,) of its driver, its own values and one sigma, as files have them."""
+        law = self.law
+        return MeasuredLaw(
+            effect=self.name,
+            port=law.port,
+            driver=law.driver,
+            spring=law.spring or "both",
+            unit=unit,
+            share=self.share,
+            driver_values=driver,
+            value=curve,
+            sigma=width,
+            covered=covered,
+            sentence="",
+            id=law.id,
+            way=way,
+        )
+
+
+def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[MeasuredLaw, OnNodes]:
+    law, values, sigma = known.law, known.values, known.sigma
     if law.driver == "spring":
         mean = float(np.mean(values[:_TEMPERATURES]))
         together = float(np.mean(sigma[:_TEMPERATURES]))
@@ -87,28 +135,71 @@ def _law(
         scales = _scales(problem, chosen, law)
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     reached = np.flatnonzero((law.nodes >= law.covered[0]) & (law.nodes <= law.covered[1]))
-    known = OnNodes(
+    on_nodes = OnNodes(
         places=scales.driver(law.nodes[reached]),
         values=values[reached] * scales.factor,
-        covariance=covariance[np.ix_(reached, reached)] * scales.factor**2,
+        covariance=known.covariance[np.ix_(reached, reached)] * scales.factor**2,
         counted="cycle" if law.id == _OWN_CYCLES else "half-cycle",
         springs=problem.drive.cycles.springs if law.id != _OWN_CYCLES else (),
     )
-    told = MeasuredLaw(
-        effect=names.get(law.id),
-        port=law.port,
-        driver=law.driver,
-        spring=law.spring or "both",
-        unit=scales.unit,
-        share=float(shares.get(law.id, 1.0)),
-        driver_values=scales.driver(driver),
-        value=curve * scales.factor,
-        sigma=width * scales.factor,
-        covered=covered,
-        sentence="",
-        id=law.id,
-    )
-    return told, known
+    factor = scales.factor
+    written = known.written(scales.driver(driver), curve * factor, width * factor, covered, unit=scales.unit)
+    return written, on_nodes
+
+
+def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> list[tuple[MeasuredLaw, OnNodes]]:
+    """Return the phase law on heating and on cooling: its lead in °C over the wire's temperature without load."""
+    law, values, rig = known.law, known.values, Rig.from_values({**problem.model().nominal(), **chosen.fit.values})
+    steps = np.linspace(OWN_STEPS[0], OWN_STEPS[-1], _POINTS)
+    curve = between_nodes(law.id, law.nodes, values)
+    sizes = [float(np.sum(part**2)) for part in np.split(values, 2)]
+    found = []
+    for way, branch, size in zip(("heating", "cooling"), (0.0, BRANCH), sizes, strict=True):
+        low_c, high_c = _reached_c(
+            chosen, rig.stress_per_torque / (rig.c_austenite if way == "heating" else rig.c_martensite)
+        )
+        start_c, end_c = (rig.a_start_c, rig.a_finish_c) if way == "heating" else (rig.m_start_c, rig.m_finish_c)
+        width_c, order = abs(end_c - start_c), slice(None, None, 1 if way == "heating" else -1)
+        own = np.flatnonzero((law.nodes >= branch + OWN_STEPS[0]) & (law.nodes <= branch + OWN_STEPS[-1]))[order]
+        nodes_c = start_c + phase_places(law.nodes[own] - branch) * (end_c - start_c)
+        driver_c = (start_c + phase_places(steps) * (end_c - start_c))[order]
+        at = (branch + steps)[order]
+        written = replace(known, share=known.share * size / sum(sizes)).written(
+            driver_c,
+            _lead(at - branch, np.interp(at, *curve)) * width_c,
+            np.interp(at, law.nodes, known.sigma) * width_c,
+            (driver_c >= low_c) & (driver_c <= high_c),
+            unit="°C",
+            way=way,
+        )
+        reached = own[(nodes_c >= low_c) & (nodes_c <= high_c)]
+        on_nodes = OnNodes(
+            places=nodes_c[(nodes_c >= low_c) & (nodes_c <= high_c)],
+            values=_lead(law.nodes[reached] - branch, values[reached]) * width_c,
+            covariance=known.covariance[np.ix_(reached, reached)] * width_c**2,
+        )
+        found.append((written, on_nodes))
+    return found
+
+
+def _lead(steps: Floats, ahead: Floats) -> Floats:
+    """Return by how many windows a transformation is ahead; none before its start and past its end."""
+    inside = np.clip(phase_places(steps), 0.0, 1.0)
+    return np.clip(inside + ahead, 0.0, 1.0) - inside
+
+
+def _reached_c(chosen: Explanation, per_torque: float) -> tuple[float, float]:
+    """Return between which temperatures the driven wires were, less what stress moves a transformation by.
+
+    ``per_torque`` is that in K per N·m.
+    """
+    own = cast("ActuatorProblem", chosen.fitter.problem)
+    simulation = own.simulate(chosen.fit.values, chosen.fit.effects)
+    is_a = own.drive.cycles.active == 0
+    torque = np.where(is_a, simulation.torque_a_nm, simulation.torque_b_nm)
+    temp_c = np.where(is_a, simulation.temp_a_c, simulation.temp_b_c)
+    unloaded_c = temp_c - torque * per_torque
+    return float(unloaded_c.min()), float(unloaded_c.max())
 
 
 def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:

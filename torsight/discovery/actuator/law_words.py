@@ -104,10 +104,12 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     if law.driver in {"spring", "direction"}:
         return _of_two(law)
     what = _CLOCK if law.unit == "s" else _WHAT[law.port]
+    if law.way:
+        what = f"the lead of the transformation over the phase law on {law.way}"
     if law.spring != "both":
         what += f" (spring {law.spring.upper()})"
     beside = "" if law.number == 1 else "beside that, "
-    whole = {"friction": tau_c_mnm, "phase": 100.0}.get(law.port)
+    whole = {"mN·m": tau_c_mnm if law.port == "friction" else None, "%": 100.0}.get(law.unit)
     return f"{beside}{_course(law, what, known, whole)}"
 
 

@@ -11,6 +11,7 @@ friction        angle, temperature of the driven spring (°C), angle   relative 
                 rate (rad/s), dwell (time at rest, s; at its end)
 reading         angle, time (s)                                       added to the angle that is read, rad
 temperature     temperature, temp_rate (K/s)                          wire less sensor, K
+phase           temperature less what stress moves the windows by     by how much the phase law takes it warmer, K
 winding         winding θ of the spring itself (rad)                  added torque, N·m, alike in both ways
 loading         winding                                               added to the loading curve past θ_cr, N·m
 recoverable     half_cycle, cycle (of the spring itself)              relative change of θ_L
@@ -41,6 +42,7 @@ SLOTS: Final[Mapping[tuple[str, str], int]] = {
     ("temperature", "temp_rate"): 6,
     ("winding", "winding"): 7,
     ("loading", "winding"): 8,
+    ("phase", "temperature"): 9,
 }
 """Rows of the integrator's table of laws, by port and driver."""
 OUTSIDE: Final = (("reading", "angle"), ("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))

@@ -40,6 +40,7 @@ LOADING, BEND = (STIFFENING_FORMS.index(form) for form in ("loading", "bend"))
 
 _WINDING: Final = SLOTS["winding", "winding"]
 _LOADING: Final = SLOTS["loading", "winding"]
+_PHASE: Final = SLOTS["phase", "temperature"]
 _STEEPEST: Final = 0.8
 """Share of the way from the second slope to the first that a bend may steepen: what is steeper is no spring."""
 
@@ -149,10 +150,12 @@ def progress(c: Constants, share: float) -> float:
 def zone_fraction(c: Constants, warming: int, temp_c: float, tau: float, xi0: float, xi: float) -> float:
     """Return the martensite fraction of one zone; it only advances."""
     stress = c.stress_per_nm * tau
+    free_c = temp_c - stress / (c.c_a if warming == 1 else c.c_m)
+    free_c += law(c, _PHASE, free_c)
     if warming == 1:
-        done = progress(c, (temp_c - c.a_s - stress / c.c_a) / c.a_width)
+        done = progress(c, (free_c - c.a_s) / c.a_width)
         return min(xi, xi0 * (1.0 - done))
-    done = progress(c, (c.m_s + stress / c.c_m - temp_c) / c.m_width)
+    done = progress(c, (c.m_s - free_c) / c.m_width)
     return max(xi, xi0 + (1.0 - xi0) * done)
 
 
