@@ -40,6 +40,10 @@ DECLARED = load_effects()
 # What the rig has, and the same in the words of the effect file: value and how near it must come (relative, absolute).
 TRUTH = {
     "sensor_lag": ({"lag_s": 5.0}, {"lag_s": (5.0, 0.06, 0.0)}),
+    "unlike_lags": (
+        {"lag_a_s": 3.0, "lag_b_s": 6.0},
+        {"lag_a_s": (3.0, 0.06, 0.0), "lag_b_s": (6.0, 0.06, 0.0)},
+    ),
     "sensor_gain": ({"gain": 0.95}, {"contact_gain": (0.95, 0.006, 0.0)}),
     "clock_offset": ({"offset_s": 2.0}, {"clock_offset_s": (2.0, 0.08, 0.0)}),
     "heat_crosstalk": ({"conductance_w_per_k": 0.012}, {}),

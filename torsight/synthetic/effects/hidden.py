@@ -30,7 +30,8 @@ class SensorLag(HiddenEffect):
 
     def constants(self) -> dict[str, float]:
         """Return the constants that it sets."""
-        return {**HiddenEffect.constants(self), "lag_stages": 2 if self.form == "two_stage" else 1}
+        stages = 2 if self.form == "two_stage" else 1
+        return {**HiddenEffect.constants(self), "lag_b_s": self.lag_s, "lag_stages": stages}
 
 
 @dataclass(frozen=True, slots=True)

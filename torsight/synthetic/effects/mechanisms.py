@@ -29,6 +29,14 @@ class Creep(HiddenEffect):
 
 
 @dataclass(frozen=True, slots=True)
+class UnlikeLags(HiddenEffect):
+    """Either sensor follows its wire by its own time constant."""
+
+    lag_a_s: float = key(3.0, "time constant of A's sensor", lower=0.0, upper=600.0, constant="lag_s")
+    lag_b_s: float = key(6.0, "time constant of B's sensor", lower=0.0, upper=600.0, constant="lag_b_s")
+
+
+@dataclass(frozen=True, slots=True)
 class TorqueBias(HiddenEffect):
     """A constant stray torque: lead wires."""
 

@@ -56,6 +56,7 @@ class Constants(NamedTuple):
     quantum_c: float
     between_more: float = 0.0
     lag_s: float = 0.0
+    lag_b_s: float = 0.0
     lag_stages: int = 1
     sensor_gain: float = 1.0
     sensor_form: int = 0

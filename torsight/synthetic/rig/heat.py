@@ -42,8 +42,9 @@ def heat_step(c: Constants, temps_c: Floats, current: Floats, work: Floats, step
 @lending
 def lag_step(c: Constants, temps_c: Floats, lagged_c: Floats, step_s: float) -> None:
     """Let the sensors (spring, stage) follow their wires."""
-    keep = math.exp(-step_s * c.lag_stages / c.lag_s) if c.lag_s > 0.0 else 0.0
     for i in range(2):
+        lag_s = c.lag_b_s if i == 1 else c.lag_s
+        keep = math.exp(-step_s * c.lag_stages / lag_s) if lag_s > 0.0 else 0.0
         lagged_c[i, 0] = temps_c[i] + (lagged_c[i, 0] - temps_c[i]) * keep
         lagged_c[i, 1] = lagged_c[i, 0] + (lagged_c[i, 1] - lagged_c[i, 0]) * keep
 

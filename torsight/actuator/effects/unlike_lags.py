@@ -1,0 +1,53 @@
+r"""The sensors follow their wires late, each by its own time.
+
+.. math:: τ_A \, dT_{m,A}(t)/dt = T_A(t) − T_{m,A}(t), \qquad τ_B \, dT_{m,B}(t)/dt = T_B(t) − T_{m,B}(t)
+
+T_m measured, T wire temperature (°C) of either spring, τ_A and τ_B lags of their sensors (s): a sensor that is glued on
+with more cement, or lies less close, is later than the other. The wires' temperatures come out of the same smoother
+that takes the noise out (:mod:`torsight.actuator.record.smoother`). Predicted residual: that of a late sensor, of
+another size while the other spring is driven. Source: first-order contact thermometry, e.g. Michalski et al.,
+Temperature Measurement (2001), ch. 15.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Undo the lag of either sensor."""
+    warmer = []
+    for spring, name in enumerate(("lag_a_s", "lag_b_s")):
+        share, shorter, longer = ports.drive.sensors.lag_correction(values[name])
+        low, high = ports.logged(shorter[spring], longer[spring])
+        warmer.append(low + share * (high - low))
+    return ports.changed(temp_a_c=ports.temp_a_c + warmer[0], temp_b_c=ports.temp_b_c + warmer[1])
+
+
+EFFECT: Final = Effect(
+    id="unlike_lags",
+    family="sensor",
+    acts_on="temperature",
+    title="the sensors follow their wires late, each by its own time",
+    parameters=tuple(
+        Parameter(
+            f"lag_{one}_s",
+            3.0,
+            "s",
+            0.0,
+            60.0,
+            null=0.0,
+            symbol=f"τ_{one.upper()}",
+            title=f"lag of {one.upper()}'s sensor",
+        )
+        for one in "ab"
+    ),
+    apply=apply,
+    order=-1,
+    starts=({"lag_a_s": 1.0, "lag_b_s": 5.0}, {"lag_a_s": 5.0, "lag_b_s": 1.0}),
+    laws=("temperature_temp_rate_c_s",),
+)
