@@ -162,7 +162,7 @@ def test_what_friction_held_at_the_start_is_no_edge_where_friction_depends_on_th
 def test_a_transformation_that_runs_ahead_of_the_cosine_as_the_exponential_does_is_tanakas(drive, laws):
     place = phase_places(OWN_STEPS)
     as_cosine = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
-    lead = np.sign(place) * as_cosine - np.clip(place, 0.0, 1.0)
+    lead = np.sign(place) * as_cosine - place
     found = simulated(drive, laws["phase_temp_active_c"].free(), np.tile(lead, 2)).angle_rad
     tanaka, plain = (
         ActuatorModel(reference_spec(), phase_law=one).simulate(drive).angle_rad for one in ("tanaka", "liang_rogers")

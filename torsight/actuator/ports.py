@@ -27,9 +27,8 @@ STEEPEST: Final = 0.9
 """Share of the way from the second slope to K_M that a loading curve may steepen by: it is wound, not unwound."""
 REACH_RAD: Final = 100.0 * DEG
 """Angle past an onset at which a law that grows from there has the size by which it is declared, whatever its power."""
-_GOES_ON: Final = 1e-3
-"""A place goes on while its temperature does, at least by so much of it: what a root is looked for in has a slope. A
-window before its start that makes a thousandth of its way, of which the cosine makes 2.5e-6."""
+_GOES_ON: Final = 0.05
+"""A transformation goes on while its temperature does, by so much of the phase law's pace at least: a choice."""
 _GRID_POINTS: Final = len(PLACES)
 """Nodes of a table, 1.35° apart over the paper's angles: lines between them miss a wave five times per turn, the
 shortest that a law has, by (2π 1.35° / 72°)² / 8 = 0.2 % of its size."""
@@ -135,7 +134,7 @@ class Ports:
         By how much the transformation runs ahead of the phase law in the middle of its window.
     lead : two (g,) float64, or None
         How far the transformation runs ahead of the phase law on heating and on cooling, in windows, over
-        :data:`~torsight.actuator.stepping.phase.PLACES`; before the window, of nothing, past it, of all.
+        :data:`~torsight.actuator.stepping.phase.PLACES`.
     latent_c_s : float
         By how much a wire is warmer than its sensor says per rate of its ξ.
     viscous_nms, viscous_power : float
@@ -267,12 +266,10 @@ class Ports:
         return self.changed(lead=(before[0] + heating, before[1] + cooling))
 
     def moved_places(self) -> tuple[Floats | None, Floats | None]:
-        """Return by how much either lead moves the places, so that none falls while its temperature goes on."""
+        """Return the leads, held so that no place falls while its temperature goes on."""
         if self.lead is None:
             return None, None
-        inside = np.clip(PLACES, 0.0, 1.0)
-        led = inside + _GOES_ON * (PLACES - inside) - PLACES
-        heating, cooling = (no_steeper(led + lead, PLACES, np.inf, _GOES_ON - 1.0) for lead in self.lead)
+        heating, cooling = (no_steeper(lead, PLACES, np.inf, _GOES_ON - 1.0) for lead in self.lead)
         return heating, cooling
 
     def with_loading(self, torque_nm: Floats, *, follows: float = 1.0, spring: str = "both") -> Ports:

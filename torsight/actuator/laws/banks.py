@@ -129,13 +129,12 @@ def leading(nodes: Floats) -> tuple[Kernel, ...]:
     """
     own = nodes[: len(nodes) // 2]
     place = phase_places(own)
-    inside = np.clip(place, 0.0, 1.0)
     # Where the cosine has done as much; before the start, where nothing is done, without a kink.
     same = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
-    forms = {"exponential": np.sign(place) * same - inside}
+    forms = {"exponential": np.sign(place) * same - place}
     for share in _LEFT:
         logistic = np.tanh(math.log((1.0 - share) / share) * (0.5 - place))
-        forms[f"logistic, {share:.0%} past either end"] = np.arccos(logistic) / np.pi - inside
+        forms[f"logistic, {share:.0%} past either end"] = np.arccos(logistic) / np.pi - place
     past = np.abs(own - np.clip(own, 0.0, IN_WINDOW))
     within = np.exp(-((past / _FADES) ** 2))
     faded = np.outer(within, within)

@@ -184,8 +184,8 @@ def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) ->
 
 def _lead(steps: Floats, ahead: Floats) -> Floats:
     """Return by how many windows a transformation is ahead; none before its start and past its end."""
-    inside = np.clip(phase_places(steps), 0.0, 1.0)
-    return np.clip(inside + ahead, 0.0, 1.0) - inside
+    place = phase_places(steps)
+    return np.clip(place + ahead, 0.0, 1.0) - np.clip(place, 0.0, 1.0)
 
 
 def _reached_c(chosen: Explanation, per_torque: float) -> tuple[float, float]:
