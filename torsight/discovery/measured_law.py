@@ -101,7 +101,7 @@ class MeasuredLaw:
     def gives(self) -> str:
         """What its values are, in a few words; of a model of one's own the law's name."""
         if self.way:
-            return f"lead of the transformation over the phase law on {self.way}"
+            return f"lead over the phase law on {self.way}"
         return _CLOCK if self.unit == "s" and self.port in GIVES else GIVES.get(self.port, self.port)
 
     def to_json(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 
@@ -147,45 +147,61 @@ def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[
     return written, on_nodes
 
 
+class _Window(NamedTuple):
+    """Between which temperatures a wire without load transforms on heating or cooling, and what stress moves them by.
+
+    ``branch`` is where its steps begin on the nodes of the phase law.
+    """
+
+    way: str
+    branch: float
+    start_c: float
+    end_c: float
+    stress_per_k: float
+
+    def temperatures_c(self, steps: Floats) -> Floats:
+        """Return the temperatures (n,) at steps through the window."""
+        return self.start_c + phase_places(steps) * (self.end_c - self.start_c)
+
+
 def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> list[tuple[MeasuredLaw, OnNodes]]:
     """Return the phase law on heating and on cooling: its lead in °C over the wire's temperature without load."""
-    law, values, rig = known.law, known.values, Rig.from_values({**problem.model().nominal(), **chosen.fit.values})
-    steps = np.linspace(OWN_STEPS[0], OWN_STEPS[-1], _POINTS)
-    curve = between_nodes(law.id, law.nodes, values)
-    sizes = [float(np.sum(part**2)) for part in np.split(values, 2)]
+    law, rig = known.law, Rig.from_values({**problem.model().nominal(), **chosen.fit.values})
+    curve = between_nodes(law.id, law.nodes, known.values)
+    windows = (
+        _Window("heating", 0.0, rig.a_start_c, rig.a_finish_c, rig.c_austenite),
+        _Window("cooling", BRANCH, rig.m_start_c, rig.m_finish_c, rig.c_martensite),
+    )
     found = []
-    for way, branch, size in zip(("heating", "cooling"), (0.0, BRANCH), sizes, strict=True):
-        low_c, high_c = _reached_c(
-            chosen, rig.stress_per_torque / (rig.c_austenite if way == "heating" else rig.c_martensite)
-        )
-        start_c, end_c = (rig.a_start_c, rig.a_finish_c) if way == "heating" else (rig.m_start_c, rig.m_finish_c)
-        width_c, order = abs(end_c - start_c), slice(None, None, 1 if way == "heating" else -1)
-        own = np.flatnonzero((law.nodes >= branch + OWN_STEPS[0]) & (law.nodes <= branch + OWN_STEPS[-1]))[order]
-        nodes_c = start_c + phase_places(law.nodes[own] - branch) * (end_c - start_c)
-        driver_c = (start_c + phase_places(steps) * (end_c - start_c))[order]
-        at = (branch + steps)[order]
-        written = replace(known, share=known.share * size / sum(sizes)).written(
-            driver_c,
-            _lead(at - branch, np.interp(at, *curve)) * width_c,
-            np.interp(at, law.nodes, known.sigma) * width_c,
-            (driver_c >= low_c) & (driver_c <= high_c),
-            unit="°C",
-            way=way,
-        )
-        reached = own[(nodes_c >= low_c) & (nodes_c <= high_c)]
-        on_nodes = OnNodes(
-            places=nodes_c[(nodes_c >= low_c) & (nodes_c <= high_c)],
-            values=_lead(law.nodes[reached] - branch, values[reached]) * width_c,
-            covariance=known.covariance[np.ix_(reached, reached)] * width_c**2,
-        )
+    for window in windows:
+        low_c, high_c = _reached_c(chosen, rig.stress_per_torque / window.stress_per_k)
+        whole_c = abs(window.end_c - window.start_c)
+        order = slice(None, None, 1 if window.end_c > window.start_c else -1)
+        own = np.flatnonzero(np.isin(law.nodes, window.branch + OWN_STEPS))[order]
+        nodes_c = window.temperatures_c(OWN_STEPS[order])
+        reached = (nodes_c >= low_c) & (nodes_c <= high_c)
+        lead, sigma = _lead(OWN_STEPS[order], known.values[own], known.sigma[own])
+        part = np.divide(sigma, known.sigma[own], out=np.zeros(len(own)), where=known.sigma[own] > 0.0)
+        covariance = known.covariance[np.ix_(own, own)] * np.outer(part, part) * whole_c**2
+        on_nodes = OnNodes(nodes_c[reached], lead[reached] * whole_c, covariance[np.ix_(reached, reached)])
+        steps = np.linspace(OWN_STEPS[0], OWN_STEPS[-1], _POINTS)[order]
+        at, driver_c = window.branch + steps, window.temperatures_c(steps)
+        value, width = _lead(steps, np.interp(at, *curve), np.interp(at, law.nodes, known.sigma))
+        covered = (driver_c >= low_c) & (driver_c <= high_c)
+        written = known.written(driver_c, value * whole_c, width * whole_c, covered, unit="°C", way=window.way)
         found.append((written, on_nodes))
-    return found
+    sizes = [float(np.sum(law.value**2)) for law, _ in found]
+    shares = [known.share * size / sum(sizes) if sum(sizes) > 0.0 else known.share for size in sizes]
+    return [(replace(law, share=share), on_nodes) for (law, on_nodes), share in zip(found, shares, strict=True)]
 
 
-def _lead(steps: Floats, ahead: Floats) -> Floats:
-    """Return by how many windows a transformation is ahead; none before its start and past its end."""
+def _lead(steps: Floats, ahead: Floats, sigma: Floats) -> tuple[Floats, Floats]:
+    """Return by how many windows a transformation is ahead, and one sigma; none before its start and past its end."""
     place = phase_places(steps)
-    return np.clip(place + ahead, 0.0, 1.0) - np.clip(place, 0.0, 1.0)
+    low, lead, high = (
+        np.clip(place + ahead + z * sigma, 0.0, 1.0) - np.clip(place, 0.0, 1.0) for z in (-1.0, 0.0, 1.0)
+    )
+    return lead, 0.5 * (high - low)
 
 
 def _reached_c(chosen: Explanation, per_torque: float) -> tuple[float, float]:

@@ -105,7 +105,7 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
         return _of_two(law)
     what = _CLOCK if law.unit == "s" else _WHAT[law.port]
     if law.way:
-        what = f"the lead of the transformation over the phase law on {law.way}"
+        what = f"the transformation's lead over the phase law on {law.way}"
     if law.spring != "both":
         what += f" (spring {law.spring.upper()})"
     beside = "" if law.number == 1 else "beside that, "
