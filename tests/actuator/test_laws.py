@@ -10,11 +10,11 @@ from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log
 from torsight.actuator.laws import FAMILIES, between_nodes, laws_from, laws_of
-from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, phase_places
+from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, exponential_lead, phase_places
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.ports import History
 from torsight.actuator.spec import reference_spec
-from torsight.actuator.stepping.phase import PLACES, SHARE_DONE
+from torsight.actuator.stepping.phase import PLACES
 from torsight.core.errors import ConfigError
 from torsight.core.units import DEG
 
@@ -160,14 +160,14 @@ def test_what_friction_held_at_the_start_is_no_edge_where_friction_depends_on_th
 
 
 def test_a_transformation_that_runs_ahead_of_the_cosine_as_the_exponential_does_is_tanakas(drive, laws):
-    place = phase_places(OWN_STEPS)
-    as_cosine = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
-    lead = np.sign(place) * as_cosine - place
+    lead = exponential_lead(phase_places(OWN_STEPS))
     found = simulated(drive, laws["phase_temp_active_c"].free(), np.tile(lead, 2)).angle_rad
+    effect = ActuatorModel(reference_spec(), ("exponential_law",)).simulate(drive, {"exponential_share": 1.0}).angle_rad
     tanaka, plain = (
         ActuatorModel(reference_spec(), phase_law=one).simulate(drive).angle_rad for one in ("tanaka", "liang_rogers")
     )
     assert np.sqrt(np.mean((found - tanaka) ** 2)) < 0.4 * DEG
+    assert np.sqrt(np.mean((effect - tanaka) ** 2)) < 0.1 * DEG
     assert np.sqrt(np.mean((plain - tanaka) ** 2)) > 40.0 * DEG
 
 

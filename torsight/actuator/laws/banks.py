@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from torsight.actuator.laws.phase_window import IN_WINDOW, phase_places
-from torsight.actuator.stepping.phase import SHARE_DONE
+from torsight.actuator.laws.phase_window import IN_WINDOW, exponential_lead, phase_places
 from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernels
 from torsight.core.units import DEG, Floats
 
@@ -129,9 +128,7 @@ def leading(nodes: Floats) -> tuple[Kernel, ...]:
     """
     own = nodes[: len(nodes) // 2]
     place = phase_places(own)
-    # Where the cosine has done as much; before the start, where nothing is done, without a kink.
-    same = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
-    forms = {"exponential": np.sign(place) * same - place}
+    forms = {"exponential": exponential_lead(place)}
     for share in _LEFT:
         logistic = np.tanh(math.log((1.0 - share) / share) * (0.5 - place))
         forms[f"logistic, {share:.0%} past either end"] = np.arccos(logistic) / np.pi - place

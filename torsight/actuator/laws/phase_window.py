@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.units import Floats
 
 IN_WINDOW: Final = 10
@@ -35,3 +36,12 @@ def phase_places(steps: Floats) -> Floats:
     angle = steps * np.pi / IN_WINDOW
     inside, beyond = np.sin(0.5 * np.clip(angle, 0.0, np.pi)), np.maximum(0.0, np.maximum(angle - np.pi, -angle))
     return np.asarray(inside**2 + np.where(angle < 0.0, -1.0, 1.0) * np.sinh(0.5 * beyond) ** 2)
+
+
+def exponential_lead(place: Floats) -> Floats:
+    """Return by how many windows Tanaka's exponential is ahead of the cosine at places: where that has done as much.
+
+    Before the start, where nothing is done, it goes on without a kink.
+    """
+    same = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
+    return np.asarray(np.sign(place) * same - place)
