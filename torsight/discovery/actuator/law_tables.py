@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple, cast
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from torsight.actuator.laws import between_nodes
 from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, phase_places
+from torsight.actuator.simulation import Simulation
 from torsight.actuator.springs import Rig
 from torsight.core.law import Law
 from torsight.core.units import Flags, Floats
@@ -166,7 +167,9 @@ class _Window(NamedTuple):
 
 def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> list[tuple[MeasuredLaw, OnNodes]]:
     """Return the phase law on heating and on cooling: its lead in °C over the wire's temperature without load."""
-    law, rig = known.law, Rig.from_values({**problem.model().nominal(), **chosen.fit.values})
+    nominal = problem.model().nominal()
+    plain = nominal | {name: value for name, value in chosen.fit.values.items() if name in nominal}
+    law, rig, simulation = known.law, Rig.from_values(plain), problem.simulate(plain)
     curve = between_nodes(law.id, law.nodes, known.values)
     windows = (
         _Window("heating", 0.0, rig.a_start_c, rig.a_finish_c, rig.c_austenite),
@@ -174,7 +177,7 @@ def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) ->
     )
     found = []
     for window in windows:
-        low_c, high_c = _reached_c(chosen, rig.stress_per_torque / window.stress_per_k)
+        low_c, high_c = _reached_c(problem, simulation, rig.stress_per_torque / window.stress_per_k)
         whole_c = abs(window.end_c - window.start_c)
         order = slice(None, None, 1 if window.end_c > window.start_c else -1)
         own = np.flatnonzero(np.isin(law.nodes, window.branch + OWN_STEPS))[order]
@@ -204,14 +207,12 @@ def _lead(steps: Floats, ahead: Floats, sigma: Floats) -> tuple[Floats, Floats]:
     return lead, 0.5 * (high - low)
 
 
-def _reached_c(chosen: Explanation, per_torque: float) -> tuple[float, float]:
+def _reached_c(problem: ActuatorProblem, simulation: Simulation, per_torque: float) -> tuple[float, float]:
     """Return between which temperatures the driven wires were, less what stress moves a transformation by.
 
     ``per_torque`` is that in K per N·m.
     """
-    own = cast("ActuatorProblem", chosen.fitter.problem)
-    simulation = own.simulate(chosen.fit.values, chosen.fit.effects)
-    is_a = own.drive.cycles.active == 0
+    is_a = problem.drive.cycles.active == 0
     torque = np.where(is_a, simulation.torque_a_nm, simulation.torque_b_nm)
     temp_c = np.where(is_a, simulation.temp_a_c, simulation.temp_b_c)
     unloaded_c = temp_c - torque * per_torque
