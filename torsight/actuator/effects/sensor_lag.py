@@ -4,10 +4,11 @@ r"""The sensor follows the wire late.
 
 T_m measured, T wire temperature (°C), τ_T lag of the sensor (s), by which it is late on a ramp; q_T share of it that
 comes as a pure delay: 0 for one time constant; two equal ones act like q_T = 1 − 1/√2, three like q_T = 1 − 1/√3 (same
-mean and spread of the answer to a pulse). The wire's temperature comes out of the same smoother
-that takes the noise out (:mod:`torsight.actuator.record.smoother`): the noise is not differentiated. Predicted
-residual: of opposite sign on heating and cooling, growing with the rate; none where the temperature rests. Source:
-first-order contact thermometry, e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
+mean and spread of the answer to a pulse). A sensor in a sheath has two: its q_T is one standard deviation of the prior.
+The wire's temperature comes out of the same smoother that takes the noise out
+(:mod:`torsight.actuator.record.smoother`): the noise is not differentiated. Predicted residual: of opposite sign on
+heating and cooling, growing with the rate; none where the temperature rests. Source: first-order contact thermometry,
+e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ EFFECT: Final = Effect(
     parameters=(
         Parameter("lag_s", 3.0, "s", 0.0, 60.0, null=0.0, symbol="τ_T", title="lag of the sensor"),
         Parameter(
-            "lag_delay_share", 0.0, "", 0.0, 0.6, sigma=0.15, symbol="q_T", title="share of the lag that is pure delay"
+            "lag_delay_share", 0.0, "", 0.0, 0.6, sigma=0.3, symbol="q_T", title="share of the lag that is pure delay"
         ),
     ),
     apply=apply,
