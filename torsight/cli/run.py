@@ -69,8 +69,8 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
 
 def answer_of(folder: Path) -> Answer:
     """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
-    from torsight.cli.campaign import result_row
     from torsight.cli.discover import nothing_found
+    from torsight.cli.summary import result_row
 
     track = folder / "track.json"
     nothing = nothing_found(read_json(folder / "discovery.json"), where=str(folder / "merged.csv"))

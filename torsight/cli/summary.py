@@ -1,4 +1,4 @@
-"""The end of a run in plain words, read from the files that it left."""
+"""What a finished run has found, read from the files that it left: in words for a person, as a row for a table."""
 
 from __future__ import annotations
 
@@ -71,3 +71,28 @@ def summary(folder: Path) -> list[str]:
         f"Report            {folder / 'report.html'}",
         f"Recording         {folder / 'recording.rrd'}",
     ]
+
+
+def result_row(folder: Path) -> dict[str, Any]:
+    """Return one row of the table of results from the files of a finished run."""
+    angles = read_angles(folder / "angle.csv")
+    discovery, clock = read_json(folder / "discovery.json"), read_json(folder / "sync.json")
+    known_deg = angles.angle_rad[angles.valid] / DEG
+    friction = discovery["parameters"]["tau_c_mnm"]
+    return {
+        "frames": len(angles),
+        "valid_share": float(angles.valid.mean()),
+        "angle_min_deg": float(known_deg.min()),
+        "angle_max_deg": float(known_deg.max()),
+        "angle_sigma_deg": float(np.median(angles.sigma_rad[angles.valid]) / DEG),
+        "offset_s": clock["offset_s"]["value"],
+        "tau_c_mnm": friction["value"],
+        "tau_c_lo_mnm": friction["ci95"][0],
+        "tau_c_hi_mnm": friction["ci95"][1],
+        "verdict": discovery["verdict"],
+        "effects": " ".join(effect["id"] for effect in discovery["effects"]),
+        "rmse_before_deg": discovery["before"]["rmse_held_out_deg"],
+        "rmse_after_deg": discovery["after"]["rmse_held_out_deg"],
+        "noise_floor_deg": discovery["noise_floor_deg"],
+        "folder": str(folder),
+    }

@@ -15,10 +15,10 @@ from torsight.cli.options import CameraFile, Fps
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import read_json, write_json, write_table
-from torsight.core.files.tables import marker_columns, write_angles
+from torsight.core.files.tables import write_angles
 from torsight.core.optics.camera import Camera, read_camera, require_second, require_size
 from torsight.core.progress import Progress, silent
-from torsight.core.tracks import StickAngles
+from torsight.core.tracks import StickAngles, marker_columns
 
 if TYPE_CHECKING:
     from tracker.detect.marker_file import MarkerHints

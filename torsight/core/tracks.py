@@ -81,8 +81,6 @@ class MarkerTracks(Shown):
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``markers.csv``."""
-        from torsight.core.files.tables import marker_columns
-
         return marker_columns(self)
 
     def _draw(self, axes: Any) -> None:
@@ -135,10 +133,39 @@ class StickAngles(Shown):
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``angle.csv``."""
-        from torsight.core.files.tables import angle_columns
-
         return angle_columns(self)
 
     def _draw(self, axes: Any) -> None:
         """Draw the angle against time."""
         draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
+
+
+def marker_columns(tracks: MarkerTracks, position_mm: Floats | None = None) -> dict[str, Any]:
+    """Return the columns of ``markers.csv``.
+
+    ``m_sigma_px`` is the root of the mean of the covariance's diagonal; ``position_mm`` (n, 4, 3) adds the
+    positions in space of a calibrated camera.
+    """
+    columns: dict[str, Any] = {"frame": tracks.frame, "time_s": tracks.time_s}
+    for index, name in enumerate(MARKERS):
+        variance_px2 = np.trace(tracks.covariance_px2[:, index], axis1=1, axis2=2) / 2.0
+        columns[f"{name}_x_px"] = tracks.position_px[:, index, 0]
+        columns[f"{name}_y_px"] = tracks.position_px[:, index, 1]
+        columns[f"{name}_sigma_px"] = np.sqrt(variance_px2)
+        columns[f"{name}_valid"] = tracks.valid[:, index]
+        if position_mm is not None:
+            for axis, letter in enumerate("xyz"):
+                columns[f"{name}_{letter}_mm"] = position_mm[:, index, axis]
+    return columns
+
+
+def angle_columns(angles: StickAngles) -> dict[str, Any]:
+    """Return the columns of ``angle.csv``."""
+    return {
+        "frame": angles.frame,
+        "time_s": angles.time_s,
+        "angle_deg": angles.angle_rad / DEG,
+        "angle_sigma_deg": angles.sigma_rad / DEG,
+        "valid": angles.valid,
+        "branch_certain": angles.branch_certain,
+    }

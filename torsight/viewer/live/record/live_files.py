@@ -13,10 +13,10 @@ import numpy as np
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import not_written, read_table, write_table
-from torsight.core.files.tables import marker_columns, marker_values, write_angles
+from torsight.core.files.tables import marker_values, write_angles
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
-from torsight.core.tracks import MarkerTracks
+from torsight.core.tracks import MarkerTracks, marker_columns
 from torsight.core.units import DEG
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen
 from tracker.angle.orient import orient
