@@ -17,6 +17,7 @@ from torsight.core.files.storage import read_table
 from torsight.core.files.tables import marker_values
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Pose
+from torsight.core.tracks import round_covariance
 from torsight.core.units import Floats
 from torsight.core.words.wording import number
 
@@ -132,4 +133,4 @@ def _read(path: Path) -> tuple[Floats, Floats]:
     table = read_table(path, required=columns)
     values = marker_values(table, "x_px", "y_px", "sigma_px", names=_MARKERS)
     values[~(values[..., 2] > 0.0)] = np.nan
-    return values[..., :2], values[..., 2, None, None] ** 2 * np.eye(2)
+    return values[..., :2], round_covariance(values[..., 2])

@@ -23,6 +23,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.series import rms
 from torsight.core.threads import one_thread
 from torsight.core.units import Floats, Ints
+from torsight.core.words.wording import counted
 
 FEWEST_VIEWS: Final = 4
 """Below this no camera is calibrated. A view of a plane gives two equations for the intrinsics (Z. Zhang, IEEE TPAMI 22
@@ -258,7 +259,7 @@ def require_views(count: int) -> None:
     if count < FEWEST_VIEWS:
         raise NoResultError(
             "too few views of the board",
-            value=f"the board in {count} {'picture' if count == 1 else 'pictures'}",
+            value=f"the board in {counted(count, 'picture')}",
             limit=f"at least {FEWEST_VIEWS}; 10 to 20 are good",
             do="take more pictures, the board tilted to all sides and in every part of the picture",
         )

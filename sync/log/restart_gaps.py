@@ -55,8 +55,8 @@ def _gap(
     weight = total = 0.0
     for temperature in temperatures_c:
         noise = max(noise_c(temperature), 1e-3)
-        left = _edge(time_s[before], temperature[before], noise, end=True)
-        right = _edge(time_s[behind], temperature[behind], noise, end=False)
+        left = _at(float(time_s[before][-1]), time_s[before], temperature[before], noise)
+        right = _at(float(time_s[behind][0]), time_s[behind], temperature[behind], noise)
         if left is None or right is None:
             continue
         # The jump is divided by the rate: known to an eighth, it gives the gap to an eighth.
@@ -76,13 +76,13 @@ def _gap(
     return max(total / weight, 0.2 * step_s), 1.0 / math.sqrt(weight)
 
 
-def _edge(time_s: Floats, temp_c: Floats, noise: float, *, end: bool) -> tuple[float, float, float, float] | None:
-    """Return value, rate and their sigmas at the end (or beginning) of a stretch.
+def _at(edge_s: float, time_s: Floats, temp_c: Floats, noise: float) -> tuple[float, float, float, float] | None:
+    """Return value, rate and their sigmas at one end of a stretch; None where too few readings are near it.
 
     From parabolas over some seconds and over half as many: what they differ by is the error of taking one.
     """
-    whole = _parabola(time_s, temp_c, noise, end=end, window_s=_WINDOW_S)
-    half = _parabola(time_s, temp_c, noise, end=end, window_s=0.5 * _WINDOW_S)
+    whole = _parabola(edge_s, time_s, temp_c, noise, window_s=_WINDOW_S)
+    half = _parabola(edge_s, time_s, temp_c, noise, window_s=0.5 * _WINDOW_S)
     if whole is None or half is None:
         return whole
     value_sigma = math.hypot(half[2], half[0] - whole[0])
@@ -91,13 +91,12 @@ def _edge(time_s: Floats, temp_c: Floats, noise: float, *, end: bool) -> tuple[f
 
 
 def _parabola(
-    time_s: Floats, temp_c: Floats, noise: float, *, end: bool, window_s: float
+    edge_s: float, time_s: Floats, temp_c: Floats, noise: float, *, window_s: float
 ) -> tuple[float, float, float, float] | None:
-    edge = time_s[-1] if end else time_s[0]
-    near = (np.abs(time_s - edge) <= window_s) & np.isfinite(temp_c)
+    near = (np.abs(time_s - edge_s) <= window_s) & np.isfinite(temp_c)
     if np.count_nonzero(near) < 8:
         return None
-    x, y = time_s[near] - edge, temp_c[near]
+    x, y = time_s[near] - edge_s, temp_c[near]
     design = np.stack([np.ones_like(x), x, x**2], axis=1)
     keep = np.ones(len(x), dtype=np.bool_)
     # Spikes are not out yet: what lies four sigmas off goes, and the next fit sees more.

@@ -25,7 +25,7 @@ _LISTS = ("--right", "--pose")
 _WHERE = "torsight calibrate"
 
 
-class Command(TyperCommand):
+class TakesRows(TyperCommand):
     """Lets ``--right`` and ``--pose`` take several files in a row, as a shell's wildcard gives them."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

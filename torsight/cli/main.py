@@ -10,8 +10,10 @@ from functools import cache
 from typing import Annotated, Final
 
 import typer
+from typer.core import TyperCommand
 
 from torsight.cli.answer import answering
+from torsight.cli.calibrate import TakesRows
 from torsight.cli.ends import Ended, asked_to_end
 from torsight.core.errors import InputError, TorsightError, refused_by_system
 from torsight.core.lazy import collect_seldom
@@ -40,6 +42,9 @@ COMMANDS: Final = (
 )
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 
+
+_PARSERS: Final[dict[str, type[TyperCommand]]] = {"calibrate": TakesRows}
+"""Commands whose words are not taken as typer takes them."""
 
 app = typer.Typer(
     name="torsight",
@@ -76,7 +81,7 @@ def _options(
 
 for _name in COMMANDS:
     _module = importlib.import_module(f"torsight.cli.{_name}")
-    app.command(_name, cls=getattr(_module, "Command", None))(answering(getattr(_module, _name), name=_name))
+    app.command(_name, cls=_PARSERS.get(_name))(answering(getattr(_module, _name), name=_name))
 
 
 @cache
@@ -124,7 +129,7 @@ def _other(error: Exception, *, debug: bool) -> int:
     if callable(show):
         show()
         return int(getattr(error, "exit_code", 2))
-    if type(error).__name__ == "Abort":
+    if isinstance(error, typer.Abort):
         return _interrupted(130)
     if isinstance(error, MemoryError):
         _tell(InputError("needs more memory than there is", value=str(error), do="check the input's size"), debug=debug)

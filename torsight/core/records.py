@@ -60,8 +60,8 @@ class TemperatureLog(Frozen, Shown):
     def __post_init__(self) -> None:
         Frozen.__post_init__(self)
         _require_rows(self, self._columns())
-        for name in ("temp_a_c", "temp_b_c"):
-            values = np.asarray(getattr(self, name), np.float64)
+        for name, temp_c in (("temp_a_c", self.temp_a_c), ("temp_b_c", self.temp_b_c)):
+            values = np.asarray(temp_c, np.float64)
             wrong = np.flatnonzero((values < SPRING_C[0]) | (values > SPRING_C[1]))
             if len(wrong):
                 raise InputError(
@@ -256,5 +256,6 @@ def _temperature_facts(table: TemperatureLog | SyncedTable) -> dict[str, str]:
 
 
 def _temperature_columns(table: TemperatureLog | SyncedTable) -> dict[str, Any]:
-    heat = {name: values for name in ("heat_a", "heat_b") if (values := getattr(table, name)) is not None}
-    return {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c, **heat, **table.extra}
+    heat = {"heat_a": table.heat_a, "heat_b": table.heat_b}
+    known = {name: values for name, values in heat.items() if values is not None}
+    return {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c, **known, **table.extra}

@@ -140,18 +140,26 @@ class StickAngles(Shown):
         draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
 
 
+def mean_sigma(covariance: Floats) -> Floats:
+    """Return one standard deviation for both coordinates of positions with covariances (..., 2, 2): their rms."""
+    return np.asarray(np.sqrt(0.5 * np.trace(covariance, axis1=-2, axis2=-1)))
+
+
+def round_covariance(sigma: Floats) -> Floats:
+    """Return the covariances (..., 2, 2) of positions whose coordinates have one standard deviation (...) each."""
+    return sigma[..., None, None] ** 2 * np.eye(2)
+
+
 def marker_columns(tracks: MarkerTracks, position_mm: Floats | None = None) -> dict[str, Any]:
     """Return the columns of ``markers.csv``.
 
-    ``m_sigma_px`` is the root of the mean of the covariance's diagonal; ``position_mm`` (n, 4, 3) adds the
-    positions in space of a calibrated camera.
+    ``m_sigma_px`` is :func:`mean_sigma`; ``position_mm`` (n, 4, 3) adds the positions in space of a calibrated camera.
     """
     columns: dict[str, Any] = {"frame": tracks.frame, "time_s": tracks.time_s}
     for index, name in enumerate(MARKERS):
-        variance_px2 = np.trace(tracks.covariance_px2[:, index], axis1=1, axis2=2) / 2.0
         columns[f"{name}_x_px"] = tracks.position_px[:, index, 0]
         columns[f"{name}_y_px"] = tracks.position_px[:, index, 1]
-        columns[f"{name}_sigma_px"] = np.sqrt(variance_px2)
+        columns[f"{name}_sigma_px"] = mean_sigma(tracks.covariance_px2[:, index])
         columns[f"{name}_valid"] = tracks.valid[:, index]
         if position_mm is not None:
             for axis, letter in enumerate("xyz"):

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from sync import LightEvents, LogReading, find_clock
-from sync.clock.estimation import WIDE_S
-from sync.clock.led_likelihood import switchings_of
+from sync.clock.estimation import ADVICE, WIDE_S
+from sync.signals.switchings import switchings_of
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
@@ -27,11 +27,6 @@ from torsight.core.records import ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, PPM, Floats
 from torsight.core.words.wording import number
-
-_ADVICE: Final = (
-    "film an LED on the heating switch ([sync] led), give the offset ([sync] offset_s), or heat at two "
-    "clearly different rates with one heating cut short"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +71,7 @@ def predict_clock(
         light = _made_up_led(on_film, angles.time_s) if {"led", "led_events"} & set(settings) else None
         clock = find_clock(angles, reading, given_drift_ppm=drift_ppm, light=light).clock
     except NoResultError as error:
-        return [
-            Finding("clock", "limits", "motion and temperature would not tell the offset.", error.do or _ADVICE)
-        ], {}
+        return [Finding("clock", "limits", "motion and temperature would not tell the offset.", error.do or ADVICE)], {}
     except TorsightError as error:
         return [refusal("clock", error)], {}
     half_s, half_ppm = (float(np.ptp(ends)) / 2.0 for ends in (clock.offset_ci95_s, clock.drift_ci95_ppm))
@@ -93,7 +86,7 @@ def _said(clock: ClockMap, half_s: float, half_ppm: float) -> Finding:
         f"±{number(half_ppm, 2)} ppm (95 %), from {clock.method.partition(':')[0]}."
     )
     wide = 2.0 * half_s > WIDE_S
-    return Finding("clock", "limits" if wide else "fine", text, _ADVICE if wide else "")
+    return Finding("clock", "limits" if wide else "fine", text, ADVICE if wide else "")
 
 
 def made_up_film(drive: Drive, spec: ActuatorSpec, filming: Filming) -> StickAngles:

@@ -35,8 +35,12 @@ def runs(flag: Flags) -> list[tuple[int, int]]:
 
 def constant_runs(value: NDArray[Any]) -> list[tuple[int, int]]:
     """Return begin and end (exclusive) of every run of one value; together they cover the series."""
-    edges = np.flatnonzero(value[1:] != value[:-1]) + 1
-    return list(pairwise([0, *edges.tolist(), len(value)])) if len(value) else []
+    return list(pairwise([0, *changes(value).tolist(), len(value)])) if len(value) else []
+
+
+def changes(value: NDArray[Any]) -> Ints:
+    """Return the places at which a series has another value than just before."""
+    return np.flatnonzero(value[1:] != value[:-1]) + 1
 
 
 def usual_step(times: Floats) -> float:

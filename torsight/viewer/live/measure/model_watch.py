@@ -208,8 +208,8 @@ class ModelWatch:
 
     def close(self) -> None:
         """End the process; a job that runs is given up."""
-        for process in list(getattr(self._pool, "_processes", None) or {}):
-            self._pool._processes[process].terminate()  # noqa: SLF001 - the pool has no other way not to wait
+        for process in list((self._pool._processes or {}).values()):  # noqa: SLF001 - it has no other way not to wait
+            process.terminate()
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _ask(self, *, whole: bool = False) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
-from torsight.core.tracks import MARKERS, MarkerTracks
+from torsight.core.tracks import MARKERS, MarkerTracks, mean_sigma
 from torsight.core.units import Floats
 from torsight.viewer.live.frames.intake import LiveFrame
 from torsight.viewer.live.measure.angle import LiveAngle
@@ -270,7 +270,7 @@ class LiveTracker:
         values[: self._began] = np.nan
         for rows, change in self._mends:
             if isinstance(change, MarkerTracks):
-                sigma_px = np.sqrt(0.5 * np.trace(change.covariance_px2, axis1=2, axis2=3))
+                sigma_px = mean_sigma(change.covariance_px2)
                 values[self._began : rows] = np.concatenate([change.position_px, sigma_px[..., None]], axis=2)
             else:
                 values[self._began : rows] = values[self._began : rows, change]

@@ -9,7 +9,7 @@ from typing import Any
 
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
-from torsight.core.words.wording import estimate, number
+from torsight.core.words.wording import estimate, fixed, number
 
 
 @dataclass(slots=True)
@@ -92,5 +92,5 @@ def standing(
 
 
 def degrees(angle_deg: float) -> str:
-    """Return an angle in words, with a minus sign that is one; empty where it is not known."""
-    return f"{angle_deg:.1f}°".replace("-", "−") if math.isfinite(angle_deg) else ""
+    """Return an angle in words; empty where it is not known."""
+    return f"{fixed(angle_deg, 1)}°" if math.isfinite(angle_deg) else ""
