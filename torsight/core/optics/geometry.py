@@ -36,17 +36,9 @@ def rotation_matrix(rvec: Floats) -> Floats:
 
 def rotation_vector(matrix: Floats) -> Floats:
     """Return the rotation vector (3,) of a rotation matrix; its length is at most π."""
-    turn = np.asarray(matrix, np.float64)
-    skew = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    sine, cosine = float(np.linalg.norm(skew)), 0.5 * (float(np.trace(turn)) - 1.0)
-    angle_rad = float(np.arctan2(sine, cosine))
-    if cosine > -0.99:
-        return skew if sine == 0.0 else skew * (angle_rad / sine)
-    # Near half a turn the skew part vanishes; the symmetric part is cos·1 + (1 − cos)·axis·axisᵀ.
-    symmetric = 0.5 * (turn + turn.T) - cosine * np.eye(3)
-    axis = symmetric[:, int(np.argmax(np.diag(symmetric)))]
-    axis = axis / np.linalg.norm(axis)
-    return np.asarray(axis * (angle_rad if axis @ skew >= 0.0 else -angle_rad))
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
 
 def cross_matrix(vector: Floats) -> Floats:
