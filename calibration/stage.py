@@ -159,7 +159,7 @@ def measure_axis(
 ) -> tuple[DiskPose, Seen]:
     """Find the rotation axis from pictures of the board on the disk.
 
-    ``device`` names the camera and its focal length, where the pictures of its calibration told.
+    ``device`` names the camera and its focal length, where the pictures of its calibration say so.
 
     Raises
     ------

@@ -122,7 +122,7 @@ class LensCalibration:
 def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress: Progress = silent) -> LensCalibration:
     """Calibrate one camera from views of the board in pictures of one size.
 
-    Too few views, or views that are all from the same side, are no result. ``progress`` is told after every fit that
+    Too few views, or views that are all from the same side, are no result. ``progress`` is called after every fit that
     leaves some of the views out.
     """
     require_views(len(views))

@@ -56,7 +56,7 @@ class PairCalibration:
 def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: Progress = silent) -> PairCalibration:
     """Find the second camera's place against the first, with both lenses as they are.
 
-    ``progress`` is told after every fit that leaves some of the pairs out.
+    ``progress`` is called after every fit that leaves some of the pairs out.
 
     Raises NoResultError when too few pictures show the board in both cameras.
     """

@@ -87,7 +87,7 @@ def estimate_clock(
         When there are events of an LED but no heating switch in the log; when the angles are folded into one turn, the
         film's times are minutes, or the log's times or temperatures are in another unit.
     NoResultError
-        When the offset is not given and nothing in the files tells it.
+        When the offset is not given and nothing in the files determines it.
     """
     require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where="log")
     reading = LogReading(log)

@@ -59,7 +59,7 @@ def film_light_events(
     fps, timestamps
         As the film was tracked with.
     progress : Progress
-        Told about every frame.
+        Called with every frame.
 
     Raises
     ------

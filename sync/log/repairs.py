@@ -47,7 +47,7 @@ class Restart:
         What was added to the timestamps from there on, s.
     gap_s, gap_sigma_s : float
         Time that passed between the rows before and behind it, with one standard deviation (infinite where the
-        log does not tell: the gap is then one usual step).
+        log does not show it: the gap is then one usual step).
     """
 
     index: int

@@ -1,8 +1,8 @@
 """Stretches of a log between restarts of its clock, put behind one another.
 
 How long the clock stood still is not in the timestamps. Where a temperature changes steadily on both sides, its jump
-across the restart tells: gap = jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
-known; the motion on the film can tell then.
+across the restart gives the gap: jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
+known; the motion on the film may show it later (:mod:`sync.clock.restarts`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _WINDOW_S: Final = 10.0
 """Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz. Half and twice
 of it move the clock by 0.04 of its standard deviations at most (benchmarks/sync/constants.py)."""
 SHORTEST_STRETCH_S: Final = 2.0 * _WINDOW_S
-"""Rows between restarts that cover less time tell the gap on neither side: such timestamps are of another kind."""
+"""Rows between restarts that cover less time show a rate at neither end: such steps back are no restarts."""
 LONGEST_GAP_S: Final = 900.0
 """A logger that was away for longer than a quarter of an hour is another record: a choice that moves no clock at half
 and at twice of it (benchmarks/sync/constants.py)."""
@@ -32,7 +32,7 @@ def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -
     """Move every block of rows behind the one before it; return times (n,) on one clock, and one restart per joint.
 
     Timestamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
-    (n,) tells the gaps.
+    (n,) gives the gaps.
     """
     joined = time_s.copy()
     restarts: list[Restart] = []
@@ -63,7 +63,7 @@ def _gap(
         rate = 0.5 * (left[1] + right[1])
         rate_sigma = math.hypot(left[3], right[3]) / 2.0
         bend = abs(left[1] - right[1])
-        # A corner of the temperature somewhere in the gap makes both rates unequal; then the jump tells little.
+        # A corner of the temperature somewhere in the gap makes both rates unequal; then the jump says little of it.
         if abs(rate) < 8.0 * rate_sigma or bend > 0.3 * abs(rate) + 3.0 * rate_sigma:
             continue
         gap = (right[0] - left[0]) / rate

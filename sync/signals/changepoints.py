@@ -84,7 +84,7 @@ def fit_changepoint(
         return None
     x, y, spread = _thinned(time_s[window], temp_c[window], noise)
     at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] <= near_s[0] else 13)
-    # Short lags lie closer together: a changepoint's shape tells them better.
+    # Short lags lie closer together: a changepoint's shape determines them better.
     lags = np.array([shape.lag_s]) if shape.lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
     for _ in range(4):
         loss = _losses(x, y, at, lags, shape)

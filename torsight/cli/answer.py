@@ -58,7 +58,7 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
             answer = run(*arguments, **options)
         except TorsightError as error:
             if as_json:
-                _put(name, exit_code=error.exit_code, error=_told(error))
+                _put(name, exit_code=error.exit_code, error=_error_content(error))
             raise
         assert answer is not None  # noqa: S101 - for the type checker: the annotation says so
         if as_json:
@@ -103,7 +103,7 @@ def _put(name: str, *, exit_code: int, **content: Any) -> None:
     sys.stdout.flush()
 
 
-def _told(error: TorsightError) -> dict[str, Any]:
+def _error_content(error: TorsightError) -> dict[str, Any]:
     value = None if error.value is None else str(error.value)
     return {
         "message": str(error),

@@ -155,7 +155,7 @@ def explain_campaign(
 def run_campaign(
     todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
+    """Do every task and return the rows in the order of the tasks; ``progress`` is called after each.
 
     They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
     """

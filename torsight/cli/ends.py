@@ -32,7 +32,7 @@ class Ended(BaseException):
 
 
 def asks() -> list[int]:
-    """Return the signals that ask this process to end; what it was told to ignore (by ``nohup``) is none."""
+    """Return the signals that ask this process to end; signals that are ignored (``nohup``) are not among them."""
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
 

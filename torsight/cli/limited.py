@@ -27,7 +27,7 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
     child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     _running.add(child.pid)
     try:
-        answer, told = child.communicate(timeout=limit_s)
+        answer, errors = child.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
         raise NoResultError(
             "takes longer than it may",
@@ -41,7 +41,7 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
         _running.discard(child.pid)
     if child.returncode != 0:
         # Where it has no words for it, the end of its traceback says most.
-        raise NoResultError(_message(answer) or f"ended with {child.returncode}: {told.strip()[-300:]}")
+        raise NoResultError(_message(answer) or f"ended with {child.returncode}: {errors.strip()[-300:]}")
 
 
 def end_all() -> None:

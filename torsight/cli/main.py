@@ -124,7 +124,7 @@ def _tell(error: Exception, *, debug: bool) -> None:
 
 
 def _other(error: Exception, *, debug: bool) -> int:
-    """Tell wrong usage (exit 2) as typer's parser words it; pass on what is a defect of ours."""
+    """Report wrong usage (exit 2) in the words of typer's parser, anything else as a defect; return the exit code."""
     show = getattr(error, "show", None)
     if callable(show):
         show()

@@ -86,7 +86,7 @@ def sync(
             progress=progress,
         )
     content = read_json(out / "sync.json")
-    for line in told(content):
+    for line in summary_lines(content):
         say(line)
     files = (out / "merged.csv", out / "sync.json", *(() if table is None else (table,)))
     return Answer(content, files=files)
@@ -209,7 +209,7 @@ def _place(value: Any) -> tuple[float, float]:
     return float(value[0]), float(value[1])
 
 
-def told(content: Mapping[str, Any]) -> list[str]:
+def summary_lines(content: Mapping[str, Any]) -> list[str]:
     """Return what the person at the terminal should know, from ``sync.json``."""
     offset, drift = content["offset_s"], content["drift_ppm"]
     offset_text = f"offset {offset['value']:.3f} s (95 %: {offset['ci95'][0]:.3f} to {offset['ci95'][1]:.3f})"

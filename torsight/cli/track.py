@@ -51,7 +51,7 @@ def track(
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
 
-    Ends with exit code 4 where less than half of the frames have an angle, or where nothing tells which dots are the
+    Ends with exit code 4 where less than half of the frames have an angle, or where nothing shows which dots are the
     markers; what there is is written all the same.
 
     Example: torsight track film.mp4 --out out
@@ -126,8 +126,8 @@ def track_to_folder(
         write_angles(out / "angle.csv", orientation.angles)
         doubtful = [(str(video), doubt) for doubt in doubts(result) + doubts_of_tilt(orientation)]
         doubtful += [] if other is None else [(str(right), doubt) for doubt in doubts(other)]
-        told = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
-        content = account(result, orientation, doubts=told, remarks=remarks, pictures=source.pictures, right=other)
+        warnings = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
+        content = account(result, orientation, doubts=warnings, remarks=remarks, pictures=source.pictures, right=other)
         write_json(out / "track.json", content)
         for film, doubt in doubtful:
             say(f"warning: {film}: {doubt}")
@@ -165,8 +165,7 @@ def _tracked(
                 given_px=None if hints is None or "tag" in hints.kinds else hints.position_px,
             )
         do = f"{error.do}; {out / TRACK_PICTURE} shows what was considered in the first frame"
-        told = NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do)
-        raise told from error
+        raise NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do) from error
 
 
 def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:

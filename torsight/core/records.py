@@ -20,13 +20,14 @@ from torsight.core.words.shown import Shown, draw_series, share, span
 GIVEN_OFFSET: Final = "given offset"
 """How the ``method`` of a clock map begins whose offset was given and not found."""
 _LEAST_CLOCK_S: Final = 0.05
-"""An event that both recorders saw is read to a frame of one, 0.03 s at 30 per second, and a row of the other."""
+"""Least standard deviation of an offset: an event that both recorders saw is timed to one frame of the film, 0.03 s at
+30 per second, and one row of the log."""
 
 
 def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
-    """Return how well an offset is known, by its method and its 95 % interval; None where nothing says how well.
+    """Return an offset's standard deviation from its method and its 95 % interval; None where it is not known.
 
-    An offset that was given is a claim like any other.
+    The interval of an offset that was given says nothing of its error.
     """
     low, high = interval_s
     if method.startswith(GIVEN_OFFSET) or not math.isfinite(high - low):
@@ -169,7 +170,7 @@ class SyncedTable(Frozen, Shown):
     extra : mapping of str to (n,) array
         Further columns, kept under their own names.
     clock_sigma_s : float or None
-        Standard deviation of what is left between the clocks; None where nothing says how well they were put together.
+        Standard deviation of the error of the offset between the clocks; None where it is not known.
     """
 
     time_s: Floats

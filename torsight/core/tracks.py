@@ -16,9 +16,9 @@ MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 USUAL_SHARE: Final = 0.9
 """Share of the frames that a track without a warning shows, by the contract."""
 LEAST_SURE: Final = 0.55
-"""Probability that the markers taken are the right ones below which a film has no result.
+"""Least probability that the chosen markers are the right ones: below it a film has no result.
 
-Where nothing tells two couples apart the likelier one has 0.50 to 0.51; of films with 0.6 to 0.95 all are right
+Where nothing separates two pairs of sticks the likelier one has 0.50 to 0.51; of films with 0.6 to 0.95 all are right
 (benchmarks/tracking/decoys.py).
 """
 

@@ -209,7 +209,6 @@ def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
 
 
 def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[Figure | None]]:
-
     against = [
         residuals.residual_against(curves, name, values) for name, values in residuals.driver_columns(curves).items()
     ]
@@ -222,7 +221,6 @@ def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[F
 
 
 def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
-
     found: dict[str, list[Figure | None]] = {}
     if results.angle is not None and drawable(results.angle):
         events = (results.track or {}).get("events") or []
@@ -254,13 +252,12 @@ def _laws(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the measured laws, where there are any."""
     if not (results.discovery or {}).get("laws"):
         return {}
-
     return {"laws": [law_figure(law) for law in read_laws(results.folder, results.discovery or {})]}
 
 
 _GROUPS: Final = (_motion, _measurement, _answer, _laws)
 _PARTS: Final = len(("reading", *_GROUPS, "writing"))
-"""As told to ``progress``."""
+"""Steps of ``progress``."""
 
 
 def drawable(table: pd.DataFrame) -> bool:

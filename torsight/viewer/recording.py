@@ -60,7 +60,7 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     film : str or Path, optional
         The film, folder or glob of pictures; without it the markers are drawn on an empty picture.
     progress : Progress
-        Told how much of the film is in the recording.
+        Called with how much of the film is in the recording.
 
     Returns
     -------
@@ -94,11 +94,11 @@ def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s:
     words = [sys.executable, *_WRITER]
     with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
         try:
-            told, size = None, -1
+            answer, size = None, -1
             given: str | None = json.dumps(task)
-            while told is None:
+            while answer is None:
                 try:
-                    told, _ = writer.communicate(given, timeout=patience_s)
+                    answer, _ = writer.communicate(given, timeout=patience_s)
                 except subprocess.TimeoutExpired as error:
                     given, before, size = None, size, target.stat().st_size if target.exists() else 0
                     if size == before:
@@ -106,7 +106,7 @@ def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s:
         finally:
             writer.kill()
     if writer.returncode != 0:
-        raise RuntimeError(f"the recording was not written ({trouble_of(told) or f'exit code {writer.returncode}'})")
+        raise RuntimeError(f"the recording was not written ({trouble_of(answer) or f'exit code {writer.returncode}'})")
 
 
 def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:

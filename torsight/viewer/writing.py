@@ -4,7 +4,7 @@ Rerun's writer of files ends when the disk is full, and whatever asks it for any
 flush, the next recording, the end of the program. So it is not let into the process that holds the results.
 
 On standard input it takes ``{"folder", "target", "preview"}``, the preview as of :meth:`Preview.to_json` or null. What
-is wrong is told by :func:`torsight.viewer.encoding.report`.
+is wrong is reported by :func:`torsight.viewer.encoding.report`.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def predict_clock(
         text = f"the offset is given ({number(float(offset_s))} s) and taken as exact."
         return [Finding("clock", "fine", text)], {"offset_s": float(offset_s), "offset_ci95_s": 0.0}
     limits = None if spec is None else limits_of(spec)
-    # What is made up is on the film's clock.
+    # The made-up film runs on the film's clock.
     on_film = replace(reading.log, time_s=reading.log.time_s / (1.0 + (drift_ppm or 0.0) * PPM))
     try:
         if angles is None:
@@ -71,7 +71,9 @@ def predict_clock(
         light = _made_up_led(on_film, angles.time_s) if {"led", "led_events"} & set(settings) else None
         clock = find_clock(angles, reading, given_drift_ppm=drift_ppm, light=light).clock
     except NoResultError as error:
-        return [Finding("clock", "limits", "motion and temperature would not tell the offset.", error.do or ADVICE)], {}
+        return [
+            Finding("clock", "limits", "motion and temperature would not determine the offset.", error.do or ADVICE)
+        ], {}
     except TorsightError as error:
         return [refusal("clock", error)], {}
     half_s, half_ppm = (float(np.ptp(ends)) / 2.0 for ends in (clock.offset_ci95_s, clock.drift_ci95_ppm))

@@ -34,7 +34,7 @@ _TOML_KINDS: Final = {
     "intrinsics": "camera",
     "moving": "markers",
 }
-"""A table or key that tells what a TOML file is."""
+"""A table or key by which the kind of a TOML file is recognised."""
 
 
 @dataclass(slots=True)

@@ -32,7 +32,7 @@ def ripple_c(reading: LogReading) -> dict[Spring, float]:
     """Return by how much, °C, the readings of a spring scatter in its most restless heating beyond those at rest.
 
     Only springs of which that is more than all the rest of the scatter, and matters. Timestamps that are cut off to
-    whole steps, and readings that are held for several rows, tell nothing.
+    whole steps, and readings that are held for several rows, show no ripple.
     """
     log = reading.log
     found: dict[Spring, float] = {}

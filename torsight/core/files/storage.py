@@ -107,7 +107,7 @@ def not_written(path: Path, error: OSError) -> OutputError:
 
 
 def require_writable(path: Path, *, folder: bool) -> None:
-    """Refuse a file, or a ``folder`` for files, that cannot be written: before the work for it; nothing is left there.
+    """Refuse a file, or a ``folder`` for files, that cannot be written, before any work; nothing is left there.
 
     Raises OutputError when the system refuses to make a file there, or in the nearest folder above it that there is.
     """
@@ -243,7 +243,7 @@ def write_table(path: Path, columns: Mapping[str, Any], *, clock: str = "time_s"
     """Write columns of equal length as CSV or, by suffix, as Parquet.
 
     CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1. The column
-    ``clock`` has as many digits as tell its rows apart, whenever its clock began to count.
+    ``clock`` has as many digits as its rows need to differ, whenever the clock began to count.
     """
     data = {name: _column(values) for name, values in columns.items()}
     if not is_parquet(path) and _plain_numbers(data):
@@ -377,7 +377,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     table = pd.read_csv(path, encoding="utf-8-sig")
-    # Equal names come back as "name" and "name.1"; which of the two is meant nobody can tell, so they keep one name.
+    # Equal names come back as "name" and "name.1". They get one name again, so that a needed column is refused.
     header = pd.read_csv(path, encoding="utf-8-sig", header=None, nrows=1, dtype=str).iloc[0]
     if len(header) == len(table.columns) and header.notna().all():
         table.columns = pd.Index(header)

@@ -203,7 +203,7 @@ class Circles:
         return values
 
     def _first_angle(self, values: Floats) -> Floats:
-        """Return θ (n,) as lines of sight tell it where they meet the circles' planes."""
+        """Return θ (n,) from the points in which the lines of sight meet the circles' planes."""
         direction = tilted(self.frame, values[_TILT])
         u, v = axis_basis(direction)
         across = np.stack((u, v), axis=1)
@@ -215,10 +215,10 @@ class Circles:
                 toward = lines @ direction
                 away = ((middle - eye) @ direction / toward)[..., None] * (lines @ across) - (middle - eye) @ across
                 turn = np.arctan2(away[..., 1], away[..., 0]) - np.array([0.0, values[_BETWEEN]])
-                # A plane that is seen from the side tells little.
+                # A plane that is seen from the side gives little information.
                 facing = np.abs(toward) / np.sqrt(np.sum(lines**2, axis=-1))
-                told = facing * np.exp(1j * turn)
-            total += np.where(sight.seen & np.isfinite(told), told, 0.0).sum(axis=1)
+                pointing = facing * np.exp(1j * turn)
+            total += np.where(sight.seen & np.isfinite(pointing), pointing, 0.0).sum(axis=1)
         return np.angle(total)
 
     def _best_angle(self, values: Floats, angle: Floats) -> Floats:

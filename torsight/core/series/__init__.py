@@ -24,7 +24,7 @@ APART: Final = math.sqrt(2.0) * BY_CHANCE
 NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
 ORDER: Final = 3
-"""Order of the differences by which noise is told from a course: lines and parabolas are not seen in third ones."""
+"""Order of the differences that separate noise from a trend: third differences of lines and parabolas are zero."""
 
 
 def runs(flag: Flags) -> list[tuple[int, int]]:
@@ -60,7 +60,7 @@ def extent(values: Floats) -> tuple[float, float]:
 
 
 def block_means(values: Floats, every: int) -> Floats:
-    """Return the means (n // every, …) of so many samples (n, …) that follow each other; a rest is left out."""
+    """Return the means (n // every, …) of successive blocks of ``every`` samples; the rest is dropped."""
     if every < 2:
         return values
     whole = len(values) // every * every

@@ -66,7 +66,7 @@ def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:
     """Shade the held-out half-cycles."""
     held = column(curves, "held_out") > 0.5
     if held.all():
-        # Every half-cycle was left out in turn: there is nothing to tell apart.
+        # Every half-cycle was left out in turn: there is nothing to distinguish.
         return
     time_s = column(curves, "time_s")
     for begin, end in runs(held):

@@ -1,4 +1,4 @@
-"""The experiment that would tell rivals apart, drawn: the programme, and what each rival predicts under it."""
+"""The experiment that would separate the explanations, drawn: the programme, and what each predicts under it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 r"""Which further measurement makes a value more certain, from the covariance of a fit alone.
 
-A fit adds what the record tells to what was characterised before, :math:`P^{-1} = I + S`, with :math:`P` the
+A fit adds the record's information to what was characterised before, :math:`P^{-1} = I + S`, with :math:`P` the
 covariance of the fitted values, :math:`S` diagonal with :math:`1/σ^2` of the characterised ones, and :math:`I` the
 record's own information. A record :math:`k` times as long holds :math:`k I`; a value characterised :math:`m` times as
 well has :math:`m^2/σ^2`. So the interval after a measurement that nobody has made follows from numbers that are there,

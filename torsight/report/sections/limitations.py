@@ -29,8 +29,8 @@ def doubts(results: RunResults) -> list[Markup]:
             found += [extra] if isinstance(extra, str) else [in_words(one) for one in extra]
     # Where a discovery has answered, it says itself what its model leaves.
     settled = (results.fit or {}).get("attention") or () if results.discovery is not None else ()
-    told = (as_sentence(one) for one in found if one.strip() and one not in settled)
-    return [with_symbols(one) for one in dict.fromkeys(told)]
+    sentences = (as_sentence(one) for one in found if one.strip() and one not in settled)
+    return [with_symbols(one) for one in dict.fromkeys(sentences)]
 
 
 def as_sentence(words: str) -> str:
@@ -74,7 +74,7 @@ def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
         found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
     for effect in discovery.get("effects") or []:
         chance = effect.get("probability")
-        # A discovery.json does not say where its engine was told another level.
+        # A discovery.json does not say whether its engine was given another level.
         if chance is not None and chance < Settings().credible:
             found.append(f"The effect '{effect_name(str(effect['id']))}' is named with probability {chance:.2f} only.")
     return found

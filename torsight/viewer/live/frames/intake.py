@@ -147,7 +147,7 @@ class Intake:
     def _read(self) -> None:
         try:
             self._read_all()
-        except Exception as error:  # noqa: BLE001 - told by the session that takes the frames
+        except Exception as error:  # noqa: BLE001 - raised by the session that takes the frames
             self.error = error
         finally:
             with self._changed:

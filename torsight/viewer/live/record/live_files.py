@@ -152,8 +152,8 @@ def finish(
 ) -> Orientation | None:
     """Orient a finished record as ``torsight track`` would a film, and write its tables whole.
 
-    None where no frame came, or no markers were ever seen. ``tracker`` knows by now what the rows that were written
-    before motion told are of.
+    None where no frame came, or no markers were ever seen. ``tracker`` knows by now which markers the rows
+    belong to that were written before motion showed it.
     """
     path = folder / "markers.csv"
     if path.read_bytes().count(b"\n") < 2:
