@@ -96,7 +96,7 @@ def pose_from_tracks(
             where="torsight calibrate",
             do="leave it away: the axis of a pair is found from the tracks",
         )
-    position, covariance = _read(path)
+    position, covariance = read_circles(path)
     size = np.array(camera.intrinsics.size_px)
     beyond = (position < -0.5) | (position > size - 0.5)
     if beyond.any():
@@ -127,7 +127,7 @@ def _notes(axis: Axis) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _read(path: Path) -> tuple[Floats, Floats]:
+def read_circles(path: Path) -> tuple[Floats, Floats]:
     """Return positions (n, 2, 2) and covariances (n, 2, 2, 2) of the moving stick's markers, NaN where not valid."""
     columns = [f"{marker}_{part}" for marker in _MARKERS for part in ("x_px", "y_px", "sigma_px", "valid")]
     table = read_table(path, required=columns)

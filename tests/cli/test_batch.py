@@ -151,7 +151,7 @@ def test_a_record_that_takes_too_long_is_ended(child: str, made: Path, monkeypat
     row = run_task(task)
     assert row["status"] == "failed"
     assert words in row["message"]
-    assert limited._running == set()
+    assert limited.running == set()
 
 
 def test_a_limit_ends_what_the_run_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

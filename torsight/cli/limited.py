@@ -14,7 +14,8 @@ from typing import Final
 from torsight.core.errors import NoResultError
 
 COMMAND: Final = (sys.executable, "-m", "torsight.cli.main")
-_running: set[int] = set()
+running: Final[set[int]] = set()
+"""Process ids of the runs that have not ended."""
 
 
 def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
@@ -25,7 +26,7 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
     words = [*COMMAND, "run", str(experiment), "--out", str(out), "--resume", "--json"]
     # A session of its own: whatever the run has started ends with it.
     child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    _running.add(child.pid)
+    running.add(child.pid)
     try:
         answer, errors = child.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
@@ -38,7 +39,7 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
     finally:
         end(child.pid)
         child.communicate()
-        _running.discard(child.pid)
+        running.discard(child.pid)
     if child.returncode != 0:
         # Where it has no words for it, the end of its traceback says most.
         raise NoResultError(_message(answer) or f"ended with {child.returncode}: {errors.strip()[-300:]}")
@@ -46,7 +47,7 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
 
 def end_all() -> None:
     """End every run that this process has started."""
-    for process in tuple(_running):
+    for process in tuple(running):
         end(process)
 
 

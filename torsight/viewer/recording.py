@@ -44,7 +44,7 @@ CURVES: Final = {
 }
 """The column of each curve, and the tables that may hold it, the best first."""
 
-_WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
+WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
 
 _END: Final = b"RRF2FOOT"
 """A recording ends with its table of contents, which these letters mark."""
@@ -81,17 +81,17 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
         preview = _preview(results, film, Path(scratch), progress=progress)
         with _whole(temporary):
-            _written(folder, temporary, preview)
+            run_writer(folder, temporary, preview)
     progress("recording", 1, 1)
     return path
 
 
-def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
+def run_writer(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
     """Let :mod:`torsight.viewer.writing` write the recording, as long as the file grows."""
     task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
     # It finds what this process has found, however that was started.
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
-    words = [sys.executable, *_WRITER]
+    words = [sys.executable, *WRITER]
     with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
         try:
             answer, size = None, -1

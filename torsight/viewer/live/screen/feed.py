@@ -86,6 +86,11 @@ class Feed:
         """Number of the process on the viewer's side."""
         return int(self._process.pid or 0)
 
+    @property
+    def waiting(self) -> int:
+        """How many entries wait to be shown."""
+        return len(self._waiting)
+
     def put(self, *entry: Any) -> None:
         """Queue one entry; the oldest one goes where too many wait."""
         with self._changed:
