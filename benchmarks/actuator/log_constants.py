@@ -26,8 +26,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.half_and_twice import half_and_twice
 from torsight.actuator import ActuatorModel, reference_spec
-from torsight.actuator.drive import _LAG_GRID_S
 from torsight.actuator.record.conditioning import Readings, condition
+from torsight.actuator.record.sensors import _LAG_GRID_S
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms
 

@@ -1,14 +1,18 @@
-"""Every benchmark that is named is there, and so is every constant that a benchmark halves and doubles."""
+"""Every benchmark that is named is there, with the names it imports and the constants it halves and doubles."""
 
 from __future__ import annotations
 
 import ast
+import importlib.util
 import re
 from pathlib import Path
 
+import pytest
+
 from tests.docs.documented import ROOT
 
-SOURCES = [path for name in ("torsight", "tracker", "sync", "calibration") for path in (ROOT / name).rglob("*.py")]
+PACKAGES = ("torsight", "tracker", "sync", "calibration")
+SOURCES = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
 BENCHMARKS = list((ROOT / "benchmarks").rglob("*.py"))
 CONSTANT = re.compile(r"_?[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
 
@@ -31,6 +35,15 @@ def test_every_benchmark_that_is_named_is_there() -> None:
     }
     assert named
     assert not [name for name in named if not (ROOT / name).is_file()]
+
+
+@pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.stem)
+def test_everything_that_a_benchmark_imports_is_there(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] in PACKAGES:
+            module = importlib.import_module(str(node.module))
+            missing = [one.name for one in node.names if not hasattr(module, one.name)]
+            assert all(importlib.util.find_spec(f"{node.module}.{name}") for name in missing), missing
 
 
 def test_every_constant_that_is_halved_and_doubled_is_there() -> None:
