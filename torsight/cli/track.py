@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 TRACK_PICTURE: Final = "track.png"
 FILES: Final = ("angle.csv", "markers.csv", "track.json", TRACK_PICTURE)
 """What the command writes."""
+_PAIR_REMARK: Final = (
+    "The camera file is of a stereo pair, and one film was given: it is taken for the left camera's and tracked "
+    "with that lens alone, without positions in space; name the right film after it to use both."
+)
 
 
 def track(
@@ -105,7 +109,13 @@ def track_to_folder(
     lens = None if camera is None else read_camera(camera)
     hints = None if markers is None else read_markers(markers)
     right_hints = None if right is None else in_second_film(hints)
-    remarks = _check_cameras(lens, where="--camera" if camera is None else str(camera), two=right is not None)
+    where = "--camera" if camera is None else str(camera)
+    remarks = []
+    if right is not None:
+        require_second(lens, where=where)
+    elif lens is not None and lens.right is not None:
+        say(f"{where}: {_PAIR_REMARK}")
+        remarks.append(_PAIR_REMARK)
     source, second = _sources(video, right, lens, fps=fps, timestamps=timestamps)
     with only_writer(out):
         keep_pictures(source)
@@ -166,21 +176,6 @@ def _tracked(
             )
         do = f"{error.do}; {out / TRACK_PICTURE} shows what was considered in the first frame"
         raise NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do) from error
-
-
-def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
-    """Return what is to be said of how a camera file goes with one film or two."""
-    if two:
-        require_second(lens, where=where)
-        return []
-    if lens is None or lens.right is None:
-        return []
-    remark = (
-        "The camera file is of a stereo pair, and one film was given: it is taken for the left camera's and tracked "
-        "with that lens alone, without positions in space; name the right film after it to use both."
-    )
-    say(f"{where}: {remark}")
-    return [remark]
 
 
 def _sources(
