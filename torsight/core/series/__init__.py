@@ -13,7 +13,7 @@ from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from torsight.core.units import Flags, Floats, Ints
 
@@ -113,9 +113,9 @@ def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
     return turns
 
 
-def rms(values: Floats) -> float:
+def rms(values: ArrayLike) -> float:
     """Return the root of the mean square of values (n,)."""
-    return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def robust_sigma(deviation: Floats) -> float:
