@@ -90,7 +90,7 @@ class Calibration(Shown):
         for name, side in self._sides().items():
             residual_px = np.concatenate(side.lens.fit.residual_px)
             axes.plot(*residual_px.T, ".", markersize=2, label=name)
-        axes.set(xlabel="measured less computed corner, x, px", ylabel="y, px", aspect="equal")
+        axes.set(xlabel="measured minus computed corner, x, px", ylabel="y, px", aspect="equal")
         if self._sides():
             axes.legend()
 

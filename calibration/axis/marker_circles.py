@@ -32,7 +32,7 @@ should."""
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CirclesPose(AxisPose):
-    """The rotation axis as the moving stick's markers show it, with what a person should know of it.
+    """The rotation axis from the moving stick's markers, with notes for the user.
 
     The pose's origin is where the axis meets the moving markers' plane; the fit is in units of the markers' distance.
     """
@@ -94,7 +94,7 @@ def pose_from_tracks(
         raise ConfigError(
             "takes no --tracks for a stereo pair",
             where="torsight calibrate",
-            do="leave it away: the axis of a pair is found from the tracks",
+            do="leave it out: the axis of a pair is found from the tracks",
         )
     position, covariance = read_circles(path)
     size = np.array(camera.intrinsics.size_px)
@@ -118,7 +118,9 @@ def pose_from_tracks(
 def _notes(axis: Axis) -> tuple[str, ...]:
     notes = []
     if axis.mirror_gap < _CERTAIN_GAP:
-        notes.append("perspective is too weak to tell this tilt from its mirror image; the angle hardly depends on it")
+        notes.append(
+            "perspective is too weak to distinguish this tilt from its mirror image; the angle hardly depends on it"
+        )
     if axis.misfit > _WORST_MISFIT:
         notes.append(
             f"the paths are {axis.misfit:.1f} times as far from circles as the markers' sigmas say; "

@@ -1,4 +1,4 @@
-"""The second camera: where it stands against the first, from boards that both see at one instant."""
+"""The second camera: its pose relative to the first, from boards that both see at one instant."""
 
 from __future__ import annotations
 

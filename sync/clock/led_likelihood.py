@@ -63,7 +63,7 @@ def match_led(
     """
     if log.heat_a is None and log.heat_b is None:
         raise InputError(
-            "has no column 'heat_a' or 'heat_b' to hold the LED against",
+            "has no column 'heat_a' or 'heat_b' to compare the LED with",
             where="temperature log",
             do="log the heating switch, or leave led_events out",
         )

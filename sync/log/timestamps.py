@@ -1,4 +1,4 @@
-"""Timestamps as clocks give them, made strictly increasing: what was misplaced, repeated, wrong, or restarted.
+"""Timestamps made strictly increasing: rows misplaced, repeated or wrong, and restarts of the clock.
 
 Three things look alike, a timestamp that is smaller than the one before, and need different mending:
 
@@ -73,7 +73,7 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
         times.append(kept_time)
         blocks.append(np.full(len(kept_row), index, dtype=np.int64))
     for kind, text in (
-        ("reordered", "rows stood out of order and were put into their place"),
+        ("reordered", "rows out of order were sorted in"),
         ("wrong_stamp", "timestamps that fitted nowhere were interpolated from the rows around"),
         ("dropped_stamp", "rows whose timestamp fitted nowhere were dropped"),
     ):

@@ -152,7 +152,7 @@ def test_any_single_file_makes_a_page_of_its_sections(run: Path, kept: str, ther
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"verdict": "none", "effects": []}, "Nothing is missing from the model that this record can show."),
+        ({"verdict": "none", "effects": []}, "This record shows nothing that the model lacks."),
         (
             {"verdict": "ambiguous", "alternatives": [["clock_offset"], ["viscous_friction", "fatigue"]]},
             "this record cannot tell which: sensor lag, clock offset or viscous friction with fatigue.",

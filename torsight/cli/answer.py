@@ -26,7 +26,7 @@ _WRITTEN: Final = ("out", "export_effect", "preview", "pictures")
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a command has to say to a script: what was found (the JSON file, where it writes one), and what was written.
+    """A command's answer to a script: its result (that of the JSON file, where it writes one), and the files written.
 
     ``exit_code`` is 0, or one of the contract's where the command has an answer all the same.
     """

@@ -157,7 +157,7 @@ def run_campaign(
 ) -> list[dict[str, Any]]:
     """Do every task and return the rows in the order of the tasks; ``progress`` is called after each.
 
-    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
+    They run in ``jobs`` processes on this machine (-1: one per core), or on the Dask scheduler at an address.
     """
     from torsight.cli import workers
 

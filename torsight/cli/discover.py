@@ -137,7 +137,7 @@ def require_one_rig(records: Sequence[Path]) -> None:
                 "is the same record as another one",
                 where=str(path),
                 value=str(seen[found]),
-                do="give every record once: twice the same one would count as two witnesses",
+                do="give every record once: the same one twice would count as two",
             )
         seen[found] = path
     actuators = [(path, used) for path in records if (used := _actuator_of(path)) is not None]

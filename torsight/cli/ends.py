@@ -103,7 +103,7 @@ def _ask_again(number: int, asking: dict[int, threading.Thread], ended: threadin
 
 @contextlib.contextmanager
 def _thrown_away(asking: Collection[int]) -> Iterator[None]:
-    """Let go of what the frames that a request to end went through had in hand; ``asking`` says whether there was one.
+    """Release the objects of the frames that a request to end went through; ``asking`` says whether there was one.
 
     An error that came after a request that was lost is the request.
     """

@@ -211,7 +211,7 @@ def experiment_from(
 
 
 def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str, str]]:
-    """Return what is said of the log's columns, checked."""
+    """Return the checked names and units of the log's columns."""
     from sync.log.column_names import chosen_columns
 
     said = {name: dict(get_table(table, name, where=where)) for name in ("columns", "units")}

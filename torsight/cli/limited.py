@@ -19,9 +19,9 @@ running: Final[set[int]] = set()
 
 
 def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
-    """Do ``torsight run`` on an experiment; one that takes longer than the limit, s, is ended and has no result.
+    """Do ``torsight run`` on an experiment; one that takes longer than the limit, s, is ended without a result.
 
-    What it had finished stays, and the next call goes on from there.
+    Its finished stages stay, and the next call continues from there.
     """
     words = [*COMMAND, "run", str(experiment), "--out", str(out), "--resume", "--json"]
     # A session of its own: whatever the run has started ends with it.
@@ -52,13 +52,13 @@ def end_all() -> None:
 
 
 def end(process: int) -> None:
-    """End a run and what it has started, where it is still there."""
+    """End a run and the processes that it has started, if it still runs."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process, signal.SIGKILL)
 
 
 def _message(answer: str) -> str:
-    """Return what the run says was wrong; empty where it could not say."""
+    """Return the run's error message; empty where it has none."""
     try:
         return str(json.loads(answer)["error"]["message"])
     except (ValueError, KeyError, TypeError):

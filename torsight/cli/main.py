@@ -86,7 +86,7 @@ for _name in COMMANDS:
 
 @cache
 def _parser() -> Callable[..., object]:
-    """Return the commands as their parser takes them, made once for all that one process is asked."""
+    """Return the commands in the form their parser needs, made once per process."""
     parser: Callable[..., object] = typer.main.get_command(app)
     return parser
 
@@ -113,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _interrupted(code: int) -> int:
-    sys.stderr.write("torsight: interrupted; what was finished is on disk, and --resume of run and track goes on\n")
+    sys.stderr.write("torsight: interrupted; what was finished is on disk, and --resume of run and track continues\n")
     return code
 
 

@@ -31,7 +31,7 @@ def predict(
     temperature: Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Temperatures of both springs.")],
     *,
     start_angle: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees (actuator only).")
+        float | None, typer.Option(metavar="DEG", help="Measured angle at the first row, degrees (actuator only).")
     ] = None,
     initial: Annotated[
         list[str] | None,

@@ -16,7 +16,7 @@ from torsight.core.words.wording import doubt_of, effect_name, error_words, esti
 
 
 def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
-    """Return what a ``discovery.json`` says: what is missing, its laws, the error before and after, what to do next."""
+    """Return the content of a ``discovery.json`` in lines: what is missing, laws, error before and after, next step."""
     effects = [
         # The values that are made for people, where there are any.
         f"  {effect_name(str(effect['id']))}: {effect_values(effect)}"
@@ -51,7 +51,7 @@ def _unseen(record: Mapping[str, Any]) -> str:
 
 
 def attention(discovery: Mapping[str, Any]) -> list[str]:
-    """Return a line where the record is not explained, or fixes no values: said before what is read from it."""
+    """Return a warning line where the record is not explained, or does not determine the values."""
     return [f"Attention         {doubt}"] if (doubt := doubt_of(discovery)) else []
 
 

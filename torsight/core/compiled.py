@@ -196,7 +196,7 @@ def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
 
 
 def _written(folders: Iterable[Path], imported: Iterable[str]) -> str:
-    """Return in short when all sources below folders and what they import from were written, and their sizes."""
+    """Return a digest of modification times and sizes of all sources below folders and of those they import."""
     below = (path for folder in folders for path in folder.rglob("*.py"))
     stats = {path: path.stat() for path in sorted([*below, *map(Path, imported)]) if path.is_file()}
     seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in stats.items()]

@@ -71,7 +71,7 @@ def _short(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """Keep what a damaged file holds from moving the cursor or colouring the terminal; a message is one line."""
+    """Replace control characters of a damaged file, which would move the cursor or colour the terminal."""
     return "".join("�" if unicodedata.category(one).startswith("C") else one for one in text)
 
 

@@ -147,7 +147,7 @@ class ClockMap(Shown):
         """Draw by how much the log's clock is ahead during the first hour of a film, within the offset's interval."""
         film_s = np.linspace(0.0, 3600.0, 61)
         ahead_s = self.to_temperature_time(film_s) - film_s
-        draw_series(axes, film_s, {"ahead": ahead_s}, label="temperature log's time less film time, s")
+        draw_series(axes, film_s, {"ahead": ahead_s}, label="temperature log's time minus film time, s")
         low, high = (bound - self.offset_s for bound in self.offset_ci95_s)
         if np.isfinite([low, high]).all():
             axes.fill_between(film_s, ahead_s + low, ahead_s + high, alpha=0.3)

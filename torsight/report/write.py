@@ -112,7 +112,7 @@ def page(
 
 
 def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
-    """Return the text of a page: a template filled with what it shows, in the style of all pages."""
+    """Return the text of a page: a filled template in the style of all pages."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -167,13 +167,13 @@ def _parts(shown: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def headline(results: RunResults) -> str:
-    """Return the first sentence of the page: the verdict, or what was measured where there is none yet."""
+    """Return the first sentence of the page: the verdict, or the measured motion where there is no verdict yet."""
     if results.discovery is not None:
         return verdict_sentence(results.discovery)
     if results.fit is not None:
         ratio = (results.fit.get("residual") or {}).get("variance_ratio")
         doubt = unexplained(math.sqrt(ratio)) if ratio is not None else ""
-        return f"{doubt} The plain model was fitted; what it lacks was not asked yet.".strip()
+        return f"{doubt} The plain model was fitted; discovery has not run yet.".strip()
     if results.merged is not None or results.angle is not None:
         return "The motion was measured; no model was fitted yet."
     return "Nothing was measured yet."

@@ -1,6 +1,6 @@
 """A video encoder in a process of its own, pictures on standard input.
 
-An encoder that comes with its own threads is not to be trusted with the process that holds the results: SVT-AV1 was
+An encoder with threads of its own must not run in the process that holds the results: SVT-AV1 was
 seen to wait for itself for ever when its last pictures are asked for, and where it is run by root it gives its caller
 real-time priority before everything else. Here it runs without root's rights, and this process ends itself when
 nothing comes out for LIMIT seconds.
@@ -51,7 +51,7 @@ def _load_everything(av: Any) -> None:
 
 
 def report(message: str, *, errno: int | None) -> None:
-    """Say on standard output what is wrong, with the system's number of it where it is the system that refused."""
+    """Write an error to standard output, with its errno where the system refused."""
     json.dump({"errno": errno, "message": message}, sys.stdout)
     sys.stdout.flush()
 

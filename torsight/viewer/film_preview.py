@@ -84,7 +84,7 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
 
 
 class _StuckError(Exception):
-    """An encoder that ended itself, or was ended, before its work was done; with what it said."""
+    """An encoder that ended before its work was done; with its message."""
 
 
 def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, progress: Progress) -> Preview:
@@ -129,7 +129,7 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
 
 
 def trouble_of(said: str | bytes) -> str:
-    """Raise what a process of its own said of the disk; return what else went wrong, nothing where it said nothing."""
+    """Raise the disk error that a child process reported; return any other error message, empty where there is none."""
     try:
         trouble = json.loads(said)
     except ValueError:

@@ -52,7 +52,7 @@ def colour_of(name: str) -> Colour:
 
 
 def overlay(position_px: Floats, angle_rad: float, *, scale: float) -> Overlay:
-    """Return what is drawn on one frame.
+    """Return the overlay of one frame.
 
     Markers (4, 2) are in the film's pixels and the order of ``torsight.core.tracks.MARKERS``, the angle is positive
     counter-clockwise as displayed; NaN where not known. ``scale`` is pixels of what is shown per pixel of the film.

@@ -46,7 +46,7 @@ def free_port() -> int:
 
 
 def chosen_port(wanted: int | None, usual: int, *, option: str) -> int:
-    """Return the port that was asked for (0: any free one), else the usual one where it is free, else any."""
+    """Return the port that was asked for (0: any free one), else the default port if it is free, else any."""
     if wanted == 0:
         return free_port()
     port = usual if wanted is None else wanted
@@ -60,12 +60,12 @@ def chosen_port(wanted: int | None, usual: int, *, option: str) -> int:
 
 
 def address_of(port: int) -> str:
-    """Return what a viewer opens to see what is served at a port of this computer."""
+    """Return the address that a viewer opens for a server at a port of this computer."""
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 def browser_address(web_port: int, address: str) -> str:
-    """Return what a browser opens to see what is served at an address, with the viewer's page at a port."""
+    """Return the URL for a browser: the viewer's page at a port, showing the data served at an address."""
     return f"http://{LOOPBACK}:{web_port}?url={quote(address, safe='')}"
 
 
@@ -125,14 +125,14 @@ class Viewer:
         return True
 
     def why_ended(self) -> str:
-        """Return what it said of its trouble, else the last thing that it said."""
+        """Return its error message, else its last line of output."""
         self._said.seek(0)
         lines = [line.strip() for line in self._said.read().decode("utf-8", "replace").splitlines() if line.strip()]
         trouble = [line for line in lines if any(word in line.lower() for word in _TROUBLE)]
         return (trouble or lines[-1:] or [f"exit code {self.process.returncode}"])[0][:300]
 
     def end(self) -> None:
-        """End it, wait for it, and forget what it said and left in its temporary folder."""
+        """End it, wait for it, and remove its output and temporary folder."""
         if self.running:
             self.process.terminate()
             if not self.ended_within(3.0):

@@ -161,7 +161,7 @@ def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
 
 
 def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
-    """Log what the angle's own error makes of the residual."""
+    """Log the band of the residual that the angle's own error explains."""
     table = results.first_of("curves", "merged", "angle")
     if table is None or "angle_sigma_deg" not in table.columns:
         return
@@ -242,7 +242,7 @@ def times(frame: Ints, time_s: Floats) -> list[rr.TimeColumn]:
 
 
 def overlays(results: RunResults, frame: Ints, *, scale: float) -> list[Overlay]:
-    """Return what is drawn on each of the frames."""
+    """Return the overlay of each frame."""
     table = results.markers
     if table is None:
         return []

@@ -91,7 +91,7 @@ def file_name(pane: str) -> str:
 
 
 def pictures_of(client: ViewerClient) -> dict[str, bytes]:
-    """Return what a viewer shows now, pane by pane."""
+    """Return a viewer's current picture, pane by pane."""
     views = {view.name: view.view_id for view in patiently(client.get_state).views}
     pictures = {WHOLE: patiently(client.take_screenshot)}
     return pictures | {name: patiently(client.take_screenshot, identifier) for name, identifier in views.items()}

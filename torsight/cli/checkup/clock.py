@@ -1,8 +1,8 @@
 """How well a run will know the offset between the film's clock and the log's, before there is a film.
 
-The film is made up: the model's angles for this log, with the camera's noise at the film's rate, or the angles that are
-there already. What ``sync`` finds on it is what it will find, so the doctor asks it: the heating rates, the log's noise
-and step, the sensor's lag and an event that both see count as they do in a run.
+The film is synthetic (the model's angles for this log, with the camera's noise at the film's rate), or the angles that
+are there already. ``sync`` is run on it, so that heating rates, the log's noise and step, the sensor's lag and a shared
+event have the same effect as in a run.
 """
 
 from __future__ import annotations

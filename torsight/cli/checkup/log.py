@@ -1,4 +1,4 @@
-"""A temperature log, and what it will do to the actuator."""
+"""Findings on a temperature log, and on the actuator driven by it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LogCheck(Check):
 def check_log(
     path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> LogCheck:
-    """Look at a log by itself: rate, gaps, repairs, ranges, noise."""
+    """Check a log on its own: rate, gaps, repairs, ranges, noise."""
     check = LogCheck()
     try:
         check.reading = read_temperature_log(path, columns=columns, units=units)
@@ -113,7 +113,7 @@ def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
 def check_programme(
     check: LogCheck, spec: ActuatorSpec, *, where: str, progress: Progress = silent
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Look at what the log does to the actuator: full heatings, rates, holds, and what discovery can find."""
+    """Check the actuator's response to the log: full heatings, rates, holds, and what discovery can find."""
     reading = check.reading
     limits = limits_of(spec)
     if limits is None:
@@ -146,7 +146,7 @@ def check_programme(
     if noise_c > 0.0:
         level = "limits" if noise_c > _NOISY_C else "fine"
         text = (
-            f"noise of {noise_c:.2g} °C; after it is taken out, what remains moves the angle by {left_deg:.2g}° where "
+            f"noise of {noise_c:.2g} °C; after smoothing, the remaining error moves the angle by {left_deg:.2g}° where "
             f"it is steepest ({steepest:.0f}° per °C)."
         )
         findings.append(Finding("log", level, text, "" if level == "fine" else "shield the sensors", left_deg))
@@ -190,14 +190,14 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
     if warm:
         text = (
             f"{counted(len(warm), 'half-cycle')} with a spring that has not cooled to {limits.cooled_c:.1f} °C, "
-            "where it is martensite again, as the model takes it."
+            "where it is martensite again, as the model assumes."
         )
         findings.append(Finding("log", "limits", text, "let each spring cool for longer"))
     again = [after for before, after in pairwise(moving) if before.spring == after.spring]
     if again:
         text = (
             f"{counted(len(again), 'half-cycle')} with a spring that the other one had not wound back since its last "
-            "heating: what it carries as it cools then is not the model's, whose angle may be off by more than 10°."
+            "heating: the model does not describe its torque while it cools, and its angle may be off by more than 10°."
         )
         findings.append(Finding("log", "limits", text, "heat the springs in turn"))
     if len(moving) < _FEW:

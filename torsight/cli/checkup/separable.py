@@ -36,7 +36,7 @@ _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 
 @dataclass(frozen=True, slots=True)
 class Separable:
-    """What the record will show: effects that the plain model cannot take up are visible, the others are hidden.
+    """Effects that the record will show: those that the plain model cannot absorb are visible, the others are hidden.
 
     ``alike`` are pairs of visible effects that take each other up, ``left_deg`` is what the plain model leaves of each
     effect at its usual size, degrees rms.

@@ -47,7 +47,7 @@ def track_stretches(
     camera: Camera | None,
     progress: Progress,
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Track stretches of a film of ``total`` frames and return what came out, as findings about it and as figures.
+    """Track stretches of a film of ``total`` frames and return the results, as findings about it and as figures.
 
     The first clip is where a run begins, with the markers as it finds them; in the last one most moves. ``hints`` hold
     for the film's first frame.
@@ -94,7 +94,7 @@ def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, about: s
         return refusal(about, errors[0])
     tried = " and ".join(f"{clip.first} to {clip.first + clip.frame_count - 1}" for clip in clips)
     error = NoResultError(
-        "no frame has an angle in the stretches that were tracked, where a run begins and where most is seen to move",
+        "no frame has an angle in the tracked stretches, at the start of a run and where the picture changes most",
         where=f"{clips[0].name.rpartition(', ')[0]}, frames {tried}",
         value=errors[-1].what,
         do=errors[-1].do,
@@ -105,7 +105,7 @@ def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, about: s
 def _look_at_coverage(
     accounts: Sequence[Mapping[str, Any]], clips: Sequence[Clip], start: Start, *, about: str, total: int, given: bool
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Say how many frames had an angle, and what that makes of the whole film."""
+    """Report how many frames have an angle, extrapolated to the whole film."""
     frames = sum(one["frames"]["total"] for one in accounts)
     known = sum(one["frames"]["with_angle"] for one in accounts)
     before = 0 if given else start.frame
@@ -147,7 +147,7 @@ def _faint(start: Start, about: str) -> Finding:
 
 
 def _look_at_account(accounts: Sequence[Mapping[str, Any]], about: str) -> list[Finding]:
-    """Take over what the tracker says of the stretches: how well the angle is known, and what would make it better."""
+    """Turn the tracker's account of the stretches into findings: accuracy of the angle, and advice."""
     findings: list[Finding] = []
     sigma = accounts[-1]["noise"]["angle_sigma_deg"]
     if sigma["median"] is not None:
@@ -182,8 +182,8 @@ def _look_at_tilt(summary: Mapping[str, Any], about: str, camera: Camera | None)
         return []
     if not tilt.get("known", False) or tilt.get("error_it_can_make_deg", 0.0) > KNOWN / DEG:
         text = (
-            "without a camera file the tilt is learned from the markers' own circles, and this stretch does not show "
-            "it; a tilt of 10° that stays unknown bends the angle by 0.4°."
+            "without a camera file the tilt is estimated from the markers' own circles, and this stretch does not show "
+            "it; an unknown tilt of 10° changes the angle by up to 0.4°."
         )
         return [Finding(about, "note", text, "calibrate the camera with one picture of the board on the disk")]
     return []

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: atomic writes, tables, JSON and TOML.
+"""Files that are complete or absent: atomic writes, tables, JSON and TOML.
 
 Everything that Torsight writes goes through :func:`atomic_path`: the bytes are written beside the target, flushed to
 the disk and renamed, so that a killed run leaves the old file or the new one.
@@ -85,7 +85,7 @@ def _sweep(folder: Path, beginning: str, suffix: str) -> None:
 
 
 def is_running(process: int) -> bool:
-    """Return whether a process of this computer is there, by its id; True where that cannot be asked."""
+    """Return whether a process with this id runs on this computer; True where that cannot be checked."""
     if os.name != "posix":
         return True  # elsewhere this very question would end the process
     try:
@@ -123,7 +123,7 @@ def require_writable(path: Path, *, folder: bool) -> None:
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether a path names something, be it a link that leads nowhere; what is refused otherwise is raised."""
+    """Return whether a path exists, also as a broken link; other errors of the system are raised."""
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError):
@@ -364,7 +364,7 @@ def table_without_rows(path: Path) -> InputError:
 
 
 def _damages_of(path: Path) -> tuple[type[Exception], ...]:
-    """Return what a damaged table of this kind raises (the parser's own errors are ValueErrors)."""
+    """Return the exceptions that a damaged table of this kind raises (the parser's own are ValueErrors)."""
     usual = (OSError, ValueError, OverflowError)
     if not is_parquet(path):
         return usual

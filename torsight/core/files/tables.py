@@ -60,7 +60,7 @@ def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence
 def switches_and_extra(
     table: pd.DataFrame, *, known: Sequence[str], where: str, lines: Sequence[int] | None = None
 ) -> dict[str, Any]:
-    """Return what a record holds beside its ``known`` columns: ``heat_a``, ``heat_b`` and the rest as ``extra``."""
+    """Return a record's columns other than the ``known`` ones: ``heat_a``, ``heat_b`` and the rest as ``extra``."""
     heat = {name: switch_column(table, name, where=where, lines=lines) for name in ("heat_a", "heat_b")}
     rest = {str(name): table[name].to_numpy() for name in table.columns if name not in (*known, *heat)}
     return {**heat, "extra": rest}
@@ -167,7 +167,7 @@ def read_merged(path: AnyPath) -> SyncedTable:
 
 
 def _clock_sigma_s(path: Path) -> float | None:
-    """Return how well the clocks are known by ``sync.json``; None where there is none."""
+    """Return the standard deviation of the clocks' offset from ``sync.json``; None where there is none."""
     if not path.is_file():
         return None
     content = read_json(path)
@@ -175,6 +175,6 @@ def _clock_sigma_s(path: Path) -> float | None:
         low, high = (float(end) for end in content["offset_s"]["ci95"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or take it away"
+            "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or remove it"
         ) from error
     return clock_sigma_s(str(content.get("method", "")), (low, high))

@@ -43,7 +43,7 @@ class StickLength:
 
 @dataclass(frozen=True, slots=True)
 class ScaleCheck(Frozen):
-    """Both sticks' lengths and what they say of the scale; ``complaints`` is empty where all agrees."""
+    """Both sticks' lengths and the scale that follows; ``complaints`` is empty where all agrees."""
 
     sticks: Mapping[str, StickLength]
     complaints: tuple[str, ...]

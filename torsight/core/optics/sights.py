@@ -37,7 +37,7 @@ class Sight:
         rotation: Floats | None = None,
         shift: Floats | None = None,
     ) -> Sight:
-        """Return what a camera sees at pixel positions (n, 2, 2).
+        """Return the sights of a camera at pixel positions (n, 2, 2).
 
         ``covariance_px2`` (n, 2, 2, 2) is each marker's own; ``shared_px2`` (n,) the variance along each axis of an
         error that both have in common, such as by a camera that moved.

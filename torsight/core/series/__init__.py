@@ -51,7 +51,7 @@ def usual_step(times: Floats) -> float:
 
 
 def extent(values: Floats) -> tuple[float, float]:
-    """Return between what values lie: 99 % of those that are known, so that a wrong one in 200 does not widen it.
+    """Return the range of 99 % of the known values, so that a wrong one in 200 does not widen it.
 
     Half and twice that share move the ends by what the slowest motion passes in as many samples.
     """

@@ -1,4 +1,4 @@
-"""Checks for numbers in another unit than their column says, by what no rig can do.
+"""Checks for numbers in another unit than their column's, by values that no rig can have.
 
 Every function raises an :class:`~torsight.core.errors.InputError` that names the column, what it looks like and what to
 give.

@@ -49,7 +49,7 @@ class Figure:
 
     @property
     def drawn_height(self) -> float:
-        """With Bokeh's row of tools, which stands above panels that share it, pixels."""
+        """Height in pixels, with Bokeh's row of tools above panels that share it."""
         return self.height + (_TOOLS_PX if len(self.panels) > 1 else 0.0)
 
     @property

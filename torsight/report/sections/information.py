@@ -28,7 +28,7 @@ HALVED: Final = 0.505
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A further measurement, and what it makes of an interval: its width after it, in widths of today's.
+    """A further measurement, and the width of an interval after it, relative to today's width.
 
     ``factor`` is how much better the value of this ``name`` is characterised, or, without one, how much longer the
     record is.

@@ -52,13 +52,13 @@ def _of_angle(results: RunResults) -> list[str]:
     if "branch_certain" in table.columns:
         certain = table["branch_certain"].to_numpy(dtype=float) > 0.5
         if not certain.all():
-            found.append(f"In {int((~certain).sum())} frames after a gap the whole turn rests on a guess.")
+            found.append(f"In {int((~certain).sum())} frames after a gap the number of whole turns is a guess.")
     return found
 
 
 def _of_clocks(sync: Mapping[str, Any]) -> list[str]:
     return [
-        f"This record does not fix the clocks' {name}."
+        f"This record does not determine the clocks' {name}."
         for name in ("offset_s", "drift_ppm")
         if name in sync and None in ((sync[name] or {}).get("ci95") or [None])
     ]
@@ -67,7 +67,7 @@ def _of_clocks(sync: Mapping[str, Any]) -> list[str]:
 def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
     found = []
     if discovery.get("verdict") == "ambiguous":
-        found.append(f"This record cannot tell apart: {'; '.join(explanations(discovery))}.")
+        found.append(f"This record cannot distinguish: {'; '.join(explanations(discovery))}.")
     if discovery.get("verdict") == "unknown":
         found.append("A measured law is known where this record covered its variable; beyond that it is a guess.")
     if not discovery.get("held_out"):

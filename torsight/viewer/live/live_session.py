@@ -50,7 +50,7 @@ _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
 
 class Session:
-    """A live record from its first frame to its summary: what is watched, its temperature log, and the record's folder.
+    """A live record from its first frame to its summary: the source, its temperature log, and the record's folder.
 
     ``feed`` is the screen, ``model`` what is computed beside; ``say`` takes a line for the person at the terminal.
     """
@@ -311,7 +311,7 @@ class Session:
         self._put("event", time_s, "WARN" if kind in _WARNINGS else "INFO", f"{kind}: {text}")
 
     def _put(self, kind: str, *entry: Any) -> None:
-        """Show an entry, where there is a screen."""
+        """Send an entry to the screen, if there is one."""
         if self._feed is not None:
             self._feed.put(kind, *entry)
 

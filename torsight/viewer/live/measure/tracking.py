@@ -324,7 +324,7 @@ def _nothing() -> Seen:
 
 
 def warm_up() -> None:
-    """Follow four drawn dots for a moment: what is loaded on first use is loaded before the first frame comes."""
+    """Follow four drawn dots for a moment, so that everything is loaded and compiled before the first frame comes."""
     cv2.setNumThreads(1)
     tracker = LiveTracker(None, None, name="warm-up", tell=lambda *_: None)
     for index in range(12):

@@ -23,9 +23,7 @@ from tracker.track import told_by_motion
 
 OTHERS: Final = "as they move, other dots than those of the first picture are the markers"
 ENDS: Final = "as they move, a marker that was called the inner one is the outer one"
-UNDECIDED: Final = (
-    "which dots are the markers, and which of a stick's is the inner one, is not decided until motion tells"
-)
+UNDECIDED: Final = "which dots are the markers, and which of a stick's is the inner one, is not decided until they move"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +40,7 @@ class Decision:
 
 
 class WhichMarkers:
-    """Weighs what a picture may show, as the frames after it come.
+    """Weighs the couples of sticks that a picture may show, as the frames after it come.
 
     ``choice`` is the last one among couples; ``sure``: it, and which markers are the inner ones, will stay.
     """

@@ -106,7 +106,7 @@ class Recorder:
         self._temperatures: LineFile | None = None
 
     def frame(self, index: int, time_s: float, seen: Seen) -> None:
-        """Append one frame; what is not known is NaN."""
+        """Append one frame; unknown values are NaN."""
         known = math.isfinite(seen.angle_rad)
         self._angle.add((index, time_s, seen.angle_rad / DEG, seen.sigma_rad / DEG, known, 1))
         row: list[float] = [index, time_s]

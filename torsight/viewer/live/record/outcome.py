@@ -65,10 +65,10 @@ def standing(
     trouble: str,
     markers: str = "",
 ) -> str:
-    """Return how things stand, in Markdown.
+    """Return the current state of the measurement, in Markdown.
 
-    The last angle of camera and model, measured less modelled, and the springs' temperatures, °C; NaN where not known.
-    ``trouble`` is why the model says nothing, ``markers`` what is not known of these, else empty.
+    The last angle of camera and model, measured minus modelled, and the springs' temperatures, °C; NaN where not known.
+    ``trouble`` is why the model gives nothing, ``markers`` what is undecided about them; empty otherwise.
     """
     plain_deg, residual_deg = model_deg
     open_ = [("Markers", markers)] if markers else []

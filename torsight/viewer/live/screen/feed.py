@@ -167,7 +167,7 @@ def serve(connection: Connection, port: int, counts: Any) -> None:
 def _log_angle(
     stream: rr.RecordingStream, time_s: float, frame: int, angle_deg: float, arrived_s: float | None
 ) -> float | None:
-    """Log one angle, and return when its frame was there, where that counts."""
+    """Log one angle, and return the arrival time of its frame if latency counts."""
     import rerun as rr
 
     if np.isfinite(angle_deg):
