@@ -185,7 +185,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
         return Step(question, escape(f"Not yet, because {', and '.join(against)}.{ends}"), good=False)
     within = f"within about ±{number(2.0 * (left if sigma is None else max(sigma, left)), 2)}° (two sigmas)"
     if sigma is not None and sigma > EXPLAINED * left:
-        words = f"Only {within}: because the record determines the values no better; more half-cycles would."
+        words = f"Only {within}, because the record determines the values no better; more half-cycles would."
         return Step(question, escape(f"{words}{ends}"))
     return Step(question, escape(f"Yes, {within}, for temperatures and rates like this record's.{ends}"), good=True)
 
