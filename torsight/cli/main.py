@@ -125,6 +125,7 @@ def _tell(error: Exception, *, debug: bool) -> None:
 
 def _other(error: Exception, *, debug: bool) -> int:
     """Report wrong usage (exit 2) in the words of typer's parser, anything else as a defect; return the exit code."""
+    # The class of typer's usage errors is private, and another one in other versions: its method tells them.
     show = getattr(error, "show", None)
     if callable(show):
         show()

@@ -129,7 +129,7 @@ def test_until_then_the_view_says_that_it_is_not_decided(
 ) -> None:
     angles, _, _, kept = beside_a_ruler
     summaries = [entry[1] for entry in kept.entries if entry[0] == "summary"]
-    assert "not decided until motion tells" in summaries[0]
+    assert "not decided until they move" in summaries[0]
     assert "not decided" not in summaries[-1]
     frames, shown = (np.array([entry[place] for entry in kept.entries if entry[0] == "angle"]) for place in (2, 3))
     error = np.remainder(shown - angles[frames] + 180.0, 360.0) - 180.0
