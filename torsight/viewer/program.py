@@ -16,6 +16,7 @@ from urllib.parse import quote
 
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.files.paths import LOOPBACK
+from torsight.core.progress import THOUGHT_S
 
 _TROUBLE: Final = (
     "panicked at",
@@ -25,6 +26,9 @@ _TROUBLE: Final = (
     "display",
     "address already in use",
 )
+"""What the viewer's own messages on a failed start contain."""
+_END_S: Final = 3.0 * THOUGHT_S
+"""Time in which the viewer ends after it was asked to, or could not draw: a choice; then it is killed."""
 
 
 def viewer_program() -> Path:
@@ -116,10 +120,10 @@ class Viewer:
         """Wait until it ends and return its exit code."""
         return self.process.wait()
 
-    def ended_within(self, limit_s: float) -> bool:
+    def ends(self) -> bool:
         """Wait a moment for its end, and return whether it came."""
         try:
-            self.process.wait(timeout=limit_s)
+            self.process.wait(timeout=_END_S)
         except subprocess.TimeoutExpired:
             return False
         return True
@@ -135,7 +139,7 @@ class Viewer:
         """End it, wait for it, and remove its output and temporary folder."""
         if self.running:
             self.process.terminate()
-            if not self.ended_within(3.0):
+            if not self.ends():
                 self.process.kill()
         self.process.wait()
         self._said.close()

@@ -116,7 +116,7 @@ def viewer_without_screen(size_px: tuple[int, int] = WINDOW_PX) -> Iterator[View
         yield _connected(viewer)
     except (RuntimeError, ConnectionError) as error:
         # Without a driver it answers first and ends when it is to draw.
-        if viewer.ended_within(3.0):
+        if viewer.ends():
             raise _cannot_draw(viewer.why_ended()) from error
         raise
     finally:
