@@ -1,4 +1,4 @@
-"""Studies over seeds: a line of JSON per seed, and what a file already holds is not done again."""
+"""Studies over seeds: one line of JSON per seed; seeds that the file already holds are not repeated."""
 
 from __future__ import annotations
 

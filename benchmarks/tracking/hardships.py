@@ -1,4 +1,4 @@
-"""What every hardship costs: films with known angles, one hardship each, tracked and compared with the truth.
+"""Error caused by every hardship: films with known angles, one hardship each, tracked and compared with the truth.
 
 Run: python benchmarks/tracking/hardships.py [--seed 5] [--only WORD] [--frames 200] [--keep FOLDER]
 

@@ -1,4 +1,4 @@
-"""Two cameras against one with known planes: drawn films of a stereo pair, tracked, the angle held against the truth.
+"""Two cameras against one with known planes: drawn films of a stereo pair, tracked, the angle compared with the truth.
 
 Run: python benchmarks/tracking/stereo.py [--seeds 2] [--crf 18] [--shake 0]
 

@@ -1,4 +1,4 @@
-"""Whether the tilt that a film's own paths tell is as sure as it says: drawn films, tracked without a camera file.
+"""Whether the sigma of a tilt estimated from a film's own paths is right: drawn films, tracked without a camera file.
 
 Run: python benchmarks/tracking/tilt.py [--seeds 2] [--tilt 10]
 

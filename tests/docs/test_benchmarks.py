@@ -51,7 +51,7 @@ def test_every_constant_that_is_halved_and_doubled_is_there() -> None:
     lists = [
         value
         for path in BENCHMARKS
-        if "alf and twice" in path.read_text(encoding="utf-8")
+        if "halving and doubling" in path.read_text(encoding="utf-8")
         for name, value in assigned(path).items()
         if name in {"CONSTANTS", "CLOCK", "LOG", "WINDOWS", "FITS"}
     ]
