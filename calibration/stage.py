@@ -90,7 +90,7 @@ class Calibration(Shown):
         for name, side in self._sides().items():
             residual_px = np.concatenate(side.lens.fit.residual_px)
             axes.plot(*residual_px.T, ".", markersize=2, label=name)
-        axes.set(xlabel="measured less computed corner, x, px", ylabel="y, px", aspect="equal")
+        axes.set(xlabel="measured minus computed corner, x, px", ylabel="y, px", aspect="equal")
         if self._sides():
             axes.legend()
 
@@ -159,7 +159,7 @@ def measure_axis(
 ) -> tuple[DiskPose, Seen]:
     """Find the rotation axis from pictures of the board on the disk.
 
-    ``device`` names the camera and its focal length, where the pictures of its calibration told.
+    ``device`` names the camera and its focal length, where the pictures of its calibration say so.
 
     Raises
     ------

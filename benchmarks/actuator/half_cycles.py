@@ -1,4 +1,4 @@
-"""What half and twice of each constant do that tells half-cycles apart, where the log's switches are known.
+"""Effect of halving and doubling each constant that separates half-cycles, on logs whose switches are known.
 
 Run: python benchmarks/actuator/half_cycles.py [--seeds 6] [--only WORD]
 
@@ -7,7 +7,7 @@ ten times as fast; noise of 0.03 and 0.3 °C; a controller that swings about its
 spring heated twice in a row) are split without their switches. In half of them torques shift when one spring is
 switched for the other, so that the angle jumps by a degree. Columns: records in which each half-cycle's spring is
 found, and how far the starts are from the switches, s: in half of the half-cycles, in 95 of 100 and at most. Then how
-many of the starts are told by a jump, of those with one and of those without.
+many of the starts are found by a jump, of those with one and of those without.
 """
 
 from __future__ import annotations

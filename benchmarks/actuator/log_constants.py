@@ -1,13 +1,14 @@
-"""What half and twice a constant of a log's preparation do: the error of temperature and angle, one changed at a time.
+"""Effect of halving and doubling each constant of a log's preparation: errors of temperature and angle.
 
 Run: python benchmarks/actuator/log_constants.py [--only WORD] [--seeds 3]
 
 Logs of known wires (ramps, holds, natural cooling, a controlled top that overshoots; fast and slow; read every 0.1 to 1
 second with noise of 0.02 to 0.25 °C; some behind a sensor with a lag of 3 s) are conditioned, and drive the plain model
-of the reference rig. Columns: rms error of the temperature in mK, and of the slope in mK/s; what errors are over their
-sigmas (rms); bias of the tops, mK; rms error of the model's angle, in thousandths of a degree, against the same wire
-without noise. Behind a lag the angle is not looked at: the model takes it as an effect. The last line is of the two
-wires with a lag: as they come out between two time constants of the grid of fits (_LAG_GRID_S), and for their own.
+of the reference rig. Columns: rms error of the temperature in mK, and of the slope in mK/s; rms of errors over their
+sigmas; bias of the peaks, mK; rms error of the model's angle, in thousandths of a degree, against the same wire
+without noise. Behind a lag the angle is not compared, because the model describes a lag as an effect. The last line is
+of the two wires with a lag: interpolated between two time constants of the grid of fits (_LAG_GRID_S), and for their
+own.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.half_and_twice import half_and_twice
 from torsight.actuator import ActuatorModel, reference_spec
-from torsight.actuator.drive import _LAG_GRID_S
 from torsight.actuator.record.conditioning import Readings, condition
+from torsight.actuator.record.sensors import _LAG_GRID_S
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms
 

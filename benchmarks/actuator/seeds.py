@@ -1,4 +1,4 @@
-"""Studies over seeds: a line of JSON per seed, and what a file already holds is not done again."""
+"""Studies over seeds: one line of JSON per seed; seeds that the file already holds are not repeated."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 
-def lines_of(one: Callable[[int], dict[str, Any]], *, about: str | None) -> list[dict[str, Any]]:
+def lines_of(one: Callable[[int], dict[str, Any]], *, about: str | None, usual: int = 200) -> list[dict[str, Any]]:
     """Do the seeds that the command line asks for with OUT.jsonl [FIRST] [SEEDS], and return their lines."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, metavar="OUT.jsonl")
     parser.add_argument("first", type=int, nargs="?", default=0, help="the first seed (default: %(default)s)")
-    parser.add_argument("seeds", type=int, nargs="?", default=200, help="how many (default: %(default)s)")
+    parser.add_argument("seeds", type=int, nargs="?", default=usual, help="how many (default: %(default)s)")
     given = parser.parse_args()
     known = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.exists() else []
     wanted = range(given.first, given.first + given.seeds)

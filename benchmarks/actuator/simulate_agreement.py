@@ -11,7 +11,6 @@ cooled to the room is a new half-cycle, where the drawn programme has one. One l
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from seeds import lines_of
 
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
@@ -147,19 +147,8 @@ def _columns(springs: list[int], temps: list[np.ndarray], room_c: float, step_s:
 
 
 def main() -> None:
-    """Compare the seeds that are not in the file yet and print quantiles of what all of them give."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path, metavar="OUT.jsonl")
-    parser.add_argument("first", type=int, nargs="?", default=0, help="the first seed (default: %(default)s)")
-    parser.add_argument("seeds", type=int, nargs="?", default=40, help="how many (default: %(default)s)")
-    given = parser.parse_args()
-    known = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.exists() else []
-    done = {line["seed"] for line in known}
-    for seed in range(given.first, given.first + given.seeds):
-        if seed not in done:
-            known.append(one(seed))
-            with given.out.open("a") as file:
-                file.write(json.dumps(known[-1]) + "\n")
+    """Compare the seeds that are not in the file yet and print quantiles over all that were asked for."""
+    known = lines_of(one, about=__doc__, usual=40)
     table = {
         name: {f"{100 * q:g} %": float(np.quantile([line[name] for line in known], q)) for q in (0.5, 0.9, 1.0)}
         for name in known[0]

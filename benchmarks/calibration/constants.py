@@ -1,4 +1,4 @@
-"""What half and twice of each constant of a calibration do, where corners and camera are known.
+"""Effect of halving and doubling each constant of a calibration, with known corners and camera.
 
 Boards drawn by the tests' own generator (two sizes of picture, sharp and blurred, the board near and far) are found
 with each constant changed in turn: share of the pictures in which the board is found, of those found as in a film, rms

@@ -1,4 +1,4 @@
-"""What each correction of the camera is worth: the angle's error over tilts, lenses and distances.
+"""Benefit of each correction of the camera: the angle's error over tilts, lenses and distances.
 
 A rig of known geometry is projected by a camera of known lens; the markers get 0.03 px of noise. The camera that
 corrects is not the true one but one calibrated from 14 views of a board with 0.1 px of noise, as a user would have it;

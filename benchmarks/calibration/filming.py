@@ -1,4 +1,4 @@
-"""What codec, marker size, light, exposure and distance cost: one thing at a time on rendered films.
+"""Error caused by codec, marker size, light, exposure and distance, one at a time, on rendered films.
 
 A stick turns in front of a camera that looks straight along the axis, so that the angle needs no correction and what is
 left is the error of the markers. The first row is the reference; every other row changes what it names.

@@ -1,4 +1,4 @@
-"""What each correction of the camera is worth on rendered films: the whole way from pixels to the angle.
+"""Benefit of each correction of the camera on rendered films, from pixels to the angle.
 
 A rig that turns at a steady speed is filmed by a stereo pair over a grid of tilts, lenses and distances; both films are
 tracked; the camera is the film's own. Codec and quality are options, so that what compression costs shows beside it.

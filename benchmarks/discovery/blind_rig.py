@@ -1,4 +1,4 @@
-"""The rigs of the blind suite: what is declared, what is true, what is done to them, and what is seen of it."""
+"""The rigs of the blind suite: declared and true values, temperature programmes, and the records made of them."""
 
 from __future__ import annotations
 

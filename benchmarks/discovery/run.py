@@ -69,7 +69,7 @@ def run_case(case: Case, record: Record) -> dict[str, Any]:
         "probabilities": {effect.id: effect.probability for effect in report.effects},
         "alternatives": [list(names) for names in report.alternatives],
         "drivers": [list(item) for item in report.drivers],
-        "laws": [[law.effect, law.port, law.driver, law.spring, law.share] for law in getattr(report, "laws", ())],
+        "laws": [[law.effect, law.port, law.driver, law.spring, law.share] for law in report.laws],
         "before_deg": report.before.rmse_held_out_deg,
         "after_deg": report.after.rmse_held_out_deg,
         "train_deg": [report.before.rmse_train_deg, report.after.rmse_train_deg],
@@ -92,7 +92,7 @@ def _hidden(case: Case, record: Record) -> dict[str, Any]:
         "kind": case.kind,
         "truth": list(case.effects),
         "sizes_deg": dict(record.sizes_deg),
-        "shown_deg": dict(getattr(record, "shown_deg", {})),
+        "shown_deg": dict(record.shown_deg) if isinstance(record, BlindRecord) else {},
         "details": {name: dict(details) for name, details in record.details.items()},
         "zero_deg": record.truth.get("zero_deg", 0.0),
     }

@@ -1,4 +1,4 @@
-"""How far something hidden in a record shows at all, whatever discovery makes of it.
+"""How far a hidden effect shows in a record at all, independent of discovery.
 
 An effect may move the angle by degrees and still leave nothing: the characterised values, within what is known of them,
 and what else is hidden take it up. So the rig is run once more with each of those a little off, and what no such change

@@ -1,4 +1,4 @@
-"""What three records of one rig say together of a case that one record may leave ambiguous.
+"""Joint answer from three records of one rig on a case that one record may leave ambiguous.
 
 The rig of a case of the blind suite goes on with two more programmes of its own (other rates, other incomplete
 heatings); each record is answered alone, then all three together, and a later programme is predicted by both.

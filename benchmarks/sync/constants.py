@@ -1,4 +1,4 @@
-"""What half and twice of each constant of log reading and clock search do, where clock and temperature are known.
+"""Effect of halving and doubling each constant of log reading and clock search, with known clock and temperature.
 
 Pairs of film and log of the tests' own generator (``clock_coverage.py``) are synchronised with each constant changed in
 turn; the log's clock restarts once in half of them. The columns are those of ``prior_sensitivity.py``: by how much

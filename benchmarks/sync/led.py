@@ -1,4 +1,4 @@
-"""What half and twice of each constant that finds an LED on a film do, where the heating switch is known.
+"""Effect of halving and doubling each constant that finds an LED on a film, with a known heating switch.
 
 Films of the synthetic rig with an LED that is lit while a spring is heated: bright, and hardly brighter than the spots
 of the background; in quiet, well compressed pictures, and in noisy, flickering, badly compressed ones. Each is read

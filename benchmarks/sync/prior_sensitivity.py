@@ -1,4 +1,4 @@
-"""What half and twice of each prior of the clock do to offsets whose truth is known.
+"""Effect of halving and doubling each prior of the clock on offsets whose truth is known.
 
 Pairs of film and log of the tests' own generator (``clock_coverage.py``: the paper's pace and a tenth of it) are
 synchronised once with the priors as they are and once with each of them halved and doubled. A row says by how much the

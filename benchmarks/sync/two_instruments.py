@@ -1,4 +1,4 @@
-"""What the clock estimate says of a real test with two instruments whose offset nobody wrote down.
+"""The clock estimate of a real test with two instruments whose offset is not recorded.
 
 Run: python benchmarks/sync/two_instruments.py ../shared/data/sma_react
 """

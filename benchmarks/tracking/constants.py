@@ -1,4 +1,4 @@
-"""What half and twice a constant of the tracker do: films with hardships, tracked with one constant changed at a time.
+"""Effect of halving and doubling each constant of the tracker, on films with hardships.
 
 Run: python benchmarks/tracking/constants.py [--only WORD] [--films WORD ...] [--frames 200]
 

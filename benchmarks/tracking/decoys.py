@@ -1,8 +1,8 @@
-"""Dots that look like markers beside a rig: how often the right ones are taken, and how often it is told if not.
+"""Dots that look like markers beside a rig: how often the right ones are taken, or else a warning is given.
 
 Run: python benchmarks/tracking/decoys.py [--first 0] [--films 40]
 
-Films by the tests' renderer, one to three pairs of decoys each, at random places; nothing is told of the markers. Given
+Films by the tests' renderer, one to three pairs of decoys each, at random places, without hints on the markers. Listed
 are films with the right markers (median error of the angle, whole turns apart, below 2 degrees) and with wrong ones,
 each without and with a warning that other dots may be the markers, and films without a result.
 """

@@ -1,4 +1,4 @@
-"""What every hardship costs: films with known angles, one hardship each, tracked and compared with the truth.
+"""Error caused by every hardship: films with known angles, one hardship each, tracked and compared with the truth.
 
 Run: python benchmarks/tracking/hardships.py [--seed 5] [--only WORD] [--frames 200] [--keep FOLDER]
 
@@ -23,8 +23,9 @@ import pandas as pd
 from drawing import Cover, Film, write_film
 from numba import njit
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from torsight.core.series import rms
 
 
 def swing(start_deg: float, range_deg: float, period_s: float) -> Callable[[np.ndarray], np.ndarray]:
@@ -151,21 +152,17 @@ class Outcome:
         if not v.any():
             return f"{self.valid.mean():6.3f}  nothing to compare"
         error, sigma = self.error_deg[v], self.sigma_deg[v]
-        ratio = _rms(error / sigma)
+        ratio = rms(error / sigma)
         wrong = int((np.abs(error) > np.maximum(1.0, 5.0 * sigma)).sum())
         both = v & np.isfinite(self.reference_deg)
-        against = _rms(self.error_deg[both]) / _rms(self.reference_deg[both]) if both.any() else math.nan
+        against = rms(self.error_deg[both]) / rms(self.reference_deg[both]) if both.any() else math.nan
         return (
-            f"{self.valid.mean():6.3f} {_rms(error):8.4f} {np.abs(error).max():8.4f} {ratio:6.2f} {against:6.2f} "
+            f"{self.valid.mean():6.3f} {rms(error):8.4f} {np.abs(error).max():8.4f} {ratio:6.2f} {against:6.2f} "
             f"{wrong:6d} {self.misplaced:6d} {self.uncertain:6d}"
         )
 
 
 HEAD = "film                                valid      rms    worst   pull  / fit  wrong astray  turn?"
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def run(film: Film, folder: Path) -> Outcome:

@@ -1,4 +1,4 @@
-"""What a VGA film of 9,000 frames costs: decoding its luma, tracking it, and tracking it in the usual ways.
+"""Time for a VGA film of 9,000 frames: decoding its luma, tracking it, and tracking it in the usual ways.
 
 Run: python benchmarks/tracking/speed.py [--frames 9000]
 

@@ -1,4 +1,4 @@
-"""Two cameras against one with known planes: drawn films of a stereo pair, tracked, the angle held against the truth.
+"""Two cameras against one with known planes: drawn films of a stereo pair, tracked, the angle compared with the truth.
 
 Run: python benchmarks/tracking/stereo.py [--seeds 2] [--crf 18] [--shake 0]
 
@@ -22,8 +22,9 @@ import numpy as np
 from drawing import Film, write_film
 from hardships import swing
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from torsight.core.series import rms
 
 TILTS_DEG = (0.0, 14.0, 28.0, 40.0)
 BETWEEN_DEG = (6.0, 12.0, 25.0)
@@ -99,11 +100,6 @@ def against_truth(film: Film, angles: object) -> tuple[np.ndarray, np.ndarray]:
     error = np.rad2deg(angles.angle_rad) - film.angle_deg(film.times_s)
     error -= 360.0 * np.round(np.median(error[good]) / 360.0)
     return error[good], np.rad2deg(angles.sigma_rad[good])
-
-
-def rms(values: list[float] | np.ndarray) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def row(results: list[dict[str, object]]) -> str:

@@ -1,4 +1,4 @@
-"""Whether the tilt that a film's own paths tell is as sure as it says: drawn films, tracked without a camera file.
+"""Whether the sigma of a tilt estimated from a film's own paths is right: drawn films, tracked without a camera file.
 
 Run: python benchmarks/tracking/tilt.py [--seeds 2] [--tilt 10]
 
@@ -18,8 +18,9 @@ import numpy as np
 from drawing import Film, write_film
 from hardships import swing
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from torsight.core.series import rms
 
 TILTS_DEG = (0.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 ARCS_DEG = (440.0, 180.0, 90.0, 45.0)
@@ -62,11 +63,6 @@ def measure(film: Film) -> tuple[np.ndarray, np.ndarray, bool]:
     error = np.rad2deg(found.angles.angle_rad) - film.angle_deg(film.times_s)
     error -= 360.0 * np.round(np.median(error[good]) / 360.0)
     return error[good], np.rad2deg(found.angles.sigma_rad[good]), bool(found.report["tilt"]["known"])
-
-
-def rms(values: list[float] | np.ndarray) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""A whole campaign on a Dask cluster of this machine, held against the same campaign on its processes.
+"""A whole campaign on a Dask cluster of this machine, compared with the same campaign in local processes.
 
     python benchmarks/trust/cluster.py --records 4
 

@@ -22,7 +22,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.minimise import jacobian_of, least_squares
 from torsight.core.optics.axis import pose_along, tilt_of
 from torsight.core.optics.camera import Intrinsics, Pose
-from torsight.core.optics.circles import axis_basis
+from torsight.core.optics.circles import axis_basis, tilted
 from torsight.core.optics.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
 from torsight.core.threads import one_thread
 from torsight.core.units import Floats
@@ -140,33 +140,32 @@ def _turned(views: Sequence[View], intrinsics: Intrinsics, poses: Sequence[Float
     frame = np.stack((*axis_basis(direction), direction))
 
     def unpacked(values: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        tilted = values[0] * frame[0] + values[1] * frame[1] + frame[2]
         place = point + values[2] * frame[0] + values[3] * frame[1]
         turns = np.concatenate((np.zeros(1), values[10:]))
-        return tilted / np.linalg.norm(tilted), place, values[4:7], values[7:10], turns
+        return tilted(frame, values[:2]), place, values[4:7], values[7:10], turns
 
     def residuals(values: Floats) -> Floats:
-        tilted, place, rvec, tvec, turns = unpacked(values)
+        direction, place, rvec, tvec, turns = unpacked(values)
         first = rotation_matrix(rvec)
         errors = []
         for view, turn in zip(views, turns, strict=True):
-            rotation = rotation_matrix(tilted * turn)
+            rotation = rotation_matrix(direction * turn)
             points = (view.points_mm @ first.T + tvec - place) @ rotation.T + place
             errors.append((project(points, intrinsics) - view.corners_px).ravel())
         return np.concatenate(errors)
 
     start = np.concatenate((np.zeros(4), poses[0], turned[1:]))
     values, covariance, chi_squared = least_squares(residuals, start)
-    tilted, place, rvec, tvec, turns = unpacked(values)
+    direction, place, rvec, tvec, turns = unpacked(values)
     count = residuals(values).size
     covariance = covariance * chi_squared / (count - len(values))
     face = rotation_matrix(rvec)[:, 2]
-    origin = place + tilted * float(face @ (tvec - place)) / float(face @ tilted)
-    wobble = float(np.degrees(np.arccos(np.clip(abs(face @ tilted), -1.0, 1.0))))
+    origin = place + direction * float(face @ (tvec - place)) / float(face @ direction)
+    wobble = float(np.degrees(np.arccos(np.clip(abs(face @ direction), -1.0, 1.0))))
     sigma, place_sigma = (
         float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(0, 2), slice(2, 4))
     )
-    return tilted, origin, wobble, turns, float(np.sqrt(2.0 * chi_squared / count)), sigma, place_sigma
+    return direction, origin, wobble, turns, float(np.sqrt(2.0 * chi_squared / count)), sigma, place_sigma
 
 
 def _first_guess(poses: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:

@@ -17,6 +17,7 @@ from torsight.core.files.storage import read_table
 from torsight.core.files.tables import marker_values
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Pose
+from torsight.core.tracks import round_covariance
 from torsight.core.units import Floats
 from torsight.core.words.wording import number
 
@@ -31,7 +32,7 @@ should."""
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CirclesPose(AxisPose):
-    """The rotation axis as the moving stick's markers show it, with what a person should know of it.
+    """The rotation axis from the moving stick's markers, with notes for the user.
 
     The pose's origin is where the axis meets the moving markers' plane; the fit is in units of the markers' distance.
     """
@@ -93,9 +94,9 @@ def pose_from_tracks(
         raise ConfigError(
             "takes no --tracks for a stereo pair",
             where="torsight calibrate",
-            do="leave it away: the axis of a pair is found from the tracks",
+            do="leave it out: the axis of a pair is found from the tracks",
         )
-    position, covariance = _read(path)
+    position, covariance = read_circles(path)
     size = np.array(camera.intrinsics.size_px)
     beyond = (position < -0.5) | (position > size - 0.5)
     if beyond.any():
@@ -117,7 +118,9 @@ def pose_from_tracks(
 def _notes(axis: Axis) -> tuple[str, ...]:
     notes = []
     if axis.mirror_gap < _CERTAIN_GAP:
-        notes.append("perspective is too weak to tell this tilt from its mirror image; the angle hardly depends on it")
+        notes.append(
+            "perspective is too weak to distinguish this tilt from its mirror image; the angle hardly depends on it"
+        )
     if axis.misfit > _WORST_MISFIT:
         notes.append(
             f"the paths are {axis.misfit:.1f} times as far from circles as the markers' sigmas say; "
@@ -126,10 +129,10 @@ def _notes(axis: Axis) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _read(path: Path) -> tuple[Floats, Floats]:
+def read_circles(path: Path) -> tuple[Floats, Floats]:
     """Return positions (n, 2, 2) and covariances (n, 2, 2, 2) of the moving stick's markers, NaN where not valid."""
     columns = [f"{marker}_{part}" for marker in _MARKERS for part in ("x_px", "y_px", "sigma_px", "valid")]
     table = read_table(path, required=columns)
     values = marker_values(table, "x_px", "y_px", "sigma_px", names=_MARKERS)
     values[~(values[..., 2] > 0.0)] = np.nan
-    return values[..., :2], values[..., 2, None, None] ** 2 * np.eye(2)
+    return values[..., :2], round_covariance(values[..., 2])

@@ -83,7 +83,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Drawing(Shown):
-    """A page with what is on it."""
+    """A page and its content."""
 
     page_mm: tuple[float, float]
     rectangles: tuple[Rectangle, ...]
@@ -109,7 +109,7 @@ class Drawing(Shown):
         axes.set(xlabel="across the page, mm", ylabel="down the page, mm", aspect="equal")
 
     def paint(self, axes: Any) -> None:
-        """Draw what is on the page, one unit of the axes a millimetre."""
+        """Draw the content of the page, one unit of the axes a millimetre."""
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
         places = [(item.x_mm, item.y_mm) + corners * (item.width_mm, item.height_mm) for item in self.rectangles]
         codes = [Outline.MOVETO, *3 * [Outline.LINETO], Outline.CLOSEPOLY] * len(places)
@@ -187,7 +187,7 @@ def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, sid
 
 
 def check_bar(page: str) -> tuple[Rectangle, Text]:
-    """Return a bar of 100 mm in the lower right corner of a page, to check the printer's scale, and what is said to it.
+    """Return a bar of 100 mm in the lower right corner of a page, to check the printer's scale, and its label.
 
     On a page that is too narrow the bar is shorter, and says so.
     """

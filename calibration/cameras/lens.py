@@ -23,6 +23,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.series import rms
 from torsight.core.threads import one_thread
 from torsight.core.units import Floats, Ints
+from torsight.core.words.wording import counted
 
 FEWEST_VIEWS: Final = 4
 """Below this no camera is calibrated. A view of a plane gives two equations for the intrinsics (Z. Zhang, IEEE TPAMI 22
@@ -88,7 +89,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensCalibration:
-    """A camera with what it rests on: the fit over the views that were ``kept`` (n,) of all, the others set aside.
+    """A calibrated camera and its data: the fit over the views that were ``kept`` (n,) of all, the others set aside.
 
     ``first`` is the fit over all views, corners in the wide window: how the calibration would have come out without any
     care. ``between_views`` (9,) are standard deviations from leaving out views (jackknife): larger than ``fit.sigma``
@@ -121,7 +122,7 @@ class LensCalibration:
 def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress: Progress = silent) -> LensCalibration:
     """Calibrate one camera from views of the board in pictures of one size.
 
-    Too few views, or views that are all from the same side, are no result. ``progress`` is told after every fit that
+    Too few views, or views that are all from the same side, are no result. ``progress`` is called after every fit that
     leaves some of the views out.
     """
     require_views(len(views))
@@ -225,14 +226,14 @@ def _jackknife(views: Sequence[View], size_px: tuple[int, int], fit: Fit, *, pro
 
 
 def worst_view(error_px: Floats) -> int | None:
-    """Return the place of the largest of the errors (n,) of views or pairs; None where it does not stand out."""
+    """Return the index of the largest of the errors (n,) of views or pairs; None where it is no outlier."""
     worst = int(np.argmax(error_px))
     limit_px = max(_WORSE_THAN_MEDIAN * float(np.median(error_px)), _NEVER_BAD_PX)
     return worst if error_px[worst] > limit_px else None
 
 
 def without_each(count: int, values: Callable[[range], Floats], *, words: str, progress: Progress) -> Floats:
-    """Return the values (g, p) without each of g groups of the places of so many views or pairs, for a jackknife."""
+    """Return the values (g, p) without each of g groups of ``count`` views or pairs, for a jackknife."""
     # Every so many-th, not neighbours: these look alike, as the board was turned from one to the next.
     groups = min(count, _MOST_GROUPS)
     found = []
@@ -258,7 +259,7 @@ def require_views(count: int) -> None:
     if count < FEWEST_VIEWS:
         raise NoResultError(
             "too few views of the board",
-            value=f"the board in {count} {'picture' if count == 1 else 'pictures'}",
+            value=f"the board in {counted(count, 'picture')}",
             limit=f"at least {FEWEST_VIEWS}; 10 to 20 are good",
             do="take more pictures, the board tilted to all sides and in every part of the picture",
         )
@@ -280,7 +281,7 @@ def _require_determined(fit: Fit) -> None:
 def _require_spread(spread: float, count: int) -> None:
     if spread < SMALLEST_SPREAD_DEG:
         raise NoResultError(
-            "all views are from the same side: focal length and distance cannot be told apart",
+            "all views are from the same side: focal length and distance cannot be distinguished",
             value=f"{count} views within {spread:.1f}° of one orientation",
             limit=f"orientations that differ by {SMALLEST_SPREAD_DEG:g}° at least, by 40° and more for a good result",
             do="tilt the board to the left, right, top and bottom by 20° to 45° between the pictures",

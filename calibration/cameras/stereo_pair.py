@@ -1,4 +1,4 @@
-"""The second camera: where it stands against the first, from boards that both see at one instant."""
+"""The second camera: its pose relative to the first, from boards that both see at one instant."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from torsight.core.optics.geometry import epipolar_distance_px, rotation_vector
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import one_thread
 from torsight.core.units import Floats, Ints
+from torsight.core.words.wording import counted
 
 FEWEST_PAIRS: Final = 3
 """One pair determines the second camera's place; with three the one that disagrees shows."""
@@ -55,7 +56,7 @@ class PairCalibration:
 def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: Progress = silent) -> PairCalibration:
     """Find the second camera's place against the first, with both lenses as they are.
 
-    ``progress`` is told after every fit that leaves some of the pairs out.
+    ``progress`` is called after every fit that leaves some of the pairs out.
 
     Raises NoResultError when too few pictures show the board in both cameras.
     """
@@ -161,7 +162,7 @@ def _require_pairs(count: int) -> None:
     if count < FEWEST_PAIRS:
         raise NoResultError(
             "too few pairs of pictures show the board in both cameras",
-            value=f"{count} {'pair' if count == 1 else 'pairs'}",
+            value=counted(count, "pair"),
             limit=f"at least {FEWEST_PAIRS}; 8 and more are good",
             do="hold the board where both cameras see it, and name left and right pictures in the same order",
         )

@@ -59,7 +59,7 @@ class Seen(Shown):
     """All views of a board that one camera's pictures show, in the order of the pictures.
 
     ``sources`` is every picture that was looked at, of a film only the frames that were chosen: every ``step``-th was
-    looked at. With the pictures' size, and camera and focal length, where the files tell.
+    looked at. With the pictures' size, and camera and focal length, where the files say.
     """
 
     views: tuple[View, ...]

@@ -3,7 +3,7 @@
 A corner is measured by OpenCV's gradient method in a square window. A wide window averages noise away, but where
 squares are seen small or askew it reaches over to the next edges and is pulled off. So each corner is measured twice:
 in a narrow window, which the calibration uses, and in a wide one (half of the smallest square, at most the customary
-11 px), which tells a view whose corners depend on the window from one whose corners are certain.
+11 px): where the two differ, the corners depend on the window and are not certain.
 """
 
 from __future__ import annotations

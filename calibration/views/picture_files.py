@@ -28,7 +28,7 @@ _FILM_CANDIDATES: Final = 5 * MOST_FILM_VIEWS
 class Picture:
     """One grey picture (h, w) as displayed, by its file's name, or a frame of a film with its number.
 
-    With the hash of the file's bytes, camera and focal length as the file tells (empty where it does not), and the film
+    With the hash of the file's bytes, camera and focal length as the file says (empty where it does not), and the film
     that it is from (empty for a picture file).
     """
 

@@ -24,8 +24,8 @@ class Priors:
     drift_sigma_ppm : float
         Quartz clocks of computers: 95 % within ±200 ppm of each other.
     idle_heating_weight : float
-        What a heating during which nothing moved its way takes off the explained share of the motion: it may have been
-        too short to move anything.
+        How much of the explained share of the motion is lost by heatings during which nothing moved their way: such a
+        heating may have been too short to move anything.
     no_segment_log : float
         Logarithm of how much less likely it is that a stroke has no heating or cooling at all: e⁻⁸ is one of 3000.
     crossing_temper : float
@@ -39,7 +39,7 @@ class Priors:
     far_scatter_c_per_deg : float
         Scatter of the thresholds of strokes that begin far from the others.
     near_deg : float
-        Up to so far from a usual start the way there matters: how far a heating had come.
+        Strokes that begin so near to the usual start scatter with how the actuator came there: how far a heating went.
     near_scatter_c_per_deg : (float, float)
         Scatter of thresholds that begin so near, for a cooling and for a heating.
     farthest_deg : float
@@ -74,11 +74,11 @@ class Priors:
     led_jitter_s : float
         Error of a frame's and of a row's timestamp.
     led_repeats : float
-        Switchings that meet the frames at one phase repeat one error: two are taken to tell as much as one.
+        Switchings that meet the frames at one phase repeat one error: two count as one.
     led_astray : float
         Weight of a change of the LED that belongs to no switching.
     gap_by_led_sigma_s : float
-        How exactly pairing the LED on both sides of a gap tells it, before least squares do: a row of a slow log.
+        Error of a gap as pairing the LED on both sides of it gives it, before least squares: a row of a slow log.
     """
 
     drift_sigma_ppm: float = 100.0

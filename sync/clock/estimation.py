@@ -33,10 +33,11 @@ from torsight.core.words.shown import Shown
 
 WIDE_S: Final = 1.0
 """A wider interval is explained: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
-_ADVICE: Final = (
-    "give the offset (--offset, [sync] offset_s), or film an LED on the heating switch (led_events), or heat "
-    "at two clearly different rates with one heating cut short"
+ADVICE: Final = (
+    "give the offset (--offset, [sync] offset_s), film an LED on the heating switch (--led, [sync] led), or heat at "
+    "two clearly different rates with one heating cut short"
 )
+"""What makes an offset better known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -86,7 +87,7 @@ def estimate_clock(
         When there are events of an LED but no heating switch in the log; when the angles are folded into one turn, the
         film's times are minutes, or the log's times or temperatures are in another unit.
     NoResultError
-        When the offset is not given and nothing in the files tells it.
+        When the offset is not given and nothing in the files determines it.
     """
     require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where="log")
     reading = LogReading(log)
@@ -284,7 +285,7 @@ def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
         # Few strokes still differ in their rates; where none do, nothing pins the offset within seconds.
         alike = "the strokes that can be compared have about the same rates"
         why = alike if high - low > 5.0 * WIDE_S else "few strokes"
-        notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {_ADVICE}")
+        notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {ADVICE}")
     if likelihood.matched < likelihood.strokes:
         notes.append(
             f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes have no heating or cooling "
@@ -321,5 +322,5 @@ def _unknown(angles: StickAngles, log: TemperatureLog) -> NoResultError:
         where="angle and temperatures",
         value=f"motion over {moved:.3g}°, temperatures over {max(rises, default=0.0):.3g} °C",
         limit="strokes of 3° and more, heatings of 12 °C and more, at an offset that explains them",
-        do=_ADVICE,
+        do=ADVICE,
     )

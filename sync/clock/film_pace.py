@@ -1,4 +1,4 @@
-"""Whether the film's times are in another unit: minutes, which its log's heatings tell.
+"""Whether the film's times are in minutes instead of seconds, judged by the log's heatings.
 
 A film whose times are too small by 60 shows strokes of both directions within one heating. No offset explains those,
 and with all times multiplied each has its heating or cooling. The other way round nothing is found by chance: strokes
@@ -35,11 +35,11 @@ def require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: Motion
     before = 0.0 if likelihood is None else likelihood.ranges[0].score
     if score <= max(before + ALIKE, 1.0 - ALIKE):
         return
-    told = 0 if likelihood is None else likelihood.matched
+    matched = 0 if likelihood is None else likelihood.matched
     raise InputError(
         "the film's times seem to be in minutes",
         where="angles, column time_s",
-        value=f"{told} of {len(strokes)} strokes with a heating or cooling; with times 60 times as large they fit",
+        value=f"{matched} of {len(strokes)} strokes with a heating or cooling; with times 60 times as large they fit",
         limit="times in seconds",
         do="give the film's times in seconds",
     )

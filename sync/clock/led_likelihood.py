@@ -19,6 +19,7 @@ from scipy.special import softmax
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import Gaussian, UnknownGap
 from sync.led.led_events import LightEvents
+from sync.signals.switchings import Changes, switchings_of
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.parameter import REACH
 from torsight.core.records import TemperatureLog
@@ -47,22 +48,6 @@ class LedMatch:
     second_shift_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Changes:
-    """Changes of the LED or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
-
-    time_s: Floats
-    step_s: Floats
-    goes_on: Flags
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def at(self, rows: Ints | Flags) -> Changes:
-        """Return some of the changes."""
-        return Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
-
-
 def match_led(
     events: LightEvents,
     frame_s: Floats,
@@ -78,7 +63,7 @@ def match_led(
     """
     if log.heat_a is None and log.heat_b is None:
         raise InputError(
-            "has no column 'heat_a' or 'heat_b' to hold the LED against",
+            "has no column 'heat_a' or 'heat_b' to compare the LED with",
             where="temperature log",
             do="log the heating switch, or leave led_events out",
         )
@@ -217,12 +202,6 @@ def _switches(log: TemperatureLog) -> list[Flags]:
     """Return what the LED may show: any heating, or that of one spring."""
     single = [switch for switch in (log.heat_a, log.heat_b) if switch is not None]
     return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
-
-
-def switchings_of(time_s: Floats, switch: Flags) -> Changes:
-    """Return a switch's changes, each between the row that shows it and the one before."""
-    at = np.flatnonzero(switch[1:] != switch[:-1]) + 1
-    return Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])
 
 
 def _best_shifts(film: Changes, log: Changes) -> tuple[int, list[float]]:

@@ -18,6 +18,7 @@ from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
 from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
 from sync.signals.strokes import Stroke, find_strokes
+from sync.signals.switchings import switchings_of
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM, Flags, Floats
@@ -338,5 +339,5 @@ def _begun_at_power_off(
 def _off_times(time_s: Floats, switch: Flags | None) -> Floats | None:
     if switch is None:
         return None
-    off = np.flatnonzero(switch[:-1] & ~switch[1:])
-    return np.asarray(0.5 * (time_s[off] + time_s[off + 1]))
+    switchings = switchings_of(time_s, switch)
+    return switchings.time_s[~switchings.goes_on]

@@ -1,4 +1,4 @@
-"""Clock and restarts of the log together: the motion tells how long a logger was away where the log cannot.
+"""Clock and restarts of the log together: the motion shows how long a logger was away where the log does not.
 
 For a restart during a rest two hypotheses are compared: the clock alone restarted (the usual step passed), or the
 logger was away for an unknown time, which is searched for first so that strokes behind the restart meet their heatings.

@@ -10,9 +10,9 @@ temperature pin the offset: an error of δ moves T_k by δ times the rate. Where
 and the interval comes out as wide as the range that the coarse search left.
 
 The unknown common curve, the slopes and the scatter are Gaussian with wide or learnt widths and are integrated out,
-which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; what tells them apart
-are the changepoints (:mod:`sync.signals.changepoints`). The crossing times are the data: the factor |dT/dt| turns
-densities of temperature into densities of time and keeps the fit from hiding on a plateau of the temperature.
+which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; the
+changepoints separate the two (:mod:`sync.signals.changepoints`). The crossing times are the data: the factor |dT/dt|
+turns densities of temperature into densities of time and keeps the fit from hiding on a plateau of the temperature.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, stroke: Ints) -> tuple[Float
     # As many points as there are steps of the signal carry noise of their own, each as large as a raw point's.
     independent = np.maximum(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
     spread = fit @ np.swapaxes(fit, -1, -2) * (count / independent * signal.point_sigma**2)[:, None, None]
-    # Across a corner no polynomial follows: such rates tell nothing.
+    # No polynomial follows a corner: such rates carry no information.
     missed = np.sum(np.where(known, value - coefficient @ _POWERS.T, 0.0) ** 2, axis=1) / np.maximum(count, 1)
     excess = np.sqrt(np.maximum(missed - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
     sigma = np.sqrt(np.sum((spread[own] @ design[..., None])[..., 0] * design, axis=1))

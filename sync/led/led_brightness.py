@@ -16,7 +16,7 @@ from sync.led.led_events import LightEvents
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.files.paths import AnyPath
 from torsight.core.progress import AT_ONCE_S, Progress, silent
-from torsight.core.series import BY_CHANCE, constant_runs, robust_sigma
+from torsight.core.series import BY_CHANCE, changes, constant_runs, robust_sigma
 from torsight.core.units import Flags, Floats
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def film_light_events(
     fps, timestamps
         As the film was tracked with.
     progress : Progress
-        Told about every frame.
+        Called with every frame.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def led_changes(time_s: Floats, value: Floats, *, where: str) -> LightEvents:
             do="point at the LED's middle in the first frame (led = [x, y]), or leave it out",
         )
     lit = _steady(time_s, value > 0.5 * (low + high))
-    at = np.flatnonzero(lit[1:] != lit[:-1]) + 1
+    at = changes(lit)
     if len(at) == 0:
         raise NoResultError("the LED stays as it is through the film", where=where, do="leave led out")
     return LightEvents(time_s[at], lit[at], since_s=time_s[at - 1])

@@ -86,7 +86,7 @@ class ChosenColumns(Frozen):
 
     @property
     def required(self) -> tuple[str, ...]:
-        """What must be there: what the model needs, and what was named."""
+        """Columns that must be there: those the model needs, and those the user named."""
         return tuple(role for role in ROLES if role in NEEDED or role in self.names)
 
 
@@ -96,7 +96,7 @@ NOTHING_CHOSEN: Final = ChosenColumns({}, {})
 def chosen_columns(
     columns: Mapping[str, Any] | None, units: Mapping[str, Any] | None = None, *, where: str = "columns"
 ) -> ChosenColumns:
-    """Return what is said of a log's columns, checked."""
+    """Return the user's names and units of a log's columns, checked."""
     names, spelled = dict(columns or {}), dict(units or {})
     check_keys(names, ROLES, where=f"{where}, columns")
     check_keys(spelled, ROLES, where=f"{where}, units")
@@ -163,7 +163,7 @@ def resolve(header: Sequence[str], chosen: ChosenColumns = NOTHING_CHOSEN) -> di
 
 
 def _named(role: str, header: Sequence[str], chosen: ChosenColumns) -> list[int]:
-    """Return where a name stands that the user or the contract gives; in other spelling where it does not as it is."""
+    """Return the places of the name that the user or the contract gives; if there are none, of its other spellings."""
     name = chosen.names.get(role)
     if name is None:
         return [index for index, one in enumerate(header) if one == CONTRACT.get(role)]
@@ -251,7 +251,7 @@ def _column(role: str, name: str, index: int, chosen: ChosenColumns, *, guessed:
 
 
 def with_unit(column: LogColumn, unit: Unit, role: str) -> Any:
-    """Return the column in a unit that a row below the header or the user says, or the refusal where it contradicts."""
+    """Return the column with the unit from a row below the header or from the user, or an error if units contradict."""
     needed = _KIND.get(role)
     if role == DATE or (needed is None and unit.kind == "other"):
         return column
@@ -297,7 +297,7 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
 
 
 def columns_note(columns: Mapping[str, LogColumn]) -> str | None:
-    """Return a sentence on columns that were guessed or converted; None where there is nothing to say."""
+    """Return a sentence on columns that were guessed or converted; None where there are none."""
     guessed = any(column.guessed for column in columns.values())
     converted = [role for role, column in columns.items() if is_converted(column)]
     if not guessed and not converted:

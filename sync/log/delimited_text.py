@@ -202,7 +202,7 @@ def _whole_rows(
 
 
 def _fault(line: str, columns: int, delimiter: str) -> str:
-    """Return what is wrong with a row; empty where nothing is."""
+    """Return the kind of fault of a row; empty for a sound row."""
     if not line.strip():
         return "blank_row"
     fields = len(fields_of(line, delimiter)) if '"' in line else line.count(delimiter) + 1
@@ -247,7 +247,7 @@ def _with_points(frame: pd.DataFrame, columns: Sequence[int]) -> None:
 
 
 def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> dict[int, str]:
-    """Return, by row, what stands in some columns, where a comma stands within a field."""
+    """Return, by row, the text of some columns in rows where a field contains a comma."""
     rows: Iterable[list[str]] = ()
     if delimiter != ",":
         rows = (line.split(delimiter) if "," in line else [] for line in body)

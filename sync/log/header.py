@@ -1,4 +1,4 @@
-"""The header of a log: on which line it stands, what parts its fields, and which columns are used."""
+"""The header of a log: its line, the delimiter of its fields, and which columns are used."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class Header(Frozen):
 
 
 def is_row_of_numbers(line: str) -> bool:
-    """Return whether nothing stands in a line but numbers, dates and what parts them."""
+    """Return whether a line consists of numbers, dates and delimiters alone."""
     return _PLAIN_ROW.fullmatch(line) is not None and any(character.isdigit() for character in line)
 
 
 def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> Header:
-    """Return the first line that, split, names all columns that are needed, or raise what the nearest one lacks."""
+    """Return the first line that names all needed columns, or raise the error of the line that names most of them."""
     best = (0, -1)
     looked_at: set[str] = set()
     for index, line in enumerate(lines):
@@ -144,7 +144,7 @@ def _count(columns: Mapping[str, object], chosen: ChosenColumns) -> int:
 
 
 def units_row(fields: Sequence[str], columns: Mapping[str, LogColumn]) -> dict[str, LogColumn | InputError] | None:
-    """Return the columns with the units of a row below the header; None where that row is none of units."""
+    """Return the columns with the units of a row below the header; None where that row holds no units."""
     units = {role: unit_of(fields[column.index]) for role, column in columns.items() if column.index < len(fields)}
     if any(re.search(r"\d", field) for field in fields) or not any(units.values()):
         return None

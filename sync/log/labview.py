@@ -43,7 +43,7 @@ class LabviewHeader:
 
 
 def labview_header(preamble: Sequence[str], delimiter: str) -> LabviewHeader:
-    """Return what a preamble says that begins as LabVIEW's do."""
+    """Return the contents of a LabVIEW preamble."""
     if not preamble or not preamble[0].strip().startswith(_FIRST_LINE):
         return LabviewHeader()
     said: dict[str, list[str]] = {}

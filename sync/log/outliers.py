@@ -1,4 +1,4 @@
-"""Readings that no spring can have had: spikes, and numbers that stand still while the spring does not.
+"""Impossible readings: spikes, and readings that stay constant while the temperature changes.
 
 A clean log passes unchanged: a reading goes only when it stands out from both neighbours by more than noise, steps and
 a corner of the temperature can make, or when a constant run ends in a jump. What goes becomes NaN, not a guess.
@@ -104,7 +104,7 @@ def spikes(time_s: Floats, temp_c: Floats) -> Flags:
 
 
 def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
-    """Mark runs of one value that end in a jump, or that noise cannot leave alone; the run's first reading is kept."""
+    """Mark constant runs that end in a jump, or that noise would have changed; the run's first reading is kept."""
     stuck = np.zeros(len(temp_c), dtype=np.bool_)
     index = np.flatnonzero(np.isfinite(temp_c))
     if len(index) < _STUCK_ROWS:

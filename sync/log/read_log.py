@@ -37,7 +37,7 @@ _MIN_ROWS: Final = 3
 def read_temperature_log(
     path: AnyPath, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> LogReading:
-    """Read ``TEMPS.csv`` (or Parquet), or a log as an instrument writes it, and mend what can be mended.
+    """Read ``TEMPS.csv`` (or Parquet), or a log as an instrument writes it, and repair it where possible.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class Restart:
         What was added to the timestamps from there on, s.
     gap_s, gap_sigma_s : float
         Time that passed between the rows before and behind it, with one standard deviation (infinite where the
-        log does not tell: the gap is then one usual step).
+        log does not show it: the gap is then one usual step).
     """
 
     index: int
@@ -62,7 +62,7 @@ class Restart:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LogReading(Frozen, Shown):
-    """A temperature log with strictly increasing timestamps, and what it took to get there.
+    """A temperature log with strictly increasing timestamps, and the repairs that made it so.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class LogReading(Frozen, Shown):
     notes: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, str]:
-        """Return what the log holds, where time 0 is, and what was mended."""
+        """Return facts for display: the log's range, the instant of time 0, and the repairs."""
         mended = ", ".join(f"{repair.kind} {repair.count}" for repair in self.repairs) or "nothing"
         zero = {} if self.zero is None else {"time 0": self.zero}
         return {**self.log.facts(), **zero, "mended": mended, "restarts": str(len(self.restarts))}

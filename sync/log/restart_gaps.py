@@ -1,8 +1,8 @@
 """Stretches of a log between restarts of its clock, put behind one another.
 
 How long the clock stood still is not in the timestamps. Where a temperature changes steadily on both sides, its jump
-across the restart tells: gap = jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
-known; the motion on the film can tell then.
+across the restart gives the gap: jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
+known; the motion on the film may show it later (:mod:`sync.clock.restarts`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _WINDOW_S: Final = 10.0
 """Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz. Half and twice
 of it move the clock by 0.04 of its standard deviations at most (benchmarks/sync/constants.py)."""
 SHORTEST_STRETCH_S: Final = 2.0 * _WINDOW_S
-"""Rows between restarts that cover less time tell the gap on neither side: such timestamps are of another kind."""
+"""Rows between restarts that cover less time show a rate at neither end: such steps back are no restarts."""
 LONGEST_GAP_S: Final = 900.0
 """A logger that was away for longer than a quarter of an hour is another record: a choice that moves no clock at half
 and at twice of it (benchmarks/sync/constants.py)."""
@@ -32,7 +32,7 @@ def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -
     """Move every block of rows behind the one before it; return times (n,) on one clock, and one restart per joint.
 
     Timestamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
-    (n,) tells the gaps.
+    (n,) gives the gaps.
     """
     joined = time_s.copy()
     restarts: list[Restart] = []
@@ -55,15 +55,15 @@ def _gap(
     weight = total = 0.0
     for temperature in temperatures_c:
         noise = max(noise_c(temperature), 1e-3)
-        left = _edge(time_s[before], temperature[before], noise, end=True)
-        right = _edge(time_s[behind], temperature[behind], noise, end=False)
+        left = _at(float(time_s[before][-1]), time_s[before], temperature[before], noise)
+        right = _at(float(time_s[behind][0]), time_s[behind], temperature[behind], noise)
         if left is None or right is None:
             continue
         # The jump is divided by the rate: known to an eighth, it gives the gap to an eighth.
         rate = 0.5 * (left[1] + right[1])
         rate_sigma = math.hypot(left[3], right[3]) / 2.0
         bend = abs(left[1] - right[1])
-        # A corner of the temperature somewhere in the gap makes both rates unequal; then the jump tells little.
+        # A corner of the temperature somewhere in the gap makes both rates unequal; then the jump says little of it.
         if abs(rate) < 8.0 * rate_sigma or bend > 0.3 * abs(rate) + 3.0 * rate_sigma:
             continue
         gap = (right[0] - left[0]) / rate
@@ -76,13 +76,13 @@ def _gap(
     return max(total / weight, 0.2 * step_s), 1.0 / math.sqrt(weight)
 
 
-def _edge(time_s: Floats, temp_c: Floats, noise: float, *, end: bool) -> tuple[float, float, float, float] | None:
-    """Return value, rate and their sigmas at the end (or beginning) of a stretch.
+def _at(edge_s: float, time_s: Floats, temp_c: Floats, noise: float) -> tuple[float, float, float, float] | None:
+    """Return value, rate and their sigmas at one end of a stretch; None where too few readings are near it.
 
     From parabolas over some seconds and over half as many: what they differ by is the error of taking one.
     """
-    whole = _parabola(time_s, temp_c, noise, end=end, window_s=_WINDOW_S)
-    half = _parabola(time_s, temp_c, noise, end=end, window_s=0.5 * _WINDOW_S)
+    whole = _parabola(edge_s, time_s, temp_c, noise, window_s=_WINDOW_S)
+    half = _parabola(edge_s, time_s, temp_c, noise, window_s=0.5 * _WINDOW_S)
     if whole is None or half is None:
         return whole
     value_sigma = math.hypot(half[2], half[0] - whole[0])
@@ -91,13 +91,12 @@ def _edge(time_s: Floats, temp_c: Floats, noise: float, *, end: bool) -> tuple[f
 
 
 def _parabola(
-    time_s: Floats, temp_c: Floats, noise: float, *, end: bool, window_s: float
+    edge_s: float, time_s: Floats, temp_c: Floats, noise: float, *, window_s: float
 ) -> tuple[float, float, float, float] | None:
-    edge = time_s[-1] if end else time_s[0]
-    near = (np.abs(time_s - edge) <= window_s) & np.isfinite(temp_c)
+    near = (np.abs(time_s - edge_s) <= window_s) & np.isfinite(temp_c)
     if np.count_nonzero(near) < 8:
         return None
-    x, y = time_s[near] - edge, temp_c[near]
+    x, y = time_s[near] - edge_s, temp_c[near]
     design = np.stack([np.ones_like(x), x, x**2], axis=1)
     keep = np.ones(len(x), dtype=np.bool_)
     # Spikes are not out yet: what lies four sigmas off goes, and the next fit sees more.

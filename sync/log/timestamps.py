@@ -1,4 +1,4 @@
-"""Timestamps as clocks give them, made strictly increasing: what was misplaced, repeated, wrong, or restarted.
+"""Timestamps made strictly increasing: rows misplaced, repeated or wrong, and restarts of the clock.
 
 Three things look alike, a timestamp that is smaller than the one before, and need different mending:
 
@@ -73,7 +73,7 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
         times.append(kept_time)
         blocks.append(np.full(len(kept_row), index, dtype=np.int64))
     for kind, text in (
-        ("reordered", "rows stood out of order and were put into their place"),
+        ("reordered", "rows out of order were sorted in"),
         ("wrong_stamp", "timestamps that fitted nowhere were interpolated from the rows around"),
         ("dropped_stamp", "rows whose timestamp fitted nowhere were dropped"),
     ):
@@ -106,7 +106,7 @@ def _blocks(time_s: Floats) -> Ints:
     to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
     backs = np.append(np.flatnonzero(step < 0) + 1, len(time_s))
     for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
-        # One row by itself has no step that could be told from a restart.
+        # A single row has no step to compare with that of a restart.
         if at < begin + 2:
             continue
         behind = time_s[at:]
@@ -125,7 +125,7 @@ def _blocks(time_s: Floats) -> Ints:
 
 
 def _runs_over(before: Floats, behind: Floats) -> bool:
-    """Tell whether the rows behind a step back, up to the next one, cover time that was there already."""
+    """Return whether the rows behind a step back, up to the next one, cover time that was there already."""
     last_s = float(np.median(before[-3:]))
     # Those of them that come before the last timestamp was passed.
     back = behind[: int(np.searchsorted(behind[1:], last_s)) + 1]

@@ -118,7 +118,7 @@ def _since_first(dates: pd.Series[Any]) -> Timestamps:
 
 
 def _clock_timestamps(text: pd.Series[Any]) -> Timestamps | None:
-    """Read times of day, or of a stop watch: hours, minutes, seconds; a day goes by where they fall to zero."""
+    """Read times of day, or of a stop watch: hours, minutes, seconds; where they fall to zero, a new day begins."""
     fields = text.str.extract(f"^{_CLOCK}$")
     seconds = _seconds_of_day(fields)
     known = np.flatnonzero(np.isfinite(seconds))

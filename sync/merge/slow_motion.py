@@ -23,7 +23,7 @@ def slow_motion_factor(film_s: float, log_s: float) -> int | None:
 
 
 def slow_motion_text(film_s: float, log_s: float, *, rate_fps: float | None) -> tuple[str, str] | None:
-    """Return what is to be said of lengths that look like slow motion, and what to do; None where they do not.
+    """Return the warning and the advice for lengths that look like slow motion; None where they do not.
 
     ``rate_fps`` is the rate at which the film plays.
     """

@@ -52,7 +52,7 @@ class Changepoint:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """What a temperature does around a changepoint.
+    """Course of a temperature around a changepoint.
 
     Before it a polynomial holds (``powers_before``: its degree); there a decay of time constant ``decay_s`` may begin
     beside a straight line. ``lag_s`` is the sensor's where it is known, ``split`` the share of its second stage.
@@ -84,7 +84,7 @@ def fit_changepoint(
         return None
     x, y, spread = _thinned(time_s[window], temp_c[window], noise)
     at = np.linspace(near_s[0], near_s[1], 1 if near_s[1] <= near_s[0] else 13)
-    # Short lags lie closer together: a changepoint's shape tells them better.
+    # Short lags lie closer together: a changepoint's shape determines them better.
     lags = np.array([shape.lag_s]) if shape.lag_s is not None else MAX_LAG_S * np.linspace(0.0, 1.0, 10) ** 1.5
     for _ in range(4):
         loss = _losses(x, y, at, lags, shape)
@@ -136,7 +136,7 @@ def _losses(x: Floats, y: Floats, at: Floats, lags: Floats, shape: Shape) -> Flo
 
 
 def _squares(y: Floats, curves: Floats) -> Floats:
-    """Return the sums of squares that the best sums of curves (..., n, m) leave of values (n,)."""
+    """Return the residual sums of squares of values (n,) after a least-squares fit of curves (..., n, m)."""
     basis, _ = np.linalg.qr(curves / np.maximum(np.abs(curves).max(axis=-2, keepdims=True), 1e-12))
     left = y - (basis @ (y @ basis)[..., np.newaxis])[..., 0]
     return np.asarray(np.sum(left**2, axis=-1))

@@ -1,4 +1,4 @@
-"""Even, smoothed signals of a record: value and slope on a regular grid, with what is not known left out."""
+"""Evenly sampled, smoothed signals of a record: value and slope on a regular grid, unknown parts left out."""
 
 from __future__ import annotations
 

@@ -8,14 +8,14 @@ from torsight.core.units import Floats
 
 
 def lagged_ramp(x_s: Floats, lag_s: Floats | float, split: float) -> Floats:
-    """Return what a sensor with a lag in one stage, or in two, shows of ``max(x, 0)``; lags go with the times."""
+    """Return the response of a sensor with a lag in one stage, or in two, to ``max(x, 0)``; lags as the times."""
     x = np.maximum(x_s, 0.0)
     late = sum(weight * stage_s * np.exp(-x / stage_s) for weight, stage_s in _stages(lag_s, split))
     return np.asarray(x - lag_s + late)
 
 
 def lagged_decay(x_s: Floats, decay_s: float, lag_s: Floats | float, split: float) -> Floats:
-    """Return what a sensor with a lag in one stage, or in two, shows of ``1 - exp(-x / decay)`` from x = 0 on."""
+    """Return the response of a sensor with a lag in one stage, or in two, to ``1 - exp(-x / decay)`` from x = 0 on."""
     x = np.maximum(x_s, 0.0)
     left, plain = np.zeros(()), decay_s * np.exp(-x / decay_s)
     for weight, stage_s in _stages(lag_s, split):

@@ -73,7 +73,7 @@ class Stroke:
 
 
 def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
-    """Return the strokes of a film in order; none where nothing moves beyond the noise.
+    """Return the strokes of a film in order; empty where nothing moves beyond the noise.
 
     Frames without an angle are bridged over at most two seconds (five frames, where that is more); a stroke that
     reaches into a longer gap is cut there.

@@ -19,7 +19,7 @@ from torsight.core.optics.camera import read_camera
 from torsight.core.optics.geometry import project
 
 app = typer.Typer(pretty_exceptions_enable=False)
-app.command("calibrate", cls=calibrate_module.Command)(calibrate_module.calibrate)
+app.command("calibrate", cls=calibrate_module.TakesRows)(calibrate_module.calibrate)
 app.command("board")(board_module.board)
 
 

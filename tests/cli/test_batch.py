@@ -86,7 +86,7 @@ def test_only_what_has_changed_is_done_again(made: Path, monkeypatch: pytest.Mon
         asked.append(out.name)
         return out
 
-    monkeypatch.setattr("torsight.cli.run.run_experiment", run_experiment)
+    monkeypatch.setattr("torsight.cli.campaign.run_experiment", run_experiment)
     rows = campaign.run_campaign(tasks(find_experiments([str(made / "rigs" / "*")]), made / "out"), jobs=1)
     assert asked == ["broken"]
     assert [row["status"] for row in rows] == ["failed", "done", "done"]  # nothing was left to read for "broken"
@@ -115,7 +115,7 @@ def test_a_defect_of_ours_is_a_row_too(made: Path, monkeypatch: pytest.MonkeyPat
     def broken(*_: object, **__: object) -> Path:
         raise ZeroDivisionError("oh")
 
-    monkeypatch.setattr("torsight.cli.run.run_experiment", broken)
+    monkeypatch.setattr("torsight.cli.campaign.run_experiment", broken)
     (task,) = tasks([made / "rigs" / "broken" / "experiment.toml"], made / "out")
     row = run_task(task)
     assert row["status"] == "failed"
@@ -151,7 +151,7 @@ def test_a_record_that_takes_too_long_is_ended(child: str, made: Path, monkeypat
     row = run_task(task)
     assert row["status"] == "failed"
     assert words in row["message"]
-    assert limited._running == set()
+    assert limited.running == set()
 
 
 def test_a_limit_ends_what_the_run_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,7 +233,7 @@ def test_records_of_one_actuator_file_are_explained_together(
         asked.append(merged)
         write_made_up_run(out, half_cycles=2, rate_hz=2.0)
 
-    monkeypatch.setattr("torsight.cli.discover.explain_together", explain)
+    monkeypatch.setattr("torsight.cli.campaign.explain_together", explain)
     for name in ("one", "two"):
         path = made / "rigs" / name / "experiment.toml"
         path.write_text(path.read_text() + "\n[discover]\ntogether = true\n")

@@ -21,7 +21,7 @@ from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
 from torsight.cli.checkup.log import check_log, check_programme, driven_by
 from torsight.cli.checkup.rig import distinct_rates, half_cycles_of, limits_of
-from torsight.cli.doctor import told
+from torsight.cli.doctor import verdict_lines
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
@@ -229,7 +229,7 @@ def test_what_limits_most_comes_first() -> None:
     assert [item.text for item in ordered(findings)] == ["large", "small", "note", "fine"]
     assert verdict(findings) == "usable"
     assert exit_code(findings) == 0
-    assert told(ordered(findings))[0].split() == ["Verdict", "usable"]
+    assert verdict_lines(ordered(findings))[0].split() == ["Verdict", "usable"]
 
 
 def test_the_exit_code_is_the_one_of_the_refusal() -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from torsight.core.errors import InputError
-from torsight.core.files.tables import marker_columns, read_angles, read_merged, write_angles, write_merged
+from torsight.core.files.tables import read_angles, read_merged, write_angles, write_merged
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog
-from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.tracks import MarkerTracks, StickAngles, marker_columns
 
 
 def _angles(n: int = 40) -> StickAngles:

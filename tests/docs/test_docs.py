@@ -22,9 +22,8 @@ from tests.core.test_paths import PACKAGES, public_functions
 from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, command_reference, commands, documented_names, named
 from torsight.actuator.effects import ActsOn, load_effects
 from torsight.cli.main import COMMANDS, app
-from torsight.core.files.tables import angle_columns, marker_columns
 from torsight.core.records import SyncedTable, merged_columns
-from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
+from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles, angle_columns, marker_columns
 
 NOTEBOOKS = {
     # The friction torque is 0.855 mN·m there; a fit knows it to 0.02.

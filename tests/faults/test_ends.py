@@ -78,7 +78,7 @@ def test_a_track_that_is_asked_to_end_says_so(name: str, code: int, film: Path, 
     told = process.communicate()[1]
     assert process.returncode == code
     assert told.splitlines()[-1] == (
-        "torsight: interrupted; what was finished is on disk, and --resume of run and track goes on"
+        "torsight: interrupted; what was finished is on disk, and --resume of run and track continues"
     )
     assert "Traceback" not in told
     assert [path.name for path in tmp_path.iterdir()] == [".track"]

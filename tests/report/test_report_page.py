@@ -152,7 +152,7 @@ def test_any_single_file_makes_a_page_of_its_sections(run: Path, kept: str, ther
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"verdict": "none", "effects": []}, "Nothing is missing from the model that this record can show."),
+        ({"verdict": "none", "effects": []}, "This record shows nothing that the model lacks."),
         (
             {"verdict": "ambiguous", "alternatives": [["clock_offset"], ["viscous_friction", "fatigue"]]},
             "this record cannot tell which: sensor lag, clock offset or viscous friction with fatigue.",
@@ -186,13 +186,13 @@ def test_a_record_that_fixes_no_values_says_so_before_that_nothing_is_missing(ru
     changes = {"verdict": "none", "effects": [], "before": errors, "after": errors, "held_out": [0, 1]}
     rewrite(run, "discovery", **changes, noise_floor_deg=0.05, evidence=evidence)
     text = text_of(run)
-    doubt = "does not fix the model&#39;s values: held-out half-cycles are missed by 4.69°, 94 times"
-    assert 0 < text.index(doubt) < text.index("Nothing is missing from the model")
+    doubt = "does not determine the model&#39;s values: held-out half-cycles are missed by 4.69°, 94 times"
+    assert 0 < text.index(doubt) < text.index("This record shows nothing that")
     assert "each half-cycle is predicted by a fit to the other one alone" in text
     assert "The fit to all half-cycles leaves 0.070° rms." in text
     # A fit that leaves as much as half-cycles that were not seen do has nothing to explain.
     rewrite(run, "discovery", before=errors | {"rmse_held_out_deg": 0.08}, after=errors | {"rmse_held_out_deg": 0.08})
-    assert "does not fix" not in text_of(run)
+    assert "does not determine" not in text_of(run)
 
 
 def test_a_record_against_what_is_known_of_the_actuator_says_so_before_a_name(run: Path) -> None:

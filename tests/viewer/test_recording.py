@@ -22,7 +22,7 @@ from torsight.core.tracks import MARKERS
 from torsight.viewer import view_layout, write_recording
 from torsight.viewer.film_preview import write_preview
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR
-from torsight.viewer.recording import _written
+from torsight.viewer.recording import run_writer
 from torsight.viewer.screenshots import WHOLE, take_pictures
 
 
@@ -275,14 +275,14 @@ class _Writer:
 
 
 def test_a_process_that_writes_nothing_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torsight.viewer.recording._WRITER", ("-c", "import time; time.sleep(600)"))
+    monkeypatch.setattr("torsight.viewer.recording.WRITER", ("-c", "import time; time.sleep(600)"))
     with pytest.raises(RuntimeError, match="stands still"):
-        _written(tmp_path, tmp_path / "recording.rrd", None, patience_s=0.2)
+        run_writer(tmp_path, tmp_path / "recording.rrd", None, patience_s=0.2)
 
 
 def test_what_goes_wrong_in_the_writer_is_told(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match=r"not written \(InputError.*nowhere"):
-        _written(tmp_path / "nowhere", tmp_path / "recording.rrd", None)
+        run_writer(tmp_path / "nowhere", tmp_path / "recording.rrd", None)
 
 
 def test_a_slow_writer_is_waited_for_and_one_that_stands_still_is_not(
@@ -292,7 +292,7 @@ def test_a_slow_writer_is_waited_for_and_one_that_stands_still_is_not(
     slow, stuck = _Writer(path, ends_after=3, writes=3), _Writer(path, ends_after=99, writes=2)
     writers = iter((slow, stuck))
     monkeypatch.setattr("torsight.viewer.recording.subprocess.Popen", lambda *_, **__: next(writers))
-    _written(tmp_path, path, None)
+    run_writer(tmp_path, path, None)
     assert slow.waits == 4
     with pytest.raises(RuntimeError, match="writer"):
-        _written(tmp_path, path, None)
+        run_writer(tmp_path, path, None)

@@ -26,7 +26,7 @@ _WRITTEN: Final = ("out", "export_effect", "preview", "pictures")
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a command has to say to a script: what was found (the JSON file, where it writes one), and what was written.
+    """A command's answer to a script: its result (that of the JSON file, where it writes one), and the files written.
 
     ``exit_code`` is 0, or one of the contract's where the command has an answer all the same.
     """
@@ -58,7 +58,7 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
             answer = run(*arguments, **options)
         except TorsightError as error:
             if as_json:
-                _put(name, exit_code=error.exit_code, error=_told(error))
+                _put(name, exit_code=error.exit_code, error=_error_content(error))
             raise
         assert answer is not None  # noqa: S101 - for the type checker: the annotation says so
         if as_json:
@@ -103,7 +103,7 @@ def _put(name: str, *, exit_code: int, **content: Any) -> None:
     sys.stdout.flush()
 
 
-def _told(error: TorsightError) -> dict[str, Any]:
+def _error_content(error: TorsightError) -> dict[str, Any]:
     value = None if error.value is None else str(error.value)
     return {
         "message": str(error),

@@ -1,4 +1,4 @@
-"""Bars for a terminal: what is done, for how long, and how much time is left at the pace so far."""
+"""Progress bars for a terminal: the step, the time taken, and the time left at the pace so far."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def board(
     description: Annotated[
         Path | None,
-        typer.Argument(metavar="BOARD.toml", help="The board; without it one that fits the page is made up."),
+        typer.Argument(metavar="BOARD.toml", help="The board; by default one that fits the page."),
     ] = None,
     *,
     out: Annotated[
@@ -63,7 +63,7 @@ def board(
                 "--tags makes tags, and no board is described for them",
                 where="torsight board",
                 value=str(description),
-                do="leave away either --tags or the board's file",
+                do="leave out either --tags or the board's file",
             )
         made = tag_pair(family, base_id=base_id, moving_id=moving_id, side_mm=side_mm)
         drawing = draw_tags(made, page=page)

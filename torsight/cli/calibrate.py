@@ -25,7 +25,7 @@ _LISTS = ("--right", "--pose")
 _WHERE = "torsight calibrate"
 
 
-class Command(TyperCommand):
+class TakesRows(TyperCommand):
     """Lets ``--right`` and ``--pose`` take several files in a row, as a shell's wildcard gives them."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -199,7 +199,7 @@ def _check_usage(images: list[Path], right: list[Path], pose: list[Path], camera
         raise ConfigError(
             "takes no --pose for a stereo pair",
             where=_WHERE,
-            do="leave it away: the axis of a pair is found from the tracks",
+            do="leave it out: the axis of a pair is found from the tracks",
         )
 
 

@@ -15,14 +15,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from torsight.cli.discover import explain_together
 from torsight.cli.experiment_file import read_experiment
+from torsight.cli.limited import run_limited
+from torsight.cli.run import TOGETHER, UNFINISHED, run_experiment
 from torsight.core.errors import InputError, NoResultError, TorsightError, refused_by_system
 from torsight.core.files.paths import matching
 from torsight.core.files.provenance import file_hash, provenance
 from torsight.core.files.storage import json_text, read_json, write_table
-from torsight.core.files.tables import read_angles
 from torsight.core.progress import Progress, silent
-from torsight.core.units import DEG
 
 RESULT_COLUMNS: Final = (
     "name",
@@ -96,8 +97,7 @@ def _name(path: Path) -> str:
 
 def run_task(task: Task) -> dict[str, Any]:
     """Do one experiment, or read its results where they stand; what goes wrong becomes a row that says so."""
-    from torsight.cli.limited import run_limited
-    from torsight.cli.run import run_experiment
+    from torsight.cli.summary import result_row
 
     try:
         experiment = read_experiment(task.experiment)
@@ -118,8 +118,6 @@ def run_task(task: Task) -> dict[str, Any]:
 
 def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
     """Return whether the folder holds a whole run of exactly these inputs and settings."""
-    from torsight.cli.run import UNFINISHED
-
     path = task.folder / "provenance.json"
     if not path.exists() or not (task.folder / "report.html").exists() or (task.folder / UNFINISHED).exists():
         return False
@@ -132,31 +130,6 @@ def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]
     return json_text({k: recorded.get(k) for k in keys}) == json_text({k: now[k] for k in keys})
 
 
-def result_row(folder: Path) -> dict[str, Any]:
-    """Return one row of the table of results from the files of a finished run."""
-    angles = read_angles(folder / "angle.csv")
-    discovery, clock = read_json(folder / "discovery.json"), read_json(folder / "sync.json")
-    known_deg = angles.angle_rad[angles.valid] / DEG
-    friction = discovery["parameters"]["tau_c_mnm"]
-    return {
-        "frames": len(angles),
-        "valid_share": float(angles.valid.mean()),
-        "angle_min_deg": float(known_deg.min()),
-        "angle_max_deg": float(known_deg.max()),
-        "angle_sigma_deg": float(np.median(angles.sigma_rad[angles.valid]) / DEG),
-        "offset_s": clock["offset_s"]["value"],
-        "tau_c_mnm": friction["value"],
-        "tau_c_lo_mnm": friction["ci95"][0],
-        "tau_c_hi_mnm": friction["ci95"][1],
-        "verdict": discovery["verdict"],
-        "effects": " ".join(effect["id"] for effect in discovery["effects"]),
-        "rmse_before_deg": discovery["before"]["rmse_held_out_deg"],
-        "rmse_after_deg": discovery["after"]["rmse_held_out_deg"],
-        "noise_floor_deg": discovery["noise_floor_deg"],
-        "folder": str(folder),
-    }
-
-
 def explain_campaign(
     todo: Sequence[Task], rows: Sequence[dict[str, Any]], out: Path, *, progress: Progress
 ) -> list[Path]:
@@ -167,9 +140,6 @@ def explain_campaign(
     InputError, NoResultError
         When the records of one rig cannot be explained together.
     """
-    from torsight.cli.discover import explain_together
-    from torsight.cli.run import TOGETHER
-
     rigs: dict[str, list[tuple[Task, Path]]] = {}
     for task, row in zip(todo, rows, strict=True):
         if row["status"] == "done" and (experiment := read_experiment(task.experiment)).together is True:
@@ -185,9 +155,9 @@ def explain_campaign(
 def run_campaign(
     todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Do every task and return the rows in the order of the tasks; ``progress`` is told after each.
+    """Do every task and return the rows in the order of the tasks; ``progress`` is called after each.
 
-    They run in so many processes on this machine (-1: one per core), or on the Dask scheduler at an address.
+    They run in ``jobs`` processes on this machine (-1: one per core), or on the Dask scheduler at an address.
     """
     from torsight.cli import workers
 

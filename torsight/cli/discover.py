@@ -78,7 +78,7 @@ def discover(
 
 
 def nothing_found(discovery: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return what to tell, by ``discovery.json``, where the model is worse than a constant on held-out half-cycles."""
+    """Return an error where ``discovery.json`` has a model worse than a constant on held-out half-cycles."""
     from torsight.actuator.fit_result import nothing_explained
 
     r2 = discovery["after"]["r2_held_out"]
@@ -99,7 +99,7 @@ def discover_to_folder(
     """Discover on one record or on several of one rig, and write what was found.
 
     ``discovery.json``, ``model.json`` and ``curves.csv``; every law as ``law_<port>_<driver>.csv``, and as a picture of
-    that name; for an ambiguous answer ``next_experiment.csv``, the programme that would tell the alternatives apart.
+    that name; for an ambiguous answer ``next_experiment.csv``, the programme that would distinguish the alternatives.
     For several records ``curves.csv`` holds the first one's curves, ``curves_2.csv`` … those of the others, and
     ``model.json`` goes on from the last.
     """
@@ -137,7 +137,7 @@ def require_one_rig(records: Sequence[Path]) -> None:
                 "is the same record as another one",
                 where=str(path),
                 value=str(seen[found]),
-                do="give every record once: twice the same one would count as two witnesses",
+                do="give every record once: the same one twice would count as two",
             )
         seen[found] = path
     actuators = [(path, used) for path in records if (used := _actuator_of(path)) is not None]

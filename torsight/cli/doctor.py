@@ -42,13 +42,13 @@ def doctor(
     with progress_bar() as progress:
         findings, content = examine(chosen, progress=progress)
     findings = ordered([*findings, *check_install()])
-    for line in told(findings):
+    for line in verdict_lines(findings):
         say(line)
     result = {"verdict": verdict(findings), "findings": [item.to_json() for item in findings], **content}
     return Answer(result, exit_code=exit_code(findings))
 
 
-def told(findings: list[Finding]) -> list[str]:
+def verdict_lines(findings: list[Finding]) -> list[str]:
     """Return the verdict and why, in lines for a person."""
     lines = [f"Verdict           {verdict(findings)}"]
     for item in findings:

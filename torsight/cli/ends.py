@@ -32,7 +32,7 @@ class Ended(BaseException):
 
 
 def asks() -> list[int]:
-    """Return the signals that ask this process to end; what it was told to ignore (by ``nohup``) is none."""
+    """Return the signals that ask this process to end; signals that are ignored (``nohup``) are not among them."""
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
 
@@ -103,7 +103,7 @@ def _ask_again(number: int, asking: dict[int, threading.Thread], ended: threadin
 
 @contextlib.contextmanager
 def _thrown_away(asking: Collection[int]) -> Iterator[None]:
-    """Let go of what the frames that a request to end went through had in hand; ``asking`` says whether there was one.
+    """Release the objects of the frames that a request to end went through; ``asking`` says whether there was one.
 
     An error that came after a request that was lost is the request.
     """

@@ -105,7 +105,7 @@ class Experiment(Frozen):
 def read_experiment(path: Path, *, absent: list[InputError] | None = None) -> Experiment:
     """Read ``EXPERIMENT.toml``, or that of a folder; relative paths are relative to it.
 
-    With ``absent`` files that are missing are no error: each is put there, to be told with all others.
+    With ``absent``, files that are missing are no error: each goes there, to be reported with all others.
 
     Raises
     ------
@@ -134,11 +134,11 @@ class _Files:
     def existing(self, path: Path, at: str) -> Path:
         """Return a path that is named at a place of the experiment file."""
         if not path.exists():
-            error = missing_file(path)
-            told = InputError(error.what, where=error.where, do=f"{error.do}; it is named in {at}")
+            missing = missing_file(path)
+            error = InputError(missing.what, where=missing.where, do=f"{missing.do}; it is named in {at}")
             if self.absent is None:
-                raise told
-            self.absent.append(told)
+                raise error
+            self.absent.append(error)
         return path
 
     def named(self, table: Mapping[str, Any], key: str, *, where: str) -> Path | None:
@@ -211,7 +211,7 @@ def experiment_from(
 
 
 def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str, str]]:
-    """Return what is said of the log's columns, checked."""
+    """Return the checked names and units of the log's columns."""
     from sync.log.column_names import chosen_columns
 
     said = {name: dict(get_table(table, name, where=where)) for name in ("columns", "units")}

@@ -1,6 +1,7 @@
 """What a film's angles rest on: how many frames have one, and how sure it is that the markers are the markers.
 
-Told below nine tenths of the frames; no result below a half, or where other dots may as well be the markers.
+There is a warning below nine tenths of the frames, and no result below a half, or where other dots may as well be the
+markers.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ WHY: Final = {
 
 
 def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return what to tell of a film in which less than nine tenths of the frames have an angle, by its ``track.json``.
+    """Return the error of a film in which less than nine tenths of the frames have an angle, by its ``track.json``.
 
     :func:`is_no_result` says whether that ends a command.
     """
@@ -53,7 +54,7 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
 
 
 def unsure_markers(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return what to tell where nothing tells which dots, or which ends of a stick, are which, by ``track.json``."""
+    """Return the error where nothing shows which dots are the markers, or which the inner ones, by ``track.json``."""
     sure = _sure(account)
     if sure >= LEAST_SURE:
         return None

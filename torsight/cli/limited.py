@@ -14,20 +14,21 @@ from typing import Final
 from torsight.core.errors import NoResultError
 
 COMMAND: Final = (sys.executable, "-m", "torsight.cli.main")
-_running: set[int] = set()
+running: Final[set[int]] = set()
+"""Process ids of the runs that have not ended."""
 
 
 def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
-    """Do ``torsight run`` on an experiment; one that takes longer than the limit, s, is ended and has no result.
+    """Do ``torsight run`` on an experiment; one that takes longer than the limit, s, is ended without a result.
 
-    What it had finished stays, and the next call goes on from there.
+    Its finished stages stay, and the next call continues from there.
     """
     words = [*COMMAND, "run", str(experiment), "--out", str(out), "--resume", "--json"]
     # A session of its own: whatever the run has started ends with it.
     child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    _running.add(child.pid)
+    running.add(child.pid)
     try:
-        answer, told = child.communicate(timeout=limit_s)
+        answer, errors = child.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
         raise NoResultError(
             "takes longer than it may",
@@ -38,26 +39,26 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
     finally:
         end(child.pid)
         child.communicate()
-        _running.discard(child.pid)
+        running.discard(child.pid)
     if child.returncode != 0:
         # Where it has no words for it, the end of its traceback says most.
-        raise NoResultError(_message(answer) or f"ended with {child.returncode}: {told.strip()[-300:]}")
+        raise NoResultError(_message(answer) or f"ended with {child.returncode}: {errors.strip()[-300:]}")
 
 
 def end_all() -> None:
     """End every run that this process has started."""
-    for process in tuple(_running):
+    for process in tuple(running):
         end(process)
 
 
 def end(process: int) -> None:
-    """End a run and what it has started, where it is still there."""
+    """End a run and the processes that it has started, if it still runs."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process, signal.SIGKILL)
 
 
 def _message(answer: str) -> str:
-    """Return what the run says was wrong; empty where it could not say."""
+    """Return the run's error message; empty where it has none."""
     try:
         return str(json.loads(answer)["error"]["message"])
     except (ValueError, KeyError, TypeError):

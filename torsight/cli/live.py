@@ -53,7 +53,7 @@ def live(
     grows: Annotated[bool, typer.Option("--grows", help="The film is still being written: wait for more.")] = False,
     fps: Fps = None,
     offset_s: Annotated[
-        float | None, typer.Option(help="Log's time less film's time; taken from when rows arrive otherwise.")
+        float | None, typer.Option(help="Log's time minus film's time; by default from when rows arrive.")
     ] = None,
     columns: Columns = None,
     units: Units = None,

@@ -10,8 +10,10 @@ from functools import cache
 from typing import Annotated, Final
 
 import typer
+from typer.core import TyperCommand
 
 from torsight.cli.answer import answering
+from torsight.cli.calibrate import TakesRows
 from torsight.cli.ends import Ended, asked_to_end
 from torsight.core.errors import InputError, TorsightError, refused_by_system
 from torsight.core.lazy import collect_seldom
@@ -40,6 +42,9 @@ COMMANDS: Final = (
 )
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 
+
+_PARSERS: Final[dict[str, type[TyperCommand]]] = {"calibrate": TakesRows}
+"""Commands whose words are not taken as typer takes them."""
 
 app = typer.Typer(
     name="torsight",
@@ -76,12 +81,12 @@ def _options(
 
 for _name in COMMANDS:
     _module = importlib.import_module(f"torsight.cli.{_name}")
-    app.command(_name, cls=getattr(_module, "Command", None))(answering(getattr(_module, _name), name=_name))
+    app.command(_name, cls=_PARSERS.get(_name))(answering(getattr(_module, _name), name=_name))
 
 
 @cache
 def _parser() -> Callable[..., object]:
-    """Return the commands as their parser takes them, made once for all that one process is asked."""
+    """Return the commands in the form their parser needs, made once per process."""
     parser: Callable[..., object] = typer.main.get_command(app)
     return parser
 
@@ -108,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _interrupted(code: int) -> int:
-    sys.stderr.write("torsight: interrupted; what was finished is on disk, and --resume of run and track goes on\n")
+    sys.stderr.write("torsight: interrupted; what was finished is on disk, and --resume of run and track continues\n")
     return code
 
 
@@ -119,12 +124,13 @@ def _tell(error: Exception, *, debug: bool) -> None:
 
 
 def _other(error: Exception, *, debug: bool) -> int:
-    """Tell wrong usage (exit 2) as typer's parser words it; pass on what is a defect of ours."""
+    """Report wrong usage (exit 2) in the words of typer's parser, anything else as a defect; return the exit code."""
+    # The class of typer's usage errors is private, and another one in other versions: its method tells them.
     show = getattr(error, "show", None)
     if callable(show):
         show()
         return int(getattr(error, "exit_code", 2))
-    if type(error).__name__ == "Abort":
+    if isinstance(error, typer.Abort):
         return _interrupted(130)
     if isinstance(error, MemoryError):
         _tell(InputError("needs more memory than there is", value=str(error), do="check the input's size"), debug=debug)

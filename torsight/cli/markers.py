@@ -110,7 +110,7 @@ def _preview(source: FilmSource | PictureSource, picture: Path, *, out: Path | N
         return Answer(result, files=(picture,))
     content = content_of({"points": dict(zip(MARKERS, found.tolist(), strict=True))}, {})
     if named is None:
-        say("which stick moves is not seen in the first seconds: look whether base and moving are right")
+        say("which stick moves is not seen in the first seconds: check whether base and moving are right")
     for key, value in content.items():
         say(f"{key} = {value!r}".replace("'", '"'))
     if out is None:

@@ -42,7 +42,7 @@ class Said(TypedDict):
 
 
 def said(columns: str | None, units: str | None) -> Said:
-    """Return what the options say."""
+    """Return the columns and units that the options name."""
     from sync.log.column_names import chosen_columns, parse_entries
 
     found = Said(columns=parse_entries(columns, option="--columns"), units=parse_entries(units, option="--units"))

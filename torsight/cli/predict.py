@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from torsight.actuator.effects import Effect
     from torsight.actuator.model import ActuatorModel
 
-_MOST_TOLD: Final = 3
+_MOST_NAMED: Final = 3
 """Other explanations that a line holds."""
 
 
@@ -31,7 +31,7 @@ def predict(
     temperature: Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Temperatures of both springs.")],
     *,
     start_angle: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees (actuator only).")
+        float | None, typer.Option(metavar="DEG", help="Measured angle at the first row, degrees (actuator only).")
     ] = None,
     initial: Annotated[
         list[str] | None,
@@ -77,10 +77,10 @@ def predict(
     ]
     others.sort(key=lambda other: -other[1])
     if others:
-        told = [f"{_named(acting)} ({100.0 * share:.0f} %)" for acting, share in others[:_MOST_TOLD]]
-        more = [f"{len(others) - _MOST_TOLD} more"] if len(others) > _MOST_TOLD else []
+        named = [f"{_named(acting)} ({100.0 * share:.0f} %)" for acting, share in others[:_MOST_NAMED]]
+        more = [f"{len(others) - _MOST_NAMED} more"] if len(others) > _MOST_NAMED else []
         say(
-            f"the record's explanation may be another one than {_named(own)}: {', '.join(told + more)}; "
+            f"the record's explanation may be another one than {_named(own)}: {', '.join(named + more)}; "
             "angle_sigma_deg is wide where they predict something else"
         )
     return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad, sigma_rad=found.sigma_rad)

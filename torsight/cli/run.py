@@ -68,9 +68,9 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
 
 
 def answer_of(folder: Path) -> Answer:
-    """Return what a finished run answers to a script: its row of a campaign's table, and its files."""
-    from torsight.cli.campaign import result_row
+    """Return a finished run's answer to a script: its row of a campaign's table, and its files."""
     from torsight.cli.discover import nothing_found
+    from torsight.cli.summary import result_row
 
     track = folder / "track.json"
     nothing = nothing_found(read_json(folder / "discovery.json"), where=str(folder / "merged.csv"))
@@ -137,7 +137,7 @@ def run_experiment(
 
 
 def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
-    """Refuse results of files that were written to while they were read: their hashes would say what is not so."""
+    """Refuse results of files that were written to while they were read: their hashes would be wrong."""
     for name, before in inputs.items():
         if file_hash(Path(name)) != before:
             state.close()

@@ -24,7 +24,7 @@ def simulate(
     actuator: Annotated[Path, typer.Argument(metavar="ACTUATOR.toml", help="Characterised values of the rig.")],
     temperature: Annotated[Path, typer.Argument(metavar="TEMPS.csv", help="Temperatures of both springs.")],
     *,
-    start_angle: Annotated[float, typer.Option(metavar="DEG", help="Angle as read at the first row, degrees.")],
+    start_angle: Annotated[float, typer.Option(metavar="DEG", help="Measured angle at the first row, degrees.")],
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
     columns: Columns = None,
     units: Units = None,
@@ -48,7 +48,7 @@ def simulate(
 def write_angles_of(
     out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: Floats, sigma_rad: Floats | None = None
 ) -> Answer:
-    """Write the angles for a log's instants, what is NaN left empty; return rows, ranges and file."""
+    """Write the angles at a log's instants, NaN as empty fields; return rows, ranges and file."""
     write_table(
         out,
         {

@@ -1,4 +1,4 @@
-"""The end of a run in plain words, read from the files that it left."""
+"""What a finished run has found, read from the files that it left: in words for a person, as a row for a table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from torsight.core.words.wording import doubt_of, effect_name, error_words, esti
 
 
 def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
-    """Return what a ``discovery.json`` says: what is missing, its laws, the error before and after, what to do next."""
+    """Return the content of a ``discovery.json`` in lines: what is missing, laws, error before and after, next step."""
     effects = [
         # The values that are made for people, where there are any.
         f"  {effect_name(str(effect['id']))}: {effect_values(effect)}"
@@ -51,7 +51,7 @@ def _unseen(record: Mapping[str, Any]) -> str:
 
 
 def attention(discovery: Mapping[str, Any]) -> list[str]:
-    """Return a line where the record is not explained, or fixes no values: said before what is read from it."""
+    """Return a warning line where the record is not explained, or does not determine the values."""
     return [f"Attention         {doubt}"] if (doubt := doubt_of(discovery)) else []
 
 
@@ -71,3 +71,28 @@ def summary(folder: Path) -> list[str]:
         f"Report            {folder / 'report.html'}",
         f"Recording         {folder / 'recording.rrd'}",
     ]
+
+
+def result_row(folder: Path) -> dict[str, Any]:
+    """Return one row of the table of results from the files of a finished run."""
+    angles = read_angles(folder / "angle.csv")
+    discovery, clock = read_json(folder / "discovery.json"), read_json(folder / "sync.json")
+    known_deg = angles.angle_rad[angles.valid] / DEG
+    friction = discovery["parameters"]["tau_c_mnm"]
+    return {
+        "frames": len(angles),
+        "valid_share": float(angles.valid.mean()),
+        "angle_min_deg": float(known_deg.min()),
+        "angle_max_deg": float(known_deg.max()),
+        "angle_sigma_deg": float(np.median(angles.sigma_rad[angles.valid]) / DEG),
+        "offset_s": clock["offset_s"]["value"],
+        "tau_c_mnm": friction["value"],
+        "tau_c_lo_mnm": friction["ci95"][0],
+        "tau_c_hi_mnm": friction["ci95"][1],
+        "verdict": discovery["verdict"],
+        "effects": " ".join(effect["id"] for effect in discovery["effects"]),
+        "rmse_before_deg": discovery["before"]["rmse_held_out_deg"],
+        "rmse_after_deg": discovery["after"]["rmse_held_out_deg"],
+        "noise_floor_deg": discovery["noise_floor_deg"],
+        "folder": str(folder),
+    }

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Table ``[sync]``, checked; None where it says nothing.
+    """Table ``[sync]``, checked; None for keys that are absent.
 
     Known offset and drift of the log's clock, the longest gap in the log that is bridged, the film times of an LED,
     and where in the picture one is looked for, px.
@@ -47,7 +47,7 @@ def sync(
     temperature: Annotated[Path, typer.Option(metavar="TEMPS.csv", help="Temperature log on its own clock.")],
     out: Annotated[Path, typer.Option(help="Folder for merged.csv and sync.json.")],
     offset: Annotated[
-        float | None, typer.Option(metavar="S", help="Known offset: temperature time less film time at film time 0.")
+        float | None, typer.Option(metavar="S", help="Known offset: temperature time minus film time at film time 0.")
     ] = None,
     drift_ppm: Annotated[float | None, typer.Option(metavar="PPM", help="Known drift of the log's clock.")] = None,
     max_gap: Annotated[float | None, typer.Option(metavar="S", help="Longest gap in the log that is bridged.")] = None,
@@ -86,7 +86,7 @@ def sync(
             progress=progress,
         )
     content = read_json(out / "sync.json")
-    for line in told(content):
+    for line in summary_lines(content):
         say(line)
     files = (out / "merged.csv", out / "sync.json", *(() if table is None else (table,)))
     return Answer(content, files=files)
@@ -209,8 +209,8 @@ def _place(value: Any) -> tuple[float, float]:
     return float(value[0]), float(value[1])
 
 
-def told(content: Mapping[str, Any]) -> list[str]:
-    """Return what the person at the terminal should know, from ``sync.json``."""
+def summary_lines(content: Mapping[str, Any]) -> list[str]:
+    """Return the summary of ``sync.json`` for the terminal, line by line."""
     offset, drift = content["offset_s"], content["drift_ppm"]
     offset_text = f"offset {offset['value']:.3f} s (95 %: {offset['ci95'][0]:.3f} to {offset['ci95'][1]:.3f})"
     drift_text = f"drift {drift['value']:.0f} ppm (95 %: {drift['ci95'][0]:.0f} to {drift['ci95'][1]:.0f})"

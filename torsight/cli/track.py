@@ -15,10 +15,10 @@ from torsight.cli.options import CameraFile, Fps
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import read_json, write_json, write_table
-from torsight.core.files.tables import marker_columns, write_angles
+from torsight.core.files.tables import write_angles
 from torsight.core.optics.camera import Camera, read_camera, require_second, require_size
 from torsight.core.progress import Progress, silent
-from torsight.core.tracks import StickAngles
+from torsight.core.tracks import StickAngles, marker_columns
 
 if TYPE_CHECKING:
     from tracker.detect.marker_file import MarkerHints
@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 TRACK_PICTURE: Final = "track.png"
 FILES: Final = ("angle.csv", "markers.csv", "track.json", TRACK_PICTURE)
 """What the command writes."""
+_PAIR_REMARK: Final = (
+    "The camera file is of a stereo pair, and one film was given: it is taken for the left camera's and tracked "
+    "with that lens alone, without positions in space; name the right film after it to use both."
+)
 
 
 def track(
@@ -51,7 +55,7 @@ def track(
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
 
-    Ends with exit code 4 where less than half of the frames have an angle, or where nothing tells which dots are the
+    Ends with exit code 4 where less than half of the frames have an angle, or where nothing shows which dots are the
     markers; what there is is written all the same.
 
     Example: torsight track film.mp4 --out out
@@ -105,7 +109,13 @@ def track_to_folder(
     lens = None if camera is None else read_camera(camera)
     hints = None if markers is None else read_markers(markers)
     right_hints = None if right is None else in_second_film(hints)
-    remarks = _check_cameras(lens, where="--camera" if camera is None else str(camera), two=right is not None)
+    where = "--camera" if camera is None else str(camera)
+    remarks = []
+    if right is not None:
+        require_second(lens, where=where)
+    elif lens is not None and lens.right is not None:
+        say(f"{where}: {_PAIR_REMARK}")
+        remarks.append(_PAIR_REMARK)
     source, second = _sources(video, right, lens, fps=fps, timestamps=timestamps)
     with only_writer(out):
         keep_pictures(source)
@@ -126,8 +136,8 @@ def track_to_folder(
         write_angles(out / "angle.csv", orientation.angles)
         doubtful = [(str(video), doubt) for doubt in doubts(result) + doubts_of_tilt(orientation)]
         doubtful += [] if other is None else [(str(right), doubt) for doubt in doubts(other)]
-        told = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
-        content = account(result, orientation, doubts=told, remarks=remarks, pictures=source.pictures, right=other)
+        warnings = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
+        content = account(result, orientation, doubts=warnings, remarks=remarks, pictures=source.pictures, right=other)
         write_json(out / "track.json", content)
         for film, doubt in doubtful:
             say(f"warning: {film}: {doubt}")
@@ -165,23 +175,7 @@ def _tracked(
                 given_px=None if hints is None or "tag" in hints.kinds else hints.position_px,
             )
         do = f"{error.do}; {out / TRACK_PICTURE} shows what was considered in the first frame"
-        told = NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do)
-        raise told from error
-
-
-def _check_cameras(lens: Camera | None, *, where: str, two: bool) -> list[str]:
-    """Return what is to be said of how a camera file goes with one film or two."""
-    if two:
-        require_second(lens, where=where)
-        return []
-    if lens is None or lens.right is None:
-        return []
-    remark = (
-        "The camera file is of a stereo pair, and one film was given: it is taken for the left camera's and tracked "
-        "with that lens alone, without positions in space; name the right film after it to use both."
-    )
-    say(f"{where}: {remark}")
-    return [remark]
+        raise NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do) from error
 
 
 def _sources(

@@ -79,7 +79,7 @@ def view(
 
 
 def _require_within(at: float | None, folder: Path) -> None:
-    """Refuse a time that the record beside a recording does not hold; where there is none, nobody can say."""
+    """Refuse a time outside the record that lies beside a recording; without a record any time passes."""
     tables = [folder / name for name in ("angle.csv", "merged.csv") if (folder / name).is_file()]
     if at is None or not tables:
         return

@@ -22,7 +22,7 @@ _WATCH: Final = "end with the campaign"
 
 
 def on_this_machine(do: Callable[[Task], Row], todo: Sequence[Task], jobs: int) -> Iterator[Row]:
-    """Give what ``do`` makes of every task, as it comes; ``jobs`` processes, -1: one per core."""
+    """Yield the result of ``do`` for every task as it is ready; ``jobs`` processes, -1: one per core."""
     from joblib import Parallel, delayed
 
     pool = Parallel(n_jobs=processes(jobs, tasks=len(todo)), return_as="generator_unordered", batch_size=1)
@@ -62,7 +62,7 @@ def _end_with(parent: int) -> None:
 
 
 def on_cluster(do: Callable[[Task], Row], todo: Sequence[Task], scheduler: str) -> Iterator[Row]:
-    """Give what ``do`` makes of every task, as it comes, from the Dask scheduler at an address."""
+    """Yield the result of ``do`` for every task as it is ready, from the Dask scheduler at an address."""
     try:
         # imported by name: the extra is optional and its types are not
         distributed: Any = importlib.import_module("distributed")

@@ -1,19 +1,18 @@
 """numba's ``njit``, with machine code on the disk that is never older than the sources.
 
-Compiled functions are put into their callers, and constants into both, and numba asks only whether the caller's own
-file has changed: after an update in place, callers would go on with the old code of what they call, and with old
-constants. So whoever imports this looks whether any source of a compiled function, or one that it imports from, has
-changed since the code on the disk was made, and throws all of it away if so. A source of compiled functions is one
-that imports from here.
+numba puts compiled functions and constants into their callers, but its cache checks only whether the caller's own file
+has changed: after an update in place, callers would go on with old code and old constants. So importing this module
+checks whether any source of a compiled function, or a module that it imports, has changed since the cached code was
+made, and deletes the cache if so. A source of compiled functions is one that imports from here.
 
-What lets Python call a function takes its tuples of records apart, one by one: for those that only compiled code calls
-(:func:`internal`, :func:`lending`) it is not made, which took a tenth of all compiling.
+The wrapper that lets Python call a function unpacks its tuples of records one by one. Functions that only compiled code
+calls (:func:`internal`, :func:`lending`) get none, which saves a tenth of the time to compile.
 
-Called with a number that is written out, a function is compiled for its type: numba would compile it again for each
-such number, which took a tenth of all compiling.
+A call with a literal number is compiled for the number's type: numba would compile the function again for each literal,
+which took another tenth.
 
-None may add in an order of the compiler's choice: a function that was just compiled and the same one from the disk had
-been put together in two ways, and their sums ended in other digits.
+No function may leave the order of additions to the compiler: the same function, compiled now and taken from the cache,
+had been put together in two ways, and their sums differed in the last digits.
 """
 
 from __future__ import annotations
@@ -43,23 +42,23 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 _KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-"""Without what would let C call each function: nothing does, and it is made and optimised like the function itself."""
+"""Without the wrapper for calls from C: nothing uses it, and it is compiled and optimised like the function itself."""
 _INTERNAL: Final = {**_KEPT, "no_cpython_wrapper": True}
-"""Without what would let Python call it, too."""
+"""Without the wrapper for calls from Python, too."""
 _UNCOUNTED: Final[dict[str, Any]] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
 """With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
 
 
 LOADING: Final = ("0.68",)
-"""Versions of numba of which it is known what kept code needs to be loaded; any other one loads it in its own way."""
+"""Versions of numba for which it is known what cached code needs to be loaded; others load it in their own way."""
 
 
 class _Kept(FunctionCache):
-    """Machine code on the disk, loaded without all that numba needs to compile.
+    """Cached machine code, loaded without all that numba needs to compile.
 
-    Before it looks whether there is anything to compile, numba sets up its compiler: how all of numpy and Python is
-    compiled, a sixth of the time that it takes to start following a film. Kept code needs numba's memory manager alone;
-    where there is none, what compiles sets up the compiler anyhow.
+    Before numba looks into the cache it sets up its compiler, with how all of numpy and Python is compiled: a sixth of
+    the time that it takes to start following a film. Cached code needs numba's memory manager alone; where nothing is
+    cached, compiling sets up the compiler anyhow.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -71,17 +70,17 @@ class _Kept(FunctionCache):
 
 
 class _Internal(CPUDispatcher):
-    """A function that only compiled code calls; Python would find no code there, and go on from nowhere."""
+    """A function that only compiled code may call: a call from Python would jump to a wrapper that is not there."""
 
     def __call__(self, *_: object, **__: object) -> None:
-        """Say so."""
+        """Refuse the call."""
         raise TypeError(
             f"{self.py_func.__name__} is there for compiled callers: @compiled and @shared let Python call it, too"
         )
 
 
 def _prepared(function: Any) -> Any:
-    """Return what numba made of a function with its lasting changes: how it is loaded, and for which types compiled."""
+    """Return a function of numba's with the changes made here: how its cache is loaded, for which types it compiles."""
     kept = vars(function).get("_cache") if isinstance(function, Dispatcher) else None
     if type(kept) is FunctionCache and numba.__version__.rpartition(".")[0] in LOADING:
         kept.__class__ = _Kept
@@ -89,7 +88,7 @@ def _prepared(function: Any) -> Any:
 
 
 def _for_types(function: Any) -> Any:
-    """Let compiled callers ask a function for the types of what they give, not for the numbers that they write out."""
+    """Let compiled callers look a function up by the types of its arguments, not by literal numbers."""
     if not isinstance(function, Dispatcher):
         return function  # numba was told to compile nothing
     ask: Any = function.get_call_template
@@ -139,11 +138,10 @@ def inlined(function: F) -> F:
 
 @inlined
 def copy_to(into: NDArray[Any], values: NDArray[Any]) -> None:
-    """Copy values (n,) into an array of that length that holds none of them.
+    """Copy values (n,) into an array of that length which does not overlap them.
 
-    ``into[:] = values`` asks whether both have one shape; where they have not, numba says so in a message that names
-    both. To compile what writes the message took a seventh of all compiling, and nobody reads it: the shapes are the
-    code's own.
+    ``into[:] = values`` checks both shapes and raises with a message that names them. To compile the message took a
+    seventh of the time to compile, and nobody would read it: the shapes are the code's own.
     """
     for i in range(len(into)):
         into[i] = values[i]
@@ -198,7 +196,7 @@ def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
 
 
 def _written(folders: Iterable[Path], imported: Iterable[str]) -> str:
-    """Return in short when all sources below folders and what they import from were written, and their sizes."""
+    """Return a digest of modification times and sizes of all sources below folders and of those they import."""
     below = (path for folder in folders for path in folder.rglob("*.py"))
     stats = {path: path.stat() for path in sorted([*below, *map(Path, imported)]) if path.is_file()}
     seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in stats.items()]
@@ -206,10 +204,10 @@ def _written(folders: Iterable[Path], imported: Iterable[str]) -> str:
 
 
 def lend_blas() -> None:
-    """Load the one extension of SciPy that numba asks for as it starts, without the package around it.
+    """Load the one extension of SciPy that numba needs at start-up, without the package around it.
 
-    Numba looks whether there is a BLAS, which imports all of ``scipy.linalg``: a third of the time that it takes to
-    start following a film. The extension by itself needs nothing of that.
+    Numba checks for a BLAS by importing all of ``scipy.linalg``: a third of the time that it takes to start following a
+    film. The extension by itself needs nothing of that.
     """
     name, package = "scipy.linalg.cython_blas", importlib.util.find_spec("scipy")
     if name in sys.modules or package is None:

@@ -71,7 +71,7 @@ def _short(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """Keep what a damaged file holds from moving the cursor or colouring the terminal; a message is one line."""
+    """Replace control characters of a damaged file, which would move the cursor or colour the terminal."""
     return "".join("�" if unicodedata.category(one).startswith("C") else one for one in text)
 
 
@@ -94,23 +94,23 @@ class OutputError(TorsightError, OSError):
 
 
 def reason_of(error: Any) -> str:
-    """Return why an OSError, or one of PyAV, says that it came: in its words, without the number and the path."""
+    """Return the reason that an OSError, or an error of PyAV, gives: its own words, without number and path."""
     return str(error.strerror or error)
 
 
 def refused_by_system(error: OSError) -> InputError:
-    """Return what the system refused as an error of ours: a name that is too long, no right to a file, a full disk."""
-    told = InputError(
+    """Return an error of the system (a name that is too long, no right to a file, a full disk) as one of ours."""
+    refused = InputError(
         f"the system refuses it ({reason_of(error)})",
         where=str(error.filename) if error.filename is not None else None,
         do="check the path, the rights and the free space; earlier files are untouched",
     )
-    told.__cause__ = error
-    return told
+    refused.__cause__ = error
+    return refused
 
 
 def require_kind(value: object, kind: type, *, where: str, do: str) -> None:
-    """Refuse what a call in Python was given in the place of an object of a ``kind``, such as the path of its file."""
+    """Refuse an argument of a call in Python that is no object of a ``kind``, such as the path of its file."""
     if not isinstance(value, kind):
         met = repr(value) if isinstance(value, (str, os.PathLike)) else type(value).__name__
         raise ConfigError(f"is no {kind.__name__}", where=where, value=met, limit=kind.__name__, do=do)

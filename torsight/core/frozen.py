@@ -41,7 +41,7 @@ def read_only(mapping: Mapping[Any, Any]) -> ReadOnly:
 
 
 def _unchanging(value: Any) -> Any:
-    """Return a mapping or an array as one that cannot be changed, a copy where it could be; anything else as it is."""
+    """Return an immutable view or copy of a mapping or an array; anything else unchanged."""
     if isinstance(value, Mapping):
         return read_only(value)
     if isinstance(value, np.ndarray) and value.flags.writeable:
@@ -51,7 +51,7 @@ def _unchanging(value: Any) -> Any:
 
 
 def refuse_plainly(cls: type) -> None:
-    """Let a frozen dataclass with slots say what it is and what to do, whatever name is set.
+    """Give a frozen dataclass with slots a clear error message, whichever name is set.
 
     Such a class is made twice, the second time with what ``dataclass`` has put into it; its own refusal then speaks of
     ``super()`` where a name is no field.

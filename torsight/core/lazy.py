@@ -1,6 +1,6 @@
-"""A quick start: public names that are imported on first use, and objects that are seldom looked through.
+"""Fast start-up: public names that are imported on first use, and a garbage collector that runs less often.
 
-Which names a package has stands in its stub, ``__init__.pyi``, where editors and type checkers look.
+The names of a package are listed in its stub, ``__init__.pyi``, where editors and type checkers look.
 """
 
 from __future__ import annotations

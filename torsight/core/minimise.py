@@ -10,7 +10,7 @@ import numpy as np
 from torsight.core.units import Floats
 
 _STEPS: Final = 60
-"""Steps at most: a fit that gains a little with each of so many creeps along a valley that tells nothing more."""
+"""Steps at most: a fit that still gains a little after so many creeps along a direction that no residual determines."""
 
 
 def least_squares(

@@ -1,4 +1,4 @@
-"""How long work reports where it stands, and how long a person waits for a sign of life.
+"""How long computations report their progress, and how long a person waits for a sign of it.
 
 Stages take a callable and know nothing of terminals; the command line draws the bars.
 """

@@ -20,13 +20,14 @@ from torsight.core.words.shown import Shown, draw_series, share, span
 GIVEN_OFFSET: Final = "given offset"
 """How the ``method`` of a clock map begins whose offset was given and not found."""
 _LEAST_CLOCK_S: Final = 0.05
-"""An event that both recorders saw is read to a frame of one, 0.03 s at 30 per second, and a row of the other."""
+"""Least standard deviation of an offset: an event that both recorders saw is timed to one frame of the film, 0.03 s at
+30 per second, and one row of the log."""
 
 
 def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
-    """Return how well an offset is known, by its method and its 95 % interval; None where nothing says how well.
+    """Return an offset's standard deviation from its method and its 95 % interval; None where it is not known.
 
-    An offset that was given is a claim like any other.
+    The interval of an offset that was given says nothing of its error.
     """
     low, high = interval_s
     if method.startswith(GIVEN_OFFSET) or not math.isfinite(high - low):
@@ -60,8 +61,8 @@ class TemperatureLog(Frozen, Shown):
     def __post_init__(self) -> None:
         Frozen.__post_init__(self)
         _require_rows(self, self._columns())
-        for name in ("temp_a_c", "temp_b_c"):
-            values = np.asarray(getattr(self, name), np.float64)
+        for name, temp_c in (("temp_a_c", self.temp_a_c), ("temp_b_c", self.temp_b_c)):
+            values = np.asarray(temp_c, np.float64)
             wrong = np.flatnonzero((values < SPRING_C[0]) | (values > SPRING_C[1]))
             if len(wrong):
                 raise InputError(
@@ -146,7 +147,7 @@ class ClockMap(Shown):
         """Draw by how much the log's clock is ahead during the first hour of a film, within the offset's interval."""
         film_s = np.linspace(0.0, 3600.0, 61)
         ahead_s = self.to_temperature_time(film_s) - film_s
-        draw_series(axes, film_s, {"ahead": ahead_s}, label="temperature log's time less film time, s")
+        draw_series(axes, film_s, {"ahead": ahead_s}, label="temperature log's time minus film time, s")
         low, high = (bound - self.offset_s for bound in self.offset_ci95_s)
         if np.isfinite([low, high]).all():
             axes.fill_between(film_s, ahead_s + low, ahead_s + high, alpha=0.3)
@@ -169,7 +170,7 @@ class SyncedTable(Frozen, Shown):
     extra : mapping of str to (n,) array
         Further columns, kept under their own names.
     clock_sigma_s : float or None
-        Standard deviation of what is left between the clocks; None where nothing says how well they were put together.
+        Standard deviation of the error of the offset between the clocks; None where it is not known.
     """
 
     time_s: Floats
@@ -256,5 +257,6 @@ def _temperature_facts(table: TemperatureLog | SyncedTable) -> dict[str, str]:
 
 
 def _temperature_columns(table: TemperatureLog | SyncedTable) -> dict[str, Any]:
-    heat = {name: values for name in ("heat_a", "heat_b") if (values := getattr(table, name)) is not None}
-    return {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c, **heat, **table.extra}
+    heat = {"heat_a": table.heat_a, "heat_b": table.heat_b}
+    known = {name: values for name, values in heat.items() if values is not None}
+    return {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c, **known, **table.extra}

@@ -16,9 +16,9 @@ MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 USUAL_SHARE: Final = 0.9
 """Share of the frames that a track without a warning shows, by the contract."""
 LEAST_SURE: Final = 0.55
-"""Probability that the markers taken are the right ones below which a film has no result.
+"""Least probability that the chosen markers are the right ones: below it a film has no result.
 
-Where nothing tells two couples apart the likelier one has 0.50 to 0.51; of films with 0.6 to 0.95 all are right
+Where nothing separates two pairs of sticks the likelier one has 0.50 to 0.51; of films with 0.6 to 0.95 all are right
 (benchmarks/tracking/decoys.py).
 """
 
@@ -81,8 +81,6 @@ class MarkerTracks(Shown):
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``markers.csv``."""
-        from torsight.core.files.tables import marker_columns
-
         return marker_columns(self)
 
     def _draw(self, axes: Any) -> None:
@@ -135,10 +133,47 @@ class StickAngles(Shown):
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``angle.csv``."""
-        from torsight.core.files.tables import angle_columns
-
         return angle_columns(self)
 
     def _draw(self, axes: Any) -> None:
         """Draw the angle against time."""
         draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
+
+
+def mean_sigma(covariance: Floats) -> Floats:
+    """Return one standard deviation for both coordinates of positions with covariances (..., 2, 2): their rms."""
+    return np.asarray(np.sqrt(0.5 * np.trace(covariance, axis1=-2, axis2=-1)))
+
+
+def round_covariance(sigma: Floats) -> Floats:
+    """Return the covariances (..., 2, 2) of positions whose coordinates have one standard deviation (...) each."""
+    return sigma[..., None, None] ** 2 * np.eye(2)
+
+
+def marker_columns(tracks: MarkerTracks, position_mm: Floats | None = None) -> dict[str, Any]:
+    """Return the columns of ``markers.csv``.
+
+    ``m_sigma_px`` is :func:`mean_sigma`; ``position_mm`` (n, 4, 3) adds the positions in space of a calibrated camera.
+    """
+    columns: dict[str, Any] = {"frame": tracks.frame, "time_s": tracks.time_s}
+    for index, name in enumerate(MARKERS):
+        columns[f"{name}_x_px"] = tracks.position_px[:, index, 0]
+        columns[f"{name}_y_px"] = tracks.position_px[:, index, 1]
+        columns[f"{name}_sigma_px"] = mean_sigma(tracks.covariance_px2[:, index])
+        columns[f"{name}_valid"] = tracks.valid[:, index]
+        if position_mm is not None:
+            for axis, letter in enumerate("xyz"):
+                columns[f"{name}_{letter}_mm"] = position_mm[:, index, axis]
+    return columns
+
+
+def angle_columns(angles: StickAngles) -> dict[str, Any]:
+    """Return the columns of ``angle.csv``."""
+    return {
+        "frame": angles.frame,
+        "time_s": angles.time_s,
+        "angle_deg": angles.angle_rad / DEG,
+        "angle_sigma_deg": angles.sigma_rad / DEG,
+        "valid": angles.valid,
+        "branch_certain": angles.branch_certain,
+    }

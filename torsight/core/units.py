@@ -1,4 +1,4 @@
-"""What numbers are in: conversions between the inside (SI, radians, °C) and the edges (degrees, mN·m, mm, GPa, MPa).
+"""Units: conversions between the inside (SI, radians, °C) and the edges (degrees, mN·m, mm, GPa, MPa).
 
 And the types of arrays, by what they hold.
 """

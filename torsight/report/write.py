@@ -112,7 +112,7 @@ def page(
 
 
 def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
-    """Return the text of a page: a template filled with what it shows, in the style of all pages."""
+    """Return the text of a page: a filled template in the style of all pages."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -167,13 +167,13 @@ def _parts(shown: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def headline(results: RunResults) -> str:
-    """Return the first sentence of the page: the verdict, or what was measured where there is none yet."""
+    """Return the first sentence of the page: the verdict, or the measured motion where there is no verdict yet."""
     if results.discovery is not None:
         return verdict_sentence(results.discovery)
     if results.fit is not None:
         ratio = (results.fit.get("residual") or {}).get("variance_ratio")
         doubt = unexplained(math.sqrt(ratio)) if ratio is not None else ""
-        return f"{doubt} The plain model was fitted; what it lacks was not asked yet.".strip()
+        return f"{doubt} The plain model was fitted; discovery has not run yet.".strip()
     if results.merged is not None or results.angle is not None:
         return "The motion was measured; no model was fitted yet."
     return "Nothing was measured yet."
@@ -209,7 +209,6 @@ def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
 
 
 def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[Figure | None]]:
-
     against = [
         residuals.residual_against(curves, name, values) for name, values in residuals.driver_columns(curves).items()
     ]
@@ -222,7 +221,6 @@ def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[F
 
 
 def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
-
     found: dict[str, list[Figure | None]] = {}
     if results.angle is not None and drawable(results.angle):
         events = (results.track or {}).get("events") or []
@@ -254,13 +252,12 @@ def _laws(results: RunResults) -> dict[str, list[Figure | None]]:
     """Return the measured laws, where there are any."""
     if not (results.discovery or {}).get("laws"):
         return {}
-
     return {"laws": [law_figure(law) for law in read_laws(results.folder, results.discovery or {})]}
 
 
 _GROUPS: Final = (_motion, _measurement, _answer, _laws)
 _PARTS: Final = len(("reading", *_GROUPS, "writing"))
-"""As told to ``progress``."""
+"""Steps of ``progress``."""
 
 
 def drawable(table: pd.DataFrame) -> bool:

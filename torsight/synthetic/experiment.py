@@ -1,4 +1,4 @@
-"""A scene played: the rig's signals, what the camera and the log see of them, and their clocks."""
+"""From a scene to a record: the rig's signals, as camera and log observe them, and their clocks."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class Record(Shown):
     played: Played
 
     def facts(self) -> dict[str, str]:
-        """Return what the table holds."""
+        """Return facts about the table for display."""
         return self.table.facts()
 
     def _columns(self) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def key(
     choices: tuple[str, ...] = (),
     constant: str = "",
 ) -> T:
-    """Declare one key of a section: its default, one line of help, what it may hold, and the constant that it sets."""
+    """Declare one key of a section: default, one line of help, allowed values, and the constant that it sets."""
     declared: T = field(default=default, metadata={"rule": KeyRule(text, lower, upper, choices, constant)})
     return declared
 

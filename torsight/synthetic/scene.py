@@ -1,4 +1,4 @@
-"""``SCENE.toml``: a rig, what is done to it, and how it is filmed and logged."""
+"""``SCENE.toml``: a rig, its temperature programme, and how it is filmed and logged."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class CameraSettings:
     width_px: int = key(640, "width, even", lower=64, upper=4096)
     height_px: int = key(480, "height, even", lower=64, upper=4096)
     focal_px: float = key(1100.0, "focal length", lower=50.0, upper=1e5)
-    centre_px: tuple[float, float] = key((0.0, 0.0), "principal point less the picture's middle")
+    centre_px: tuple[float, float] = key((0.0, 0.0), "principal point minus the picture's middle")
     distortion: tuple[float, float, float, float, float] = key((0.0, 0.0, 0.0, 0.0, 0.0), "k1, k2, p1, p2, k3")
     distance_mm: float = key(300.0, "from the lens to the axis' foot", lower=1.0, upper=1e5)
     tilt_deg: float = key(0.0, "between the optical axis and the rotation axis", lower=0.0, upper=60.0)
     tilt_towards_deg: float = key(90.0, "direction in the picture towards which it is tilted")
     roll_deg: float = key(0.0, "of the camera about its own axis")
-    axis_px: tuple[float, float] = key((0.0, 0.0), "where the axis' foot is seen, less the principal point")
+    axis_px: tuple[float, float] = key((0.0, 0.0), "where the axis' foot is seen, minus the principal point")
     base_z_mm: float = key(0.0, "height of the base stick's markers")
     moving_z_mm: float = key(6.0, "height of the moving stick's markers")
     shake_px: float = key(0.0, "standard deviation of the camera's shake", lower=0.0, upper=20.0)
@@ -127,7 +127,7 @@ class LedSettings:
 class LogSettings:
     """Section [log]: the temperature log's clock. Temperature time = film time · (1 + drift) + offset."""
 
-    offset_s: float = key(0.0, "log's clock less film's at the film's start", lower=-1e6, upper=1e6)
+    offset_s: float = key(0.0, "log's clock minus film's at the film's start", lower=-1e6, upper=1e6)
     drift_ppm: float = key(0.0, "drift of the log's clock", lower=-1e4, upper=1e4)
     before_s: float = key(2.0, "log runs this long before the film", lower=0.0, upper=1e5)
     after_s: float = key(2.0, "and this long after it", lower=0.0, upper=1e5)

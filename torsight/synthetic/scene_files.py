@@ -70,7 +70,7 @@ def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> 
 
 
 def record_scene(scene: Scene, *, out: Path) -> Path:
-    """Write what a scene's rig does without filming it: as a perfect camera and one clock would have it.
+    """Write the record of a scene's rig without filming it, as from a perfect camera and one clock.
 
     The folder gets ``merged.csv``, whose path is returned, ``actuator.toml`` and ``truth.toml``. Film, camera, light
     and the log's clock do not matter, but for the frame rate.
@@ -136,7 +136,7 @@ def _truth(played: Played, time_s: Floats) -> dict[str, Any]:
 
 
 def _answer(scene: Scene) -> dict[str, Any]:
-    """Return what is hidden: effects, the rig's own values, the clock, the seed."""
+    """Return the hidden truth: effects, the rig's own values, the clock, the seed."""
     offset_s, drift_ppm = clock(scene)
     return {
         "seed": scene.seed,

@@ -1,6 +1,6 @@
 """A video encoder in a process of its own, pictures on standard input.
 
-An encoder that comes with its own threads is not to be trusted with the process that holds the results: SVT-AV1 was
+An encoder with threads of its own must not run in the process that holds the results: SVT-AV1 was
 seen to wait for itself for ever when its last pictures are asked for, and where it is run by root it gives its caller
 real-time priority before everything else. Here it runs without root's rights, and this process ends itself when
 nothing comes out for LIMIT seconds.
@@ -50,9 +50,9 @@ def _load_everything(av: Any) -> None:
         container.mux(stream.encode())
 
 
-def report(error: Exception, *, system: bool, message: str) -> None:
-    """Say on standard output what is wrong; with the system's number where it is the ``system`` that refused."""
-    json.dump({"errno": getattr(error, "errno", None) if system else None, "message": message}, sys.stdout)
+def report(message: str, *, errno: int | None) -> None:
+    """Write an error to standard output, with its errno where the system refused."""
+    json.dump({"errno": errno, "message": message}, sys.stdout)
     sys.stdout.flush()
 
 
@@ -102,8 +102,9 @@ if __name__ == "__main__":
         width_px, height_px, rate = (int(word) for word in sys.argv[3:6])
         code = main(sys.argv[1], sys.argv[2], width_px, height_px, rate, float(sys.argv[6]))
     except Exception as error:  # noqa: BLE001 - the sender says what it means
-        system = isinstance(error, OSError) and not type(error).__module__.startswith("av")
-        report(error, system=system, message=str(error))
+        number = error.errno if isinstance(error, OSError) else None
+        # PyAV's errors are OSErrors, too: their numbers are FFmpeg's.
+        report(str(error), errno=None if type(error).__module__.startswith("av") else number)
         code = 1
     # At once: what an encoder does at its own end no longer matters.
     os._exit(code)

@@ -53,16 +53,17 @@ class Preview:
         return {"path": str(self.path), "frame": self.frame.tolist(), "scale": self.scale, "size_px": self.size_px}
 
     @classmethod
-    def from_json(cls, told: dict[str, Any]) -> Preview:
+    def from_json(cls, content: dict[str, Any]) -> Preview:
         """Return what :meth:`to_json` was made of."""
-        frame = np.array(told["frame"], np.int64)
-        return cls(Path(told["path"]), frame, float(told["scale"]), (told["size_px"][0], told["size_px"][1]))
+        frame = np.array(content["frame"], np.int64)
+        width, height = content["size_px"]
+        return cls(Path(content["path"]), frame, float(content["scale"]), (width, height))
 
 
 def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: Progress = silent) -> Preview:
     """Write an mp4 of at most :data:`MOST_FRAMES` frames, evenly chosen among ``frame_count``, in grey.
 
-    ``progress`` is told after every frame that was looked at.
+    ``progress`` is called after every frame that was looked at.
 
     Raises InputError when the film cannot be read; OSError when the file cannot be written; NoResultError when no
     encoder comes to its end.
@@ -83,7 +84,7 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
 
 
 class _StuckError(Exception):
-    """An encoder that ended itself, or was ended, before its work was done; with what it said."""
+    """An encoder that ended before its work was done; with its message."""
 
 
 def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, progress: Progress) -> Preview:
@@ -114,7 +115,7 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
                     chosen.append(frame.index)
                 pictures.write(encoding.END)
                 pictures.close()
-            told = said.read()
+            answer = said.read()
         except BaseException:
             encoder.kill()
             raise
@@ -123,12 +124,12 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
             with contextlib.suppress(BrokenPipeError):
                 pictures.close()
     if encoder.returncode != 0:
-        raise _StuckError(trouble_of(told))
+        raise _StuckError(trouble_of(answer))
     return Preview(path, np.array(chosen, dtype=np.int64), width / source.size_px[0], (width, height))
 
 
 def trouble_of(said: str | bytes) -> str:
-    """Raise what a process of its own said of the disk; return what else went wrong, nothing where it said nothing."""
+    """Raise the disk error that a child process reported; return any other error message, empty where there is none."""
     try:
         trouble = json.loads(said)
     except ValueError:

@@ -10,6 +10,7 @@ import numpy as np
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, MOVING_COLOUR, Colour
+from torsight.core.words.wording import fixed
 
 ARC_COLOUR: Final = GIVEN_COLOUR
 
@@ -51,7 +52,7 @@ def colour_of(name: str) -> Colour:
 
 
 def overlay(position_px: Floats, angle_rad: float, *, scale: float) -> Overlay:
-    """Return what is drawn on one frame.
+    """Return the overlay of one frame.
 
     Markers (4, 2) are in the film's pixels and the order of ``torsight.core.tracks.MARKERS``, the angle is positive
     counter-clockwise as displayed; NaN where not known. ``scale`` is pixels of what is shown per pixel of the film.
@@ -61,7 +62,7 @@ def overlay(position_px: Floats, angle_rad: float, *, scale: float) -> Overlay:
     pairs = [(stick, shown[first : first + 2]) for stick, first in (("base", 0), ("moving", 2))]
     whole = [(stick, ends) for stick, ends in pairs if np.isfinite(ends).all()]
     arc = _arc(shown, angle_rad) if found.all() and np.isfinite(angle_rad) else np.empty((0, 2))
-    degrees = f"{np.rad2deg(angle_rad):.1f}°".replace("-", "−") if np.isfinite(angle_rad) else "angle not known"
+    degrees = f"{fixed(float(np.rad2deg(angle_rad)), 1)}°" if np.isfinite(angle_rad) else "angle not known"
     return Overlay(
         points_px=shown[found],
         names=tuple(name for name, good in zip(MARKERS, found.tolist(), strict=True) if good),

@@ -16,6 +16,7 @@ from urllib.parse import quote
 
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.files.paths import LOOPBACK
+from torsight.core.progress import THOUGHT_S
 
 _TROUBLE: Final = (
     "panicked at",
@@ -25,6 +26,9 @@ _TROUBLE: Final = (
     "display",
     "address already in use",
 )
+"""What the viewer's own messages on a failed start contain."""
+_END_S: Final = 3.0 * THOUGHT_S
+"""Time in which the viewer ends after it was asked to, or could not draw: a choice; then it is killed."""
 
 
 def viewer_program() -> Path:
@@ -46,7 +50,7 @@ def free_port() -> int:
 
 
 def chosen_port(wanted: int | None, usual: int, *, option: str) -> int:
-    """Return the port that was asked for (0: any free one), else the usual one where it is free, else any."""
+    """Return the port that was asked for (0: any free one), else the default port if it is free, else any."""
     if wanted == 0:
         return free_port()
     port = usual if wanted is None else wanted
@@ -60,12 +64,12 @@ def chosen_port(wanted: int | None, usual: int, *, option: str) -> int:
 
 
 def address_of(port: int) -> str:
-    """Return what a viewer opens to see what is served at a port of this computer."""
+    """Return the address that a viewer opens for a server at a port of this computer."""
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 def browser_address(web_port: int, address: str) -> str:
-    """Return what a browser opens to see what is served at an address, with the viewer's page at a port."""
+    """Return the URL for a browser: the viewer's page at a port, showing the data served at an address."""
     return f"http://{LOOPBACK}:{web_port}?url={quote(address, safe='')}"
 
 
@@ -116,26 +120,26 @@ class Viewer:
         """Wait until it ends and return its exit code."""
         return self.process.wait()
 
-    def ended_within(self, limit_s: float) -> bool:
+    def ends(self) -> bool:
         """Wait a moment for its end, and return whether it came."""
         try:
-            self.process.wait(timeout=limit_s)
+            self.process.wait(timeout=_END_S)
         except subprocess.TimeoutExpired:
             return False
         return True
 
     def why_ended(self) -> str:
-        """Return what it said of its trouble, else the last thing that it said."""
+        """Return its error message, else its last line of output."""
         self._said.seek(0)
         lines = [line.strip() for line in self._said.read().decode("utf-8", "replace").splitlines() if line.strip()]
         trouble = [line for line in lines if any(word in line.lower() for word in _TROUBLE)]
         return (trouble or lines[-1:] or [f"exit code {self.process.returncode}"])[0][:300]
 
     def end(self) -> None:
-        """End it, wait for it, and forget what it said and left in its temporary folder."""
+        """End it, wait for it, and remove its output and temporary folder."""
         if self.running:
             self.process.terminate()
-            if not self.ended_within(3.0):
+            if not self.ends():
                 self.process.kill()
         self.process.wait()
         self._said.close()

@@ -44,7 +44,7 @@ CURVES: Final = {
 }
 """The column of each curve, and the tables that may hold it, the best first."""
 
-_WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
+WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
 
 _END: Final = b"RRF2FOOT"
 """A recording ends with its table of contents, which these letters mark."""
@@ -60,7 +60,7 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     film : str or Path, optional
         The film, folder or glob of pictures; without it the markers are drawn on an empty picture.
     progress : Progress
-        Told how much of the film is in the recording.
+        Called with how much of the film is in the recording.
 
     Returns
     -------
@@ -81,24 +81,24 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
         preview = _preview(results, film, Path(scratch), progress=progress)
         with _whole(temporary):
-            _written(folder, temporary, preview)
+            run_writer(folder, temporary, preview)
     progress("recording", 1, 1)
     return path
 
 
-def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
+def run_writer(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
     """Let :mod:`torsight.viewer.writing` write the recording, as long as the file grows."""
     task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
     # It finds what this process has found, however that was started.
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
-    words = [sys.executable, *_WRITER]
+    words = [sys.executable, *WRITER]
     with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
         try:
-            told, size = None, -1
+            answer, size = None, -1
             given: str | None = json.dumps(task)
-            while told is None:
+            while answer is None:
                 try:
-                    told, _ = writer.communicate(given, timeout=patience_s)
+                    answer, _ = writer.communicate(given, timeout=patience_s)
                 except subprocess.TimeoutExpired as error:
                     given, before, size = None, size, target.stat().st_size if target.exists() else 0
                     if size == before:
@@ -106,7 +106,7 @@ def _written(folder: Path, target: Path, preview: Preview | None, *, patience_s:
         finally:
             writer.kill()
     if writer.returncode != 0:
-        raise RuntimeError(f"the recording was not written ({trouble_of(told) or f'exit code {writer.returncode}'})")
+        raise RuntimeError(f"the recording was not written ({trouble_of(answer) or f'exit code {writer.returncode}'})")
 
 
 def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
@@ -161,7 +161,7 @@ def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
 
 
 def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
-    """Log what the angle's own error makes of the residual."""
+    """Log the band of the residual that the angle's own error explains."""
     table = results.first_of("curves", "merged", "angle")
     if table is None or "angle_sigma_deg" not in table.columns:
         return
@@ -242,7 +242,7 @@ def times(frame: Ints, time_s: Floats) -> list[rr.TimeColumn]:
 
 
 def overlays(results: RunResults, frame: Ints, *, scale: float) -> list[Overlay]:
-    """Return what is drawn on each of the frames."""
+    """Return the overlay of each frame."""
     table = results.markers
     if table is None:
         return []

@@ -91,7 +91,7 @@ def file_name(pane: str) -> str:
 
 
 def pictures_of(client: ViewerClient) -> dict[str, bytes]:
-    """Return what a viewer shows now, pane by pane."""
+    """Return a viewer's current picture, pane by pane."""
     views = {view.name: view.view_id for view in patiently(client.get_state).views}
     pictures = {WHOLE: patiently(client.take_screenshot)}
     return pictures | {name: patiently(client.take_screenshot, identifier) for name, identifier in views.items()}
@@ -116,7 +116,7 @@ def viewer_without_screen(size_px: tuple[int, int] = WINDOW_PX) -> Iterator[View
         yield _connected(viewer)
     except (RuntimeError, ConnectionError) as error:
         # Without a driver it answers first and ends when it is to draw.
-        if viewer.ended_within(3.0):
+        if viewer.ends():
             raise _cannot_draw(viewer.why_ended()) from error
         raise
     finally:

@@ -118,7 +118,7 @@ def _laws(laws: Sequence[str]) -> rrb.Horizontal:
 
 
 def law_entity(name: str) -> str:
-    """Return where a law lies in the recording: its name without what a path cannot hold."""
+    """Return the path of a law in the recording: its name without characters that a path cannot contain."""
     return f"laws/{re.sub('[^a-z0-9_]+', '_', name.lower()).strip('_')}"
 
 

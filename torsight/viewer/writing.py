@@ -4,7 +4,7 @@ Rerun's writer of files ends when the disk is full, and whatever asks it for any
 flush, the next recording, the end of the program. So it is not let into the process that holds the results.
 
 On standard input it takes ``{"folder", "target", "preview"}``, the preview as of :meth:`Preview.to_json` or null. What
-is wrong is told by :func:`torsight.viewer.encoding.report`.
+is wrong is reported by :func:`torsight.viewer.encoding.report`.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ def main() -> int:
     preview = None if task["preview"] is None else Preview.from_json(task["preview"])
     try:
         log_recording(Path(task["folder"]), Path(task["target"]), preview)
+    except OSError as error:
+        report(error.strerror or f"{type(error).__name__}: {error}", errno=error.errno if error.strerror else None)
+        return 1
     except Exception as error:  # noqa: BLE001 - the sender says what it means
-        system = isinstance(error, OSError) and error.strerror
-        report(error, system=bool(system), message=str(system) if system else f"{type(error).__name__}: {error}")
+        report(f"{type(error).__name__}: {error}", errno=None)
         return 1
     return 0
 

@@ -49,7 +49,7 @@ def test_a_record_that_is_not_explained_is_the_first_thing_said_and_not_to_be_tr
     found = steps(run, after=AFTER | {"rmse_held_out_deg": 0.44})
     assert found["Can"].good is False
     assert "the record is not explained" in found["Can"].answer
-    assert "The model, not the measurement: 7.33 times the noise floor is left" in found["What"].answer
+    assert "The model, not the measurement: the residual is 7.33 times the noise floor" in found["What"].answer
     (first,) = re.findall(r"<h1>(.*?)</h1>", words_of(run))
     assert first.startswith("This record is not explained: what is left is 7.33 times the noise floor")
     assert first.index("not explained") < first.index("sensor lag")
@@ -69,7 +69,7 @@ def test_headline_badge_trust_and_limit_ask_one_measure_what_is_explained(
     assert found["Can"].good is not doubted
     assert ("not explained" in found["Can"].answer) is doubted
     assert found["What"].answer.startswith("The model") is doubted
-    assert found["What"].answer.startswith("How well this record fixes the values") is (left == 1.9)
+    assert found["What"].answer.startswith("How well this record determines the values") is (left == 1.9)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_a_predicted_sigma_is_judged_by_what_is_left_on_the_record_s_own_clocks(
 def test_a_record_that_leaves_the_values_open_is_not_recommended_for_control(run: Path) -> None:
     predicted_with(run, sigma_deg=0.5, left_deg=0.08)
     control = steps(run, after=AFTER)["Can"]
-    assert control.answer.startswith("Only within about ±1.0° (two sigmas): the record leaves the values so uncertain")
+    assert control.answer.startswith("Only within about ±1.0° (two sigmas), because the record determines")
     assert control.good is None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
 import os
 import signal
 import time
@@ -131,7 +132,7 @@ def test_news_come_once_from_a_process_of_its_own(watch: ModelWatch, columns: tu
 def test_a_model_whose_process_is_killed_only_ends_the_model(watch: ModelWatch) -> None:
     try:
         first_news(watch)
-        for process in list(watch._pool._processes.values()):
+        for process in multiprocessing.active_children():
             os.kill(process.pid, signal.SIGKILL)
             process.join()
         watch.angle(1000.0, 0.0, 0.01)

@@ -58,11 +58,18 @@ def taken(intake: Intake) -> list[tuple[int, float, int | None]]:
     return frames
 
 
+def wait_for(intake: Intake, frames: int) -> None:
+    """Wait until so many frames wait to be taken."""
+    end = time.monotonic() + 30.0
+    while intake.waiting < frames and time.monotonic() < end:
+        time.sleep(0.01)
+
+
 def test_frames_that_come_too_fast_lose_their_pictures_oldest_first_but_not_their_number_or_time() -> None:
     intake = Intake(Numbered(200))
     intake.hurry()
     intake.start()
-    intake._thread.join()
+    wait_for(intake, 200)
     frames = taken(intake)
     assert [index for index, _, _ in frames] == list(range(200))
     np.testing.assert_allclose([time_s for _, time_s, _ in frames], np.arange(200) / 30.0)
@@ -76,7 +83,8 @@ def test_a_source_that_can_wait_loses_nothing() -> None:
     intake.hurry()
     intake.go()
     intake.start()
-    intake._thread.join(0.3)
+    wait_for(intake, WAITING_FRAMES)
+    time.sleep(0.3)
     assert intake.waiting == WAITING_FRAMES
     frames = taken(intake)
     assert [(index, shade) for index, _, shade in frames] == [(index, index) for index in range(200)]
@@ -86,7 +94,7 @@ def test_a_source_that_can_wait_loses_nothing() -> None:
 def test_while_the_markers_are_looked_for_the_frames_wait() -> None:
     intake = Intake(Numbered(200))
     intake.start()
-    intake._thread.join()
+    wait_for(intake, 200)
     assert all(shade is not None for _, _, shade in taken(intake))
     assert intake.dropped == 0
 

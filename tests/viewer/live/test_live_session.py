@@ -129,7 +129,7 @@ def test_until_then_the_view_says_that_it_is_not_decided(
 ) -> None:
     angles, _, _, kept = beside_a_ruler
     summaries = [entry[1] for entry in kept.entries if entry[0] == "summary"]
-    assert "not decided until motion tells" in summaries[0]
+    assert "not decided until they move" in summaries[0]
     assert "not decided" not in summaries[-1]
     frames, shown = (np.array([entry[place] for entry in kept.entries if entry[0] == "angle"]) for place in (2, 3))
     error = np.remainder(shown - angles[frames] + 180.0, 360.0) - 180.0
@@ -202,7 +202,7 @@ class Rushing:
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
         for index, luma in enumerate([*self.luma, *self.luma[::-1]]):
-            while 20 < index <= 40 and self.session is not None and not self.session._steady:
+            while 20 < index <= 40 and self.session is not None and not self.session.steady:
                 stop.wait(0.01)
             if index <= 40:
                 stop.wait(0.01)
@@ -260,24 +260,25 @@ def test_viewers_are_served_on_this_computer_only(feed: Feed) -> None:
 def test_a_hung_screen_holds_nothing_up_and_catches_up_when_it_goes_on(feed: Feed) -> None:
     luma = np.zeros((240, 320), np.uint8)
     drawn = overlay(np.full((4, 2), np.nan), float("nan"), scale=1.0)
-    os.kill(feed._process.pid or 0, signal.SIGSTOP)
+    os.kill(feed.process_id, signal.SIGSTOP)
     try:
         for k in range(3 * MOST_WAITING):
             feed.put("picture", k / 30.0, k, luma, drawn)
         # What is in the pipe and in the thread's hands is not in the queue any more.
         assert MOST_WAITING <= feed.left_out < 3 * MOST_WAITING - MOST_WAITING + 5
     finally:
-        os.kill(feed._process.pid or 0, signal.SIGCONT)
+        os.kill(feed.process_id, signal.SIGCONT)
     end = time.monotonic() + 30.0
-    while feed._waiting and time.monotonic() < end:
+    while feed.waiting and time.monotonic() < end:
         time.sleep(0.05)
-    assert not feed._waiting
+    assert feed.waiting == 0
     assert feed.running
 
 
 def test_a_screen_whose_process_is_killed_holds_nothing_up(feed: Feed) -> None:
-    os.kill(feed._process.pid or 0, signal.SIGKILL)
-    feed._process.join()
+    os.kill(feed.process_id, signal.SIGKILL)
+    while feed.running:
+        time.sleep(0.01)
     for k in range(2 * MOST_WAITING):
         feed.put("event", k / 30.0, "INFO", "still here")
     assert not feed.running

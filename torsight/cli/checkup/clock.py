@@ -1,21 +1,21 @@
 """How well a run will know the offset between the film's clock and the log's, before there is a film.
 
-The film is made up: the model's angles for this log, with the camera's noise at the film's rate, or the angles that are
-there already. What ``sync`` finds on it is what it will find, so the doctor asks it: the heating rates, the log's noise
-and step, the sensor's lag and an event that both see count as they do in a run.
+The film is synthetic (the model's angles for this log, with the camera's noise at the film's rate), or the angles that
+are there already. ``sync`` is run on it, so that heating rates, the log's noise and step, the sensor's lag and a shared
+event have the same effect as in a run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from sync import LightEvents, LogReading, find_clock
-from sync.clock.estimation import WIDE_S
-from sync.clock.led_likelihood import switchings_of
+from sync.clock.estimation import ADVICE, WIDE_S
+from sync.signals.switchings import switchings_of
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
@@ -27,11 +27,6 @@ from torsight.core.records import ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, PPM, Floats
 from torsight.core.words.wording import number
-
-_ADVICE: Final = (
-    "film an LED on the heating switch ([sync] led), give the offset ([sync] offset_s), or heat at two "
-    "clearly different rates with one heating cut short"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +60,7 @@ def predict_clock(
         text = f"the offset is given ({number(float(offset_s))} s) and taken as exact."
         return [Finding("clock", "fine", text)], {"offset_s": float(offset_s), "offset_ci95_s": 0.0}
     limits = None if spec is None else limits_of(spec)
-    # What is made up is on the film's clock.
+    # The made-up film runs on the film's clock.
     on_film = replace(reading.log, time_s=reading.log.time_s / (1.0 + (drift_ppm or 0.0) * PPM))
     try:
         if angles is None:
@@ -77,7 +72,7 @@ def predict_clock(
         clock = find_clock(angles, reading, given_drift_ppm=drift_ppm, light=light).clock
     except NoResultError as error:
         return [
-            Finding("clock", "limits", "motion and temperature would not tell the offset.", error.do or _ADVICE)
+            Finding("clock", "limits", "motion and temperature would not determine the offset.", error.do or ADVICE)
         ], {}
     except TorsightError as error:
         return [refusal("clock", error)], {}
@@ -93,7 +88,7 @@ def _said(clock: ClockMap, half_s: float, half_ppm: float) -> Finding:
         f"±{number(half_ppm, 2)} ppm (95 %), from {clock.method.partition(':')[0]}."
     )
     wide = 2.0 * half_s > WIDE_S
-    return Finding("clock", "limits" if wide else "fine", text, _ADVICE if wide else "")
+    return Finding("clock", "limits" if wide else "fine", text, ADVICE if wide else "")
 
 
 def made_up_film(drive: Drive, spec: ActuatorSpec, filming: Filming) -> StickAngles:

@@ -1,4 +1,4 @@
-"""Which files belong together, and what each of them and all of them together allow."""
+"""Which files belong together, and the findings on each of them and on all of them together."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TOML_KINDS: Final = {
     "intrinsics": "camera",
     "moving": "markers",
 }
-"""A table or key that tells what a TOML file is."""
+"""A table or key by which the kind of a TOML file is recognised."""
 
 
 @dataclass(slots=True)
@@ -62,7 +62,7 @@ class Inputs:
 
 
 def inputs_of(names: Sequence[str], *, fps: float | None) -> Inputs:
-    """Return what the names on the command line stand for.
+    """Return the inputs that the names on the command line refer to.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
 
 
 def _filming(film: Mapping[str, Any]) -> Filming:
-    """Return what the film's check found of it."""
+    """Return the properties of the film that its check measured."""
     sigma_deg = film.get("tracked", {}).get("noise", {}).get("angle_sigma_deg", {}).get("median")
     found = {"rate_fps": film.get("rate_fps"), "duration_s": film.get("duration_s"), "sigma_deg": sigma_deg}
     return Filming(**{name: value for name, value in found.items() if value})

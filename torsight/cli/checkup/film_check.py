@@ -74,28 +74,28 @@ def check_film(
 
 def _look_at_times(check: Check, about: str, timestamps: Timestamps, *, tick_s: float, given: object) -> None:
     """Say how many frames there are, and whether their rate varies or stops."""
-    told = timing(timestamps.time_s, tick_s=tick_s)
-    if told.step_s is None or told.shortest_s is None or told.longest_s is None:
+    rate = timing(timestamps.time_s, tick_s=tick_s)
+    if rate.step_s is None or rate.shortest_s is None or rate.longest_s is None:
         return
-    check.duration_s = told.duration_s
+    check.duration_s = rate.duration_s
     check.content |= {
-        "frames": told.frames,
+        "frames": rate.frames,
         "frames_counted_in": "pictures as decoded" if timestamps.decoded else "the container's list",
-        "duration_s": told.duration_s,
-        "rate_fps": told.rate_fps,
-        "frame_interval_s": {"median": told.step_s, "min": told.shortest_s, "max": told.longest_s},
-        "irregular_share": told.irregular_share,
+        "duration_s": rate.duration_s,
+        "rate_fps": rate.rate_fps,
+        "frame_interval_s": {"median": rate.step_s, "min": rate.shortest_s, "max": rate.longest_s},
+        "irregular_share": rate.irregular_share,
     }
-    if told.irregular_share > FEW and not given:
+    if rate.irregular_share > FEW and not given:
         text = (
-            f"has a varying frame rate ({100 * told.irregular_share:.0f} % of the steps differ from "
-            f"{1e3 * told.step_s:.1f} ms, the longest is {1e3 * told.longest_s:.0f} ms); every frame is taken at its "
+            f"has a varying frame rate ({100 * rate.irregular_share:.0f} % of the steps differ from "
+            f"{1e3 * rate.step_s:.1f} ms, the longest is {1e3 * rate.longest_s:.0f} ms); every frame is taken at its "
             f"own timestamp."
         )
         check.findings.append(Finding(about, "note", text, "fix the frame rate, or give the true times as timestamps"))
-    if told.longest_s > max(10.0 * told.step_s, 1.0):
+    if rate.longest_s > max(10.0 * rate.step_s, 1.0):
         at = float(timestamps.time_s[int(np.argmax(np.diff(timestamps.time_s)))])
-        text = f"stands still for {told.longest_s:.1f} s at {at:.1f} s."
+        text = f"stands still for {rate.longest_s:.1f} s at {at:.1f} s."
         check.findings.append(Finding(about, "limits", text, "film without pauses"))
 
 

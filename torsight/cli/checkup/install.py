@@ -43,7 +43,7 @@ def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[F
 
 @contextmanager
 def own_packages() -> Iterator[None]:
-    """Refuse what cannot be imported with the distribution that stands in its place, where there is one.
+    """Turn a failed import into an error that names the distribution whose package replaces ours, if there is one.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A temperature log, and what it will do to the actuator."""
+"""Findings on a temperature log, and on the actuator driven by it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LogCheck(Check):
 def check_log(
     path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> LogCheck:
-    """Look at a log by itself: rate, gaps, repairs, ranges, noise."""
+    """Check a log on its own: rate, gaps, repairs, ranges, noise."""
     check = LogCheck()
     try:
         check.reading = read_temperature_log(path, columns=columns, units=units)
@@ -113,7 +113,7 @@ def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
 def check_programme(
     check: LogCheck, spec: ActuatorSpec, *, where: str, progress: Progress = silent
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Look at what the log does to the actuator: full heatings, rates, holds, and what discovery can tell."""
+    """Check the actuator's response to the log: full heatings, rates, holds, and what discovery can find."""
     reading = check.reading
     limits = limits_of(spec)
     if limits is None:
@@ -146,13 +146,13 @@ def check_programme(
     if noise_c > 0.0:
         level = "limits" if noise_c > _NOISY_C else "fine"
         text = (
-            f"noise of {noise_c:.2g} °C; after it is taken out, what remains moves the angle by {left_deg:.2g}° where "
+            f"noise of {noise_c:.2g} °C; after smoothing, the remaining error moves the angle by {left_deg:.2g}° where "
             f"it is steepest ({steepest:.0f}° per °C)."
         )
         findings.append(Finding("log", level, text, "" if level == "fine" else "shield the sensors", left_deg))
-    told = separable(spec, drive, progress=progress)
-    content["discovery"] = asdict(told)
-    return [*findings, *_look_at_separable(told, cycles)], content
+    found = separable(spec, drive, progress=progress)
+    content["discovery"] = asdict(found)
+    return [*findings, *_look_at_separable(found, cycles)], content
 
 
 def driven_by(reading: LogReading, spec: ActuatorSpec, limits: Limits, *, where: str) -> Drive:
@@ -162,7 +162,7 @@ def driven_by(reading: LogReading, spec: ActuatorSpec, limits: Limits, *, where:
 
     def prepared(start_deg: float) -> Drive:
         angle = np.full(len(log), start_deg * DEG)
-        sigma = np.full(len(log), 1e-3)  # any: nothing is fitted to these angles
+        sigma = np.full(len(log), 1e-3)  # any value: nothing is fitted to these angles
         table = SyncedTable(log.time_s, angle, sigma, log.temp_a_c, log.temp_b_c, log.heat_a, log.heat_b)
         return model.prepare(table, where=where)
 
@@ -190,14 +190,14 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
     if warm:
         text = (
             f"{counted(len(warm), 'half-cycle')} with a spring that has not cooled to {limits.cooled_c:.1f} °C, "
-            "where it is martensite again, as the model takes it."
+            "where it is martensite again, as the model assumes."
         )
         findings.append(Finding("log", "limits", text, "let each spring cool for longer"))
     again = [after for before, after in pairwise(moving) if before.spring == after.spring]
     if again:
         text = (
             f"{counted(len(again), 'half-cycle')} with a spring that the other one had not wound back since its last "
-            "heating: what it carries as it cools then is not the model's, whose angle may be off by more than 10°."
+            "heating: the model does not describe its torque while it cools, and its angle may be off by more than 10°."
         )
         findings.append(Finding("log", "limits", text, "heat the springs in turn"))
     if len(moving) < _FEW:
@@ -206,23 +206,19 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
     return findings
 
 
-def _look_at_separable(told: Separable, cycles: Sequence[HalfCycle]) -> list[Finding]:
-    """Say in words what discovery will and will not be able to tell, and why."""
+def _look_at_separable(found: Separable, cycles: Sequence[HalfCycle]) -> list[Finding]:
+    """Say in words what discovery will and will not be able to find, and why."""
     rates = distinct_rates(cycles)
-    findings = [
-        Finding(
-            "record",
-            "fine" if told.visible else "limits",
-            f"discovery would see {listed([effect_name(name) for name in told.visible]) or 'no effect'} at usual size.",
-        )
-    ]
-    if told.hidden:
-        names = listed([effect_name(name) for name in told.hidden])
+    visible = listed([effect_name(name) for name in found.visible]) or "no effect"
+    level = "fine" if found.visible else "limits"
+    findings = [Finding("record", level, f"discovery would see {visible} at usual size.")]
+    if found.hidden:
+        names = listed([effect_name(name) for name in found.hidden])
         text = f"{names} would be too small to see, or be taken up by the characterised values."
         findings.append(Finding("record", "note", text, "add half-cycles, rates, and incomplete heatings"))
-    if told.alike:
-        pairs = "; ".join(f"{effect_name(one)} and {effect_name(other)}" for one, other in told.alike)
+    if found.alike:
+        pairs = "; ".join(f"{effect_name(one)} and {effect_name(other)}" for one, other in found.alike)
         same = " All heatings have one rate." if len(rates) < 2 else ""
         advice = "heat at two rates that differ by three times, hold once in mid-stroke, end one heating early"
-        findings.append(Finding("record", "limits", f"not to be told apart: {pairs}.{same}", advice))
+        findings.append(Finding("record", "limits", f"cannot be distinguished: {pairs}.{same}", advice))
     return findings

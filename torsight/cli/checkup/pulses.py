@@ -17,7 +17,7 @@ from sync import LogReading
 from sync.log.timestamps import longest_gap_s
 from sync.signals.heating_segments import HeatingSegment, Spring, log_signals
 from torsight.actuator.record.log_noise import SHORTEST, resolution
-from torsight.core.series import runs
+from torsight.core.series import rms, runs
 from torsight.core.units import Flags, Floats
 
 PLENTY: Final = 20
@@ -32,7 +32,7 @@ def ripple_c(reading: LogReading) -> dict[Spring, float]:
     """Return by how much, °C, the readings of a spring scatter in its most restless heating beyond those at rest.
 
     Only springs of which that is more than all the rest of the scatter, and matters. Timestamps that are cut off to
-    whole steps, and readings that are held for several rows, tell nothing.
+    whole steps, and readings that are held for several rows, show no ripple.
     """
     log = reading.log
     found: dict[Spring, float] = {}
@@ -92,4 +92,4 @@ def _scatter(time_s: Floats, temp_c: Floats, rows: Flags, stride: int) -> float:
         weight = 1.0 / np.where(apart_s == 0.0, 1.0, apart_s).prod(axis=1)
         found.append(np.abs((weight * temp_c[at]).sum(axis=0)) / np.sqrt(np.square(weight).sum(axis=0)))
     size = np.concatenate(found)
-    return float(np.sqrt(np.mean(np.square(np.minimum(size, np.quantile(size, _SLOW_SHARE))))))
+    return rms(np.minimum(size, np.quantile(size, _SLOW_SHARE)))

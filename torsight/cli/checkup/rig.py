@@ -71,7 +71,7 @@ class HalfCycle:
 
 
 def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
-    """Return what the log does to the driven spring, half-cycle by half-cycle."""
+    """Return the driven spring's temperatures and rates, half-cycle by half-cycle."""
     found = []
     for number, spring in enumerate(drive.cycles.springs):
         rows = drive.cycles.half == number

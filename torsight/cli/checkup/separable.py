@@ -1,9 +1,9 @@
-"""What discovery will be able to tell from a temperature programme, before anything is filmed.
+"""Which effects discovery will be able to find under a temperature programme, before anything is filmed.
 
 Every effect of the library is put into the model at its usual size; the plain model, and the model with every other
 effect, take up what they can with their free parameters and those of the effects that every fit has, within the priors
 (linear in the parameters). What is left is weighed as the engine weighs it: the gain, against what it asks for to
-accept an effect and to tell two apart.
+accept an effect and to separate two.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
 
 @dataclass(frozen=True, slots=True)
 class Separable:
-    """What the record will tell: effects that the plain model cannot take up are visible, the others are hidden.
+    """Effects that the record will show: those that the plain model cannot absorb are visible, the others are hidden.
 
     ``alike`` are pairs of visible effects that take each other up, ``left_deg`` is what the plain model leaves of each
     effect at its usual size, degrees rms.

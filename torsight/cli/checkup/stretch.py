@@ -47,7 +47,7 @@ def track_stretches(
     camera: Camera | None,
     progress: Progress,
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Track stretches of a film of ``total`` frames and return what came out, as findings about it and as figures.
+    """Track stretches of a film of ``total`` frames and return the results, as findings about it and as figures.
 
     The first clip is where a run begins, with the markers as it finds them; in the last one most moves. ``hints`` hold
     for the film's first frame.
@@ -63,26 +63,28 @@ def track_stretches(
         tracked.append((clip, result, orient(result.tracks, camera, pixel_aspect=clip.pixel_aspect)))
     if not tracked:
         return [_nothing(clips, errors, about=about, total=total)], {}
-    told = [account(result, orientation, doubts=(), pictures=clip.pictures) for clip, result, orientation in tracked]
+    accounts = [
+        account(result, orientation, doubts=(), pictures=clip.pictures) for clip, result, orientation in tracked
+    ]
     findings, coverage = _look_at_coverage(
-        told, [clip for clip, _, _ in tracked], start, about=about, total=total, given=hints is not None
+        accounts, [clip for clip, _, _ in tracked], start, about=about, total=total, given=hints is not None
     )
     if start.doubtful:
         findings.append(_faint(start, about))
     where = clips[0].name.rpartition(", ")[0]
     # What a person has to read is whole sentences, of the first stretch that says so.
     said = {words: Finding(about, "limits", words) for _, result, _ in tracked for words in doubts(result)}
-    unsure = [lacking for one in told if (lacking := unsure_markers(one, where=where)) is not None]
+    unsure = [lacking for one in accounts if (lacking := unsure_markers(one, where=where)) is not None]
     findings += [*said.values(), *(refusal(about, lacking) for lacking in unsure[:1])]
     clip, result, orientation = tracked[-1]
     names = ("markers", "frames", "noise", "compression", "tilt")
     content: dict[str, Any] = {
-        "tracked": {"first_frame": clip.first, **{name: told[-1][name] for name in names if name in told[-1]}},
+        "tracked": {"first_frame": clip.first, **{name: accounts[-1][name] for name in names if name in accounts[-1]}},
         "coverage": coverage,
     }
-    findings += _look_at_account(told, about)
-    findings += _look_at_tilt(told[-1], about, camera)
-    more, motion = _look_at_speed(about, result, orientation, told[-1]["markers"]["shutter_share_of_frame"] or 0.0)
+    findings += _look_at_account(accounts, about)
+    findings += _look_at_tilt(accounts[-1], about, camera)
+    more, motion = _look_at_speed(about, result, orientation, accounts[-1]["markers"]["shutter_share_of_frame"] or 0.0)
     return findings + more, content | motion
 
 
@@ -92,7 +94,7 @@ def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, about: s
         return refusal(about, errors[0])
     tried = " and ".join(f"{clip.first} to {clip.first + clip.frame_count - 1}" for clip in clips)
     error = NoResultError(
-        "no frame has an angle in the stretches that were tracked, where a run begins and where most is seen to move",
+        "no frame has an angle in the tracked stretches, at the start of a run and where the picture changes most",
         where=f"{clips[0].name.rpartition(', ')[0]}, frames {tried}",
         value=errors[-1].what,
         do=errors[-1].do,
@@ -101,11 +103,11 @@ def _nothing(clips: Sequence[Clip], errors: Sequence[NoResultError], *, about: s
 
 
 def _look_at_coverage(
-    told: Sequence[Mapping[str, Any]], clips: Sequence[Clip], start: Start, *, about: str, total: int, given: bool
+    accounts: Sequence[Mapping[str, Any]], clips: Sequence[Clip], start: Start, *, about: str, total: int, given: bool
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Say how many frames had an angle, and what that makes of the whole film."""
-    frames = sum(one["frames"]["total"] for one in told)
-    known = sum(one["frames"]["with_angle"] for one in told)
+    """Report how many frames have an angle, extrapolated to the whole film."""
+    frames = sum(one["frames"]["total"] for one in accounts)
+    known = sum(one["frames"]["with_angle"] for one in accounts)
     before = 0 if given else start.frame
     if len(clips) == 1 and clips[0].first == 0 and frames >= before:
         # What comes before the markers are seen was tracked along.
@@ -117,7 +119,7 @@ def _look_at_coverage(
     if before:
         text += f"; the markers are first seen in frame {before}, {100 * before / total:.0f} % into the film"
     why: dict[str, int] = {}
-    for one in told:
+    for one in accounts:
         for name, count in one["frames"]["causes"].items():
             why[name] = why.get(name, 0) + count
     most = max(why, key=lambda name: why[name], default="")
@@ -125,7 +127,7 @@ def _look_at_coverage(
         text += f"; most of the others: {WHY[most]}"
     if share >= USUAL_SHARE:
         return [Finding(about, "fine", f"{text}.")], content
-    advice = next((words for one in told if (words := gap_words(one))), "")
+    advice = next((words for one in accounts if (words := gap_words(one))), "")
     if share >= LEAST:
         return [Finding(about, "limits", f"{text}.", advice)], content
     error = NoResultError(
@@ -144,17 +146,17 @@ def _faint(start: Start, about: str) -> Finding:
     return Finding(about, "limits", text, "look at them with 'torsight markers', and pick the markers there")
 
 
-def _look_at_account(told: Sequence[Mapping[str, Any]], about: str) -> list[Finding]:
-    """Take over what the tracker says of the stretches: how well the angle is known, and what would make it better."""
+def _look_at_account(accounts: Sequence[Mapping[str, Any]], about: str) -> list[Finding]:
+    """Turn the tracker's account of the stretches into findings: accuracy of the angle, and advice."""
     findings: list[Finding] = []
-    sigma = told[-1]["noise"]["angle_sigma_deg"]
+    sigma = accounts[-1]["noise"]["angle_sigma_deg"]
     if sigma["median"] is not None:
         level = "limits" if sigma["median"] > RESIDUAL_DEG else "fine"
         bound = "" if sigma["bound"] is None else f" (bound of its noise {sigma['bound']:.4f}°)"
-        text = f"angle known to {sigma['median']:.4f}°{bound}: {_markers_text(told[-1])}."
+        text = f"angle known to {sigma['median']:.4f}°{bound}: {_markers_text(accounts[-1])}."
         findings.append(Finding(about, level, text, angle_deg=sigma["median"]))
     seen: set[str] = set()
-    for words in (words for one in reversed(told) for words in one["advice"]):
+    for words in (words for one in reversed(accounts) for words in one["advice"]):
         text, _, advice = words.partition(": ")
         # Two stretches say the same with other figures: those of the one where most moves stand for both.
         same = re.sub(r"[\d.]+", "", text)
@@ -166,22 +168,22 @@ def _look_at_account(told: Sequence[Mapping[str, Any]], about: str) -> list[Find
     return findings
 
 
-def _markers_text(told: Mapping[str, Any]) -> str:
-    markers, noise = told["markers"], told["noise"]
+def _markers_text(summary: Mapping[str, Any]) -> str:
+    markers, noise = summary["markers"], summary["noise"]
     return (
         f"dots of {markers['radius_px']:.1f} px radius, {markers['stick_length_px']:.0f} px apart, contrast "
         f"{noise['marker_contrast_grey']:.0f} and noise {noise['picture_noise_grey']:.1f} grey levels"
     )
 
 
-def _look_at_tilt(told: Mapping[str, Any], about: str, camera: Camera | None) -> list[Finding]:
-    tilt = told.get("tilt", {})
+def _look_at_tilt(summary: Mapping[str, Any], about: str, camera: Camera | None) -> list[Finding]:
+    tilt = summary.get("tilt", {})
     if camera is not None and camera.pose is not None:
         return []
     if not tilt.get("known", False) or tilt.get("error_it_can_make_deg", 0.0) > KNOWN / DEG:
         text = (
-            "without a camera file the tilt is learned from the markers' own circles, and this stretch does not show "
-            "it; a tilt of 10° that stays unknown bends the angle by 0.4°."
+            "without a camera file the tilt is estimated from the markers' own circles, and this stretch does not show "
+            "it; an unknown tilt of 10° changes the angle by up to 0.4°."
         )
         return [Finding(about, "note", text, "calibrate the camera with one picture of the board on the disk")]
     return []

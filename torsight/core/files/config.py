@@ -49,7 +49,7 @@ def get_number(
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value of a file is a finite number (a switch is none, nor is what no float can hold)."""
+    """Return whether a value of a file is a finite number (not a boolean, and not too large for a float)."""
     try:
         return not isinstance(value, bool) and isinstance(value, (int, float)) and math.isfinite(value)
     except OverflowError:
@@ -82,7 +82,7 @@ def get_numbers(
     lower: float = -math.inf,
     upper: float = math.inf,
 ) -> tuple[float, ...]:
-    """Return so many finite numbers, each within [lower, upper]."""
+    """Return a list of ``count`` finite numbers, each within [lower, upper]."""
     value = table.get(key, default)
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
         raise ConfigError(f"'{key}' is not a list of {count} numbers", where=where, value=repr(value))

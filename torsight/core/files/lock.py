@@ -17,10 +17,10 @@ _NAME: Final = ".lock"
 
 @contextlib.contextmanager
 def only_writer(folder: Path, *, patience_s: float = 10.0) -> Iterator[None]:
-    """Be the only process that fills ``folder`` while the block lasts; inside another such block of it, do nothing.
+    """Be the only process that fills ``folder`` while the block lasts; such blocks may be nested.
 
-    The lock goes with the process: one that was killed holds nothing. Another process is waited for as long as what a
-    killed campaign leaves behind may take, and refused then.
+    The lock ends with the process: one that was killed holds nothing. Another process that holds it is waited for, as
+    long as the workers of a killed campaign may take to end; then this one is refused.
     """
     path = folder.resolve() / _NAME
     lock = FileLock(path, is_singleton=True)

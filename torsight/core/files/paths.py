@@ -68,7 +68,7 @@ def unreadable(path: Path, error: OSError) -> InputError:
 
 
 def require_ordinary(path: Path) -> None:
-    """Refuse a pipe, a socket or a device: reading it might never end. A missing file is told by who reads it."""
+    """Refuse a pipe, a socket or a device: reading it might never end. Its reader reports a missing one."""
     try:
         mode = path.stat().st_mode
     except OSError:
@@ -87,7 +87,7 @@ def require_content(path: Path) -> None:
         with path.open("rb") as file:
             head = file.read(len(_POINTER))
     except OSError:
-        return  # told by who reads it
+        return  # its reader reports it
     if head == _POINTER:
         raise InputError(
             "is a Git LFS pointer: the file itself was not downloaded",

@@ -35,7 +35,7 @@ def file_hash(path: Path) -> str:
 
 
 def made_now() -> str:
-    """Return the time of the day as it stands in files that say when they were made."""
+    """Return the current time in the form used in files that record when they were made."""
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 

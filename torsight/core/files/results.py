@@ -1,4 +1,4 @@
-"""What a run left in its folder, read back: tables and JSON, each only where it is there."""
+"""The results in a run's folder, read back: tables and JSON, each only where it is there."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class RunResults(Frozen, Shown):
     provenance: Mapping[str, Any] | None = None
 
     def facts(self) -> dict[str, str]:
-        """Return the folder, what lies in it, the friction torque of the best model and what the discovery says."""
+        """Return the folder, its files, the friction torque of the best model and the verdict of the discovery."""
         names = [name for name in (*TABLES, *DOCUMENTS) if getattr(self, name) is not None]
         facts = {"folder": str(self.folder), "holds": ", ".join(names)}
         if "tau_c_mnm" in (parameters := self.parameters()):
@@ -100,7 +100,7 @@ class RunResults(Frozen, Shown):
         return {"time_s": []} if table is None else {str(name): table[name].to_numpy() for name in table.columns}
 
     def _draw(self, axes: Any) -> None:
-        """Draw the measured angle and, where there is one, what the models say."""
+        """Draw the measured angle and, where there are models, their angles."""
         draw_models(axes, self._columns())
 
 

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: atomic writes, tables, JSON and TOML.
+"""Files that are complete or absent: atomic writes, tables, JSON and TOML.
 
 Everything that Torsight writes goes through :func:`atomic_path`: the bytes are written beside the target, flushed to
 the disk and renamed, so that a killed run leaves the old file or the new one.
@@ -85,7 +85,7 @@ def _sweep(folder: Path, beginning: str, suffix: str) -> None:
 
 
 def is_running(process: int) -> bool:
-    """Return whether a process of this computer is there, by its id; True where that cannot be asked."""
+    """Return whether a process with this id runs on this computer; True where that cannot be checked."""
     if os.name != "posix":
         return True  # elsewhere this very question would end the process
     try:
@@ -107,7 +107,7 @@ def not_written(path: Path, error: OSError) -> OutputError:
 
 
 def require_writable(path: Path, *, folder: bool) -> None:
-    """Refuse a file, or a ``folder`` for files, that cannot be written: before the work for it; nothing is left there.
+    """Refuse a file, or a ``folder`` for files, that cannot be written, before any work; nothing is left there.
 
     Raises OutputError when the system refuses to make a file there, or in the nearest folder above it that there is.
     """
@@ -123,7 +123,7 @@ def require_writable(path: Path, *, folder: bool) -> None:
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether a path names something, be it a link that leads nowhere; what is refused otherwise is raised."""
+    """Return whether a path exists, also as a broken link; other errors of the system are raised."""
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError):
@@ -243,7 +243,7 @@ def write_table(path: Path, columns: Mapping[str, Any], *, clock: str = "time_s"
     """Write columns of equal length as CSV or, by suffix, as Parquet.
 
     CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1. The column
-    ``clock`` has as many digits as tell its rows apart, whenever its clock began to count.
+    ``clock`` has as many digits as its rows need to differ, whenever the clock began to count.
     """
     data = {name: _column(values) for name, values in columns.items()}
     if not is_parquet(path) and _plain_numbers(data):
@@ -364,7 +364,7 @@ def table_without_rows(path: Path) -> InputError:
 
 
 def _damages_of(path: Path) -> tuple[type[Exception], ...]:
-    """Return what a damaged table of this kind raises (the parser's own errors are ValueErrors)."""
+    """Return the exceptions that a damaged table of this kind raises (the parser's own are ValueErrors)."""
     usual = (OSError, ValueError, OverflowError)
     if not is_parquet(path):
         return usual
@@ -377,7 +377,7 @@ def _read_csv(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     table = pd.read_csv(path, encoding="utf-8-sig")
-    # Equal names come back as "name" and "name.1"; which of the two is meant nobody can tell, so they keep one name.
+    # Equal names come back as "name" and "name.1". They get one name again, so that a needed column is refused.
     header = pd.read_csv(path, encoding="utf-8-sig", header=None, nrows=1, dtype=str).iloc[0]
     if len(header) == len(table.columns) and header.notna().all():
         table.columns = pd.Index(header)

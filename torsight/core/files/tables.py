@@ -12,7 +12,7 @@ from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import first_row, number_column, read_json, read_table, write_table
 from torsight.core.records import SyncedTable, clock_sigma_s, merged_columns
-from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles
+from torsight.core.tracks import MARKERS, StickAngles, angle_columns
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.plausible import MOST_TURNED_DEG, require_timestamps, require_units
 
@@ -29,18 +29,6 @@ def write_angles(path: AnyPath, angles: StickAngles) -> None:
     """Write ``angle.csv``: one row per frame; angle and sigma are empty where not valid."""
     path = Path(path)
     write_table(path, angle_columns(angles))
-
-
-def angle_columns(angles: StickAngles) -> dict[str, Any]:
-    """Return the columns of ``angle.csv``."""
-    return {
-        "frame": angles.frame,
-        "time_s": angles.time_s,
-        "angle_deg": angles.angle_rad / DEG,
-        "angle_sigma_deg": angles.sigma_rad / DEG,
-        "valid": angles.valid,
-        "branch_certain": angles.branch_certain,
-    }
 
 
 def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
@@ -72,7 +60,7 @@ def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence
 def switches_and_extra(
     table: pd.DataFrame, *, known: Sequence[str], where: str, lines: Sequence[int] | None = None
 ) -> dict[str, Any]:
-    """Return what a record holds beside its ``known`` columns: ``heat_a``, ``heat_b`` and the rest as ``extra``."""
+    """Return a record's columns other than the ``known`` ones: ``heat_a``, ``heat_b`` and the rest as ``extra``."""
     heat = {name: switch_column(table, name, where=where, lines=lines) for name in ("heat_a", "heat_b")}
     rest = {str(name): table[name].to_numpy() for name in table.columns if name not in (*known, *heat)}
     return {**heat, "extra": rest}
@@ -139,25 +127,6 @@ def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:
     return np.asarray(angle_deg * DEG)
 
 
-def marker_columns(tracks: MarkerTracks, position_mm: Floats | None = None) -> dict[str, Any]:
-    """Return the columns of ``markers.csv``.
-
-    ``m_sigma_px`` is the root of the mean of the covariance's diagonal; ``position_mm`` (n, 4, 3) adds the
-    positions in space of a calibrated camera.
-    """
-    columns: dict[str, Any] = {"frame": tracks.frame, "time_s": tracks.time_s}
-    for index, name in enumerate(MARKERS):
-        variance_px2 = np.trace(tracks.covariance_px2[:, index], axis1=1, axis2=2) / 2.0
-        columns[f"{name}_x_px"] = tracks.position_px[:, index, 0]
-        columns[f"{name}_y_px"] = tracks.position_px[:, index, 1]
-        columns[f"{name}_sigma_px"] = np.sqrt(variance_px2)
-        columns[f"{name}_valid"] = tracks.valid[:, index]
-        if position_mm is not None:
-            for axis, letter in enumerate("xyz"):
-                columns[f"{name}_{letter}_mm"] = position_mm[:, index, axis]
-    return columns
-
-
 def marker_values(table: pd.DataFrame, *parts: str, names: Sequence[str] = MARKERS) -> Floats:
     """Return columns of ``markers.csv`` by marker and part, such as ``x_px``: (n, k, p), NaN where not valid."""
     values = [[table[f"{name}_{part}"].to_numpy(np.float64) for part in parts] for name in names]
@@ -198,7 +167,7 @@ def read_merged(path: AnyPath) -> SyncedTable:
 
 
 def _clock_sigma_s(path: Path) -> float | None:
-    """Return how well the clocks are known by ``sync.json``; None where there is none."""
+    """Return the standard deviation of the clocks' offset from ``sync.json``; None where there is none."""
     if not path.is_file():
         return None
     content = read_json(path)
@@ -206,6 +175,6 @@ def _clock_sigma_s(path: Path) -> float | None:
         low, high = (float(end) for end in content["offset_s"]["ci95"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or take it away"
+            "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or remove it"
         ) from error
     return clock_sigma_s(str(content.get("method", "")), (low, high))

@@ -1,1 +1,1 @@
-"""Cameras and what they see: pixels and a calibration in, rays, planes, circles and axes (m, rad) out."""
+"""Camera geometry: pixels and a calibration in, rays, planes, circles and axes (m, rad) out."""

@@ -130,7 +130,7 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
 
 
 def _axis_of(best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0, mirror_gap: float = np.inf) -> Axis:
-    """Return what a fit says of the axis; ``first`` is the one that took all errors as independent."""
+    """Return the axis from a fit; ``first`` is the fit that took all errors as independent."""
     turned = jacobian_of(lambda tilt: tilted(best.frame, tilt), best.values[:2])
     tilt = best.covariance[:2, :2]
     return Axis(

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.minimise import least_squares
-from torsight.core.optics.geometry import cross_matrix
+from torsight.core.optics.geometry import applied, cross_matrix
 from torsight.core.optics.hanging import whitening
 from torsight.core.optics.sights import Sight
 from torsight.core.series import BY_CHANCE, robust_sigma
@@ -203,7 +203,7 @@ class Circles:
         return values
 
     def _first_angle(self, values: Floats) -> Floats:
-        """Return θ (n,) as lines of sight tell it where they meet the circles' planes."""
+        """Return θ (n,) from the points in which the lines of sight meet the circles' planes."""
         direction = tilted(self.frame, values[_TILT])
         u, v = axis_basis(direction)
         across = np.stack((u, v), axis=1)
@@ -215,10 +215,10 @@ class Circles:
                 toward = lines @ direction
                 away = ((middle - eye) @ direction / toward)[..., None] * (lines @ across) - (middle - eye) @ across
                 turn = np.arctan2(away[..., 1], away[..., 0]) - np.array([0.0, values[_BETWEEN]])
-                # A plane that is seen from the side tells little.
+                # A plane that is seen from the side gives little information.
                 facing = np.abs(toward) / np.sqrt(np.sum(lines**2, axis=-1))
-                told = facing * np.exp(1j * turn)
-            total += np.where(sight.seen & np.isfinite(told), told, 0.0).sum(axis=1)
+                pointing = facing * np.exp(1j * turn)
+            total += np.where(sight.seen & np.isfinite(pointing), pointing, 0.0).sum(axis=1)
         return np.angle(total)
 
     def _best_angle(self, values: Floats, angle: Floats) -> Floats:
@@ -228,7 +228,7 @@ class Circles:
             points, ways = _on_circles(self.frame, values, angle)
             for sight in self.sights:
                 error, slope = (part.reshape(-1, 4) for part in sight.error(points, ways))
-                pull = _times(sight.precision, slope)
+                pull = applied(sight.precision, slope)
                 gradient += np.sum(pull * error, axis=1)
                 information += np.sum(pull * slope, axis=1)
             angle = angle - gradient / np.where(information > 0.0, information, 1.0)
@@ -240,14 +240,9 @@ class Circles:
         information, chi_squared = np.zeros((2, len(angle)))
         for sight in self.sights:
             error, slope = (part.reshape(-1, 4) for part in sight.error(points, ways))
-            information += np.sum(_times(sight.precision, slope) * slope, axis=1)
-            chi_squared += np.sum(_times(sight.precision, error) * error, axis=1)
+            information += np.sum(applied(sight.precision, slope) * slope, axis=1)
+            chi_squared += np.sum(applied(sight.precision, error) * error, axis=1)
         return information, chi_squared
-
-
-def _times(matrices: Floats, vectors: Floats) -> Floats:
-    """Return matrices (n, k, k) times vectors (n, k)."""
-    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, Floats]:

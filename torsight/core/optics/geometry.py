@@ -36,23 +36,25 @@ def rotation_matrix(rvec: Floats) -> Floats:
 
 def rotation_vector(matrix: Floats) -> Floats:
     """Return the rotation vector (3,) of a rotation matrix; its length is at most π."""
-    turn = np.asarray(matrix, np.float64)
-    skew = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    sine, cosine = float(np.linalg.norm(skew)), 0.5 * (float(np.trace(turn)) - 1.0)
-    angle_rad = float(np.arctan2(sine, cosine))
-    if cosine > -0.99:
-        return skew if sine == 0.0 else skew * (angle_rad / sine)
-    # Near half a turn the skew part vanishes; the symmetric part is cos·1 + (1 − cos)·axis·axisᵀ.
-    symmetric = 0.5 * (turn + turn.T) - cosine * np.eye(3)
-    axis = symmetric[:, int(np.argmax(np.diag(symmetric)))]
-    axis = axis / np.linalg.norm(axis)
-    return np.asarray(axis * (angle_rad if axis @ skew >= 0.0 else -angle_rad))
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
 
 def cross_matrix(vector: Floats) -> Floats:
     """Return the matrix (3, 3) that multiplies as the cross product with ``vector`` from the left."""
     x, y, z = (float(value) for value in vector)
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def homogeneous(ray: Floats) -> Floats:
+    """Return rays X/Z, Y/Z (..., 2) as directions (..., 3) with Z = 1."""
+    return np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1)
+
+
+def applied(matrix: Floats, vector: Floats) -> Floats:
+    """Return each matrix (..., m, n) times its vector (..., n)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
 def distort(ray: Floats, distortion: Floats) -> tuple[Floats, Floats]:
@@ -94,7 +96,7 @@ def ray_from_pixel(position_px: Floats, intrinsics: Intrinsics) -> tuple[Floats,
     with np.errstate(all="ignore"):
         for _ in range(_NEWTON_STEPS):
             value, derivative = distort(ray, intrinsics.distortion)
-            step = _applied(_inverse_2x2(derivative), value - bent)
+            step = applied(_inverse_2x2(derivative), value - bent)
             ray = ray - step
             if not np.any(np.abs(step) > _RAY_TOLERANCE):
                 break
@@ -132,7 +134,7 @@ def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: f
     """
     ray, ray_derivative = ray_from_pixel(position_px, intrinsics)
     rotation = rotation_matrix(pose.rvec)
-    line = np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1) @ rotation
+    line = homogeneous(ray) @ rotation
     eye = -rotation.T @ pose.tvec_mm
     with np.errstate(all="ignore"):
         depth = (z_mm - eye[2]) / line[..., 2]
@@ -186,7 +188,7 @@ def triangulate(
     point = meeting_point(rays[0], rays[1], rotation=rotation, shift=shift)
     for _ in range(_TRIANGULATION_STEPS):
         normal, gradient, _ = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
-        point = point - _applied(_inverse_3x3(normal), gradient)
+        point = point - applied(_inverse_3x3(normal), gradient)
     normal, _, chi_squared = _normal_equations(point, rays, weights, rotation=rotation, shift=shift)
     front = (point[..., 2] > 0.0) & ((point @ rotation.T + shift)[..., 2] > 0.0)
     return SpacePoints(
@@ -201,8 +203,7 @@ def meeting_point(left: Floats, right: Floats, *, rotation: Floats, shift: Float
 
     The rays (..., 2) are those of the same point; rotation and shift are the right camera's from the left one's.
     """
-    along = np.concatenate((left, np.ones_like(left[..., :1])), axis=-1)
-    other = np.concatenate((right, np.ones_like(right[..., :1])), axis=-1) @ rotation
+    along, other = homogeneous(left), homogeneous(right) @ rotation
     eye = -rotation.T @ shift
     # The two normal equations of |s · along − eye − t · other|², solved.
     aa, bb = np.sum(along * along, axis=-1), np.sum(other * other, axis=-1)
@@ -230,7 +231,7 @@ def _normal_equations(
             slope = (turn[:2] - (seen[..., :2] / depth)[..., None] * turn[2]) / depth[..., None]
         pull = np.swapaxes(slope, -1, -2) @ weight
         normal = normal + pull @ slope
-        gradient = gradient + _applied(pull, error)
+        gradient = gradient + applied(pull, error)
         misfit = misfit + np.einsum("...i,...ij,...j->...", error, weight, error)
     return normal, gradient, misfit
 
@@ -240,10 +241,7 @@ def epipolar_distance_px(left_px: Floats, right_px: Floats, *, left: Intrinsics,
 
     In px of an undistorted picture of the same focal length.
     """
-    rays = [
-        np.concatenate((ray, np.ones_like(ray[..., :1])), axis=-1)
-        for ray in (ray_from_pixel(left_px, left)[0], ray_from_pixel(right_px, right.intrinsics)[0])
-    ]
+    rays = [homogeneous(ray_from_pixel(*seen)[0]) for seen in ((left_px, left), (right_px, right.intrinsics))]
     essential = cross_matrix(right.tvec_mm) @ rotation_matrix(right.rvec)
     line_right, line_left = rays[0] @ essential.T, rays[1] @ essential
     product = np.sum(rays[1] * line_right, axis=-1)
@@ -275,8 +273,3 @@ def _inverse_3x3(matrix: Floats) -> Floats:
     columns = [np.cross(rows[1], rows[2]), np.cross(rows[2], rows[0]), np.cross(rows[0], rows[1])]
     with np.errstate(all="ignore"):
         return np.asarray(np.stack(columns, axis=-1) / np.sum(rows[0] * columns[0], axis=-1)[..., None, None])
-
-
-def _applied(matrix: Floats, vector: Floats) -> Floats:
-    """Return each matrix (..., m, n) times its vector (..., n)."""
-    return np.asarray((matrix @ vector[..., None])[..., 0])

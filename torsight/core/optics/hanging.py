@@ -1,14 +1,15 @@
-"""Correlated errors: what is left of a fit follows the direction of the stick, and does not average out.
+"""Correlated errors of markers: the residuals of a fit repeat with the direction of the stick and do not average out.
 
 Compression, the pixels' own pattern, uneven light and the edge of a stick next to a dot shift a marker by a few
 hundredths of a pixel, alike wherever the stick points nearly the same way. A fit that takes them for white noise is
-sure of a tilt that is none. So the residuals z of a first fit, in units of white noise, are taken as::
+certain of a tilt that is not there. So the residuals z of a first fit, in units of white noise, are taken as::
 
     cov(z_i, z_j) = a² · (δ_ij + κ² · exp(−|ψ_i − ψ_j| / ℓ))
 
 with ψ the stick's direction. κ and ℓ are judged by the restricted likelihood (Patterson and Thompson, 1971: what the
-fit itself took out of the residuals is allowed for) under a weak prior of how large such errors usually are. Of those
-that are about as likely as the best the most careful ones are taken: short arcs hold few independent errors.
+fit itself took out of the residuals is allowed for) under a weak prior of how large such errors usually are. Among the
+values that are about as likely as the best, those with the strongest correlation are taken: short arcs hold few
+independent errors.
 """
 
 from __future__ import annotations
@@ -79,9 +80,9 @@ def direction_bins(direction_rad: Floats) -> Ints:
 
 
 def spread_rows(direction_rad: Floats, known: Flags, *, apart: Flags | None = None) -> NDArray[np.intp]:
-    """Return rows that are known, spread evenly over the stick's directions: a rest tells nothing new.
+    """Return rows that are known, spread evenly over the stick's directions: a rest adds no information.
 
-    Rows for which ``apart`` (n,) differs are told apart as those of unlike directions are.
+    Rows with another value of ``apart`` (n,) count as another direction.
     """
     rows = np.flatnonzero(known)
     if len(rows) <= _MOST_ROWS:

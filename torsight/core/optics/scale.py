@@ -15,7 +15,7 @@ from torsight.core.units import Floats
 
 _STICKS = {"base": (0, 1), "moving": (2, 3)}
 _SIGNIFICANT: Final = NormalDist().inv_cdf(1.0 - 0.5e-4)
-"""Standard deviations from which a difference of lengths is told: chance reaches them once in 10⁴ sticks."""
+"""Standard deviations from which a difference of lengths is reported: chance reaches them once in 10⁴ sticks."""
 _BY_HAND_SIGMA_MM: Final = 0.1
 """Standard deviation of a distance that was measured by hand: a caliper is read to 0.05 mm, and the middles of both
 dots are found by eye to about as much, which makes √3 · 0.05 mm."""
@@ -43,7 +43,7 @@ class StickLength:
 
 @dataclass(frozen=True, slots=True)
 class ScaleCheck(Frozen):
-    """Both sticks' lengths and what they say of the scale; ``complaints`` is empty where all agrees."""
+    """Both sticks' lengths and the scale that follows; ``complaints`` is empty where all agrees."""
 
     sticks: Mapping[str, StickLength]
     complaints: tuple[str, ...]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.optics.camera import Intrinsics
-from torsight.core.optics.geometry import ray_from_pixel
+from torsight.core.optics.geometry import homogeneous, ray_from_pixel
 from torsight.core.units import Flags, Floats
 
 
@@ -37,7 +37,7 @@ class Sight:
         rotation: Floats | None = None,
         shift: Floats | None = None,
     ) -> Sight:
-        """Return what a camera sees at pixel positions (n, 2, 2).
+        """Return the sights of a camera at pixel positions (n, 2, 2).
 
         ``covariance_px2`` (n, 2, 2, 2) is each marker's own; ``shared_px2`` (n,) the variance along each axis of an
         error that both have in common, such as by a camera that moved.
@@ -85,8 +85,7 @@ class Sight:
     @cached_property
     def lines(self) -> tuple[Floats, Floats]:
         """The eye (3,) and the lines of sight (n, 2, 3) in the first camera's coordinates."""
-        ray = np.concatenate((self.ray, np.ones_like(self.ray[..., :1])), axis=-1)
-        return -self.rotation.T @ self.shift, ray @ self.rotation
+        return -self.rotation.T @ self.shift, homogeneous(self.ray) @ self.rotation
 
     def error(self, points: Floats, along: Floats) -> tuple[Floats, Floats]:
         """Return by how much points (n, 2, 3) are seen beside the markers (n, 2, 2), and how that goes with ``along``.

@@ -13,7 +13,7 @@ from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from torsight.core.units import Flags, Floats, Ints
 
@@ -24,7 +24,7 @@ APART: Final = math.sqrt(2.0) * BY_CHANCE
 NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
 ORDER: Final = 3
-"""Order of the differences by which noise is told from a course: lines and parabolas are not seen in third ones."""
+"""Order of the differences that separate noise from a trend: third differences of lines and parabolas are zero."""
 
 
 def runs(flag: Flags) -> list[tuple[int, int]]:
@@ -35,8 +35,12 @@ def runs(flag: Flags) -> list[tuple[int, int]]:
 
 def constant_runs(value: NDArray[Any]) -> list[tuple[int, int]]:
     """Return begin and end (exclusive) of every run of one value; together they cover the series."""
-    edges = np.flatnonzero(value[1:] != value[:-1]) + 1
-    return list(pairwise([0, *edges.tolist(), len(value)])) if len(value) else []
+    return list(pairwise([0, *changes(value).tolist(), len(value)])) if len(value) else []
+
+
+def changes(value: NDArray[Any]) -> Ints:
+    """Return the places at which a series has another value than just before."""
+    return np.flatnonzero(value[1:] != value[:-1]) + 1
 
 
 def usual_step(times: Floats) -> float:
@@ -47,7 +51,7 @@ def usual_step(times: Floats) -> float:
 
 
 def extent(values: Floats) -> tuple[float, float]:
-    """Return between what values lie: 99 % of those that are known, so that a wrong one in 200 does not widen it.
+    """Return the range of 99 % of the known values, so that a wrong one in 200 does not widen it.
 
     Half and twice that share move the ends by what the slowest motion passes in as many samples.
     """
@@ -56,7 +60,7 @@ def extent(values: Floats) -> tuple[float, float]:
 
 
 def block_means(values: Floats, every: int) -> Floats:
-    """Return the means (n // every, …) of so many samples (n, …) that follow each other; a rest is left out."""
+    """Return the means (n // every, …) of successive blocks of ``every`` samples; the rest is dropped."""
     if every < 2:
         return values
     whole = len(values) // every * every
@@ -109,9 +113,9 @@ def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
     return turns
 
 
-def rms(values: Floats) -> float:
+def rms(values: ArrayLike) -> float:
     """Return the root of the mean square of values (n,)."""
-    return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def robust_sigma(deviation: Floats) -> float:

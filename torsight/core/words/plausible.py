@@ -1,4 +1,4 @@
-"""Numbers in another unit than their column says: found by what no rig can do.
+"""Checks for numbers in another unit than their column's, by values that no rig can have.
 
 Every function raises an :class:`~torsight.core.errors.InputError` that names the column, what it looks like and what to
 give.
@@ -76,7 +76,7 @@ def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str, 
     """Refuse a log of heated springs whose times are not seconds, or whose temperatures are not °C.
 
     A spring's wire is thin: it changes by half its range within minutes, never within hours, and it is cold before it
-    is heated. Logs in which nothing is heated pass: others tell them.
+    is heated. Logs in which nothing is heated pass: the stages that need a heating refuse them.
     ``time_s`` (n,) increases, ``temps_c`` holds temperatures (n,) by column; NaN where not known. ``time_name`` is the
     column of times.
     """
@@ -123,7 +123,7 @@ def _require_pace(time_s: Floats, temp_c: Floats, *, where: str) -> None:
     every = -(-len(time_s) // _LOOKED_AT)
     time_s, temp_c = time_s[::every], temp_c[::every]
     half_c = 0.5 * np.ptp(temp_c)
-    # Some rows tell of nearly every log that it is quick enough; all against all take a hundred times as long.
+    # Of nearly every log some pairs of rows show that it is quick enough; all pairs take a hundred times as long.
     for apart in 1 << np.arange(len(temp_c).bit_length() - 1):
         quick = time_s[apart:] - time_s[:-apart] <= _SLOWEST_HALF_S
         if (quick & (np.abs(temp_c[apart:] - temp_c[:-apart]) >= half_c)).any():

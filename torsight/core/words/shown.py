@@ -93,7 +93,7 @@ class Shown:
 
 
 def _own_axes() -> Any:
-    """Return the axes of a new figure, shown by whatever backend matplotlib is told to use."""
+    """Return the axes of a new figure, shown by the backend that matplotlib is set to."""
     try:
         from matplotlib import pyplot as plt
 
@@ -120,7 +120,7 @@ def _warn_of_a_notebook_that_shows_nothing() -> None:
 
 
 def span(values: Any, unit: str) -> str:
-    """Return ``23.1 to 78.4 °C`` for what is known of some values."""
+    """Return ``23.1 to 78.4 °C`` for the known ones of some values."""
     known = np.asarray(values, np.float64)
     known = known[np.isfinite(known)]
     if not len(known):
@@ -145,7 +145,7 @@ def draw_series(axes: Any, time_s: Any, lines: Mapping[str, Any], *, label: str)
 
 
 def draw_models(axes: Any, columns: Mapping[str, Any]) -> None:
-    """Draw the measured angle against time and, where there is one, what the models say: columns of ``curves.csv``."""
+    """Draw the measured angle against time and, where there are any, the models' angles: columns of ``curves.csv``."""
     names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
     lines = {words: columns[name] for name, words in names.items() if name in columns}
     draw_series(axes, columns["time_s"], lines, label="angle, °")

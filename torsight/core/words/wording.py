@@ -111,7 +111,7 @@ def error_words(value_deg: float | None) -> str:
 
 
 EXPLAINED: Final = 2.0
-"""How many noise floors may be left: up to that, what is left is the floor and what the fit is uncertain by."""
+"""How many noise floors the residual may be: up to that, it is the floor and the uncertainty of the fit."""
 
 
 def held_out_errors(discovery: Mapping[str, Any]) -> tuple[float | None, float | None]:
@@ -154,7 +154,7 @@ def times_floor(discovery: Mapping[str, Any]) -> float | None:
 
 
 def unexplained(times: float) -> str:
-    """Return the sentence that says so where more than twice the noise floor is left; else nothing."""
+    """Return the sentence that says so where the residual is more than twice the noise floor; else nothing."""
     if times <= EXPLAINED:
         return ""
     return f"This record is not explained: what is left is {number(times)} times the noise floor."
@@ -176,7 +176,7 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
     if not_explained(discovery) or left is None or not floor or left <= EXPLAINED * float(floor):
         return ""
     return (
-        f"This record does not fix the model's values: held-out half-cycles are missed by "
+        f"This record does not determine the model's values: held-out half-cycles are missed by "
         f"{error_words(left)}, {number(left / float(floor), 2)} times the noise floor."
     )
 
@@ -221,7 +221,7 @@ def named(discovery: Mapping[str, Any]) -> str:
     verdict = discovery.get("verdict")
     names = [effect_name(str(effect["id"])) for effect in discovery.get("effects") or []]
     if verdict == "none":
-        return "Nothing is missing from the model that this record can show."
+        return "This record shows nothing that the model lacks."
     if verdict == "identified" and names:
         count = "an effect" if len(names) == 1 else f"{len(names)} effects"
         return f"The model lacks {count}: {listed(names)}."

@@ -1,4 +1,4 @@
-"""Figures of the answer: before and after in one picture, what each candidate explains, held-out half-cycles, pulls."""
+"""Figures of the answer: before and after in one picture, gains of the candidates, held-out half-cycles, pulls."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ without scrolling in a window of 1280 by 800."""
 
 
 def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
-    """Draw the answer in one picture: the motion above, what either model leaves of it below."""
+    """Draw the answer in one picture: the motion above, the residuals of both models below."""
     time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
     plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
@@ -47,7 +47,7 @@ def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
 
 
 def errors(left: Panel, time_s: Floats, before: Floats, after: Floats, *, alike: bool) -> None:
-    """Draw what either model leaves over time; once, where both are alike."""
+    """Draw the residual of either model over time; one curve where both models are the same."""
     left.rule(0.0, "zero", upright=False)
     left.line(time_s, before, "before", label="error" if alike else "error before")
     if not alike:
@@ -55,7 +55,7 @@ def errors(left: Panel, time_s: Floats, before: Floats, after: Floats, *, alike:
 
 
 def candidates(discovery: Mapping[str, Any]) -> Figure | None:
-    """Draw what every candidate alone explains, as a share of what the best one does."""
+    """Draw the gain of every single candidate, as a share of the best one's."""
     evidence = discovery.get("evidence") or {}
     gains = {name: float(gain) for name, gain in (evidence.get("gains") or {}).items() if gain is not None}
     best = max([*gains.values(), 0.0])
@@ -98,7 +98,7 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
 
 
 def _on_an_axis(words: str) -> str:
-    """Return a name that leaves room for the bars beside it: 48 letters take half of the plot."""
+    """Return a name shortened to 48 letters, which take half of the plot, to leave room for the bars."""
     return textwrap.shorten(words, 48, placeholder=" …")
 
 
@@ -139,7 +139,7 @@ def pulls(
     reach = common_reach(found.values())
     places = {name: float(len(names) - k) for k, name in enumerate(names)}
     plot = Panel(
-        Axis("fitted less characterised value (σ)", -reach, reach),
+        Axis("fitted minus characterised value (σ)", -reach, reach),
         Axis("", 0.4, len(names) + 0.6),
         height=84.0 + 26.0 * len(names),
         y_names=[(place, plain_symbol(name)) for name, place in places.items()],

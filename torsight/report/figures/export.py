@@ -1,4 +1,4 @@
-"""Every figure of the report beside it: as an SVG that stands alone, with its numbers as CSV."""
+"""Files of the report's figures: each as a self-contained SVG, with its numbers as CSV."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Figure:
 
     @property
     def drawn_height(self) -> float:
-        """With Bokeh's row of tools, which stands above panels that share it, pixels."""
+        """Height in pixels, with Bokeh's row of tools above panels that share it."""
         return self.height + (_TOOLS_PX if len(self.panels) > 1 else 0.0)
 
     @property
@@ -66,7 +66,7 @@ def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:
     """Shade the held-out half-cycles."""
     held = column(curves, "held_out") > 0.5
     if held.all():
-        # Every half-cycle was left out in turn: there is nothing to tell apart.
+        # Every half-cycle was left out in turn: there is nothing to distinguish.
         return
     time_s = column(curves, "time_s")
     for begin, end in runs(held):

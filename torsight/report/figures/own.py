@@ -52,7 +52,7 @@ def figures_of(found: Findings) -> dict[str, list[Figure]]:
 
 
 def before_and_after(one: Series, count: int, *, floor: float | None) -> Figure:
-    """Draw one output of one record: measured and both models above, what either leaves below."""
+    """Draw one output of one record: measured and both models above, both residuals below."""
     before, after = one.measured - one.before, one.measured - one.after
     quantity = one.unit or "observed"
     motion = Panel(
@@ -126,12 +126,12 @@ def pulled(found: Findings) -> Figure | None:
 
 
 def _plain(name: str) -> str:
-    """Return a name as it stands in a file's."""
+    """Return a name in the form used in file names."""
     return re.sub(r"\W+", "_", name).strip("_")
 
 
 def residual_over(found: Findings, output: int, name: str, values: Floats) -> Figure | None:
-    """Draw what both models leave of an output over one variable on which an effect may depend."""
+    """Draw the residuals of both models over one variable on which an effect may depend."""
     quantity = found.outputs[output]
     rows, scale = found.rows_of(output)
     before, after = (scale * one.residual[rows] for one in (found.field.base, found.decision.chosen))

@@ -1,4 +1,4 @@
-"""The experiment that would tell rivals apart, drawn: the programme, and what each rival predicts under it."""
+"""The experiment that would separate the explanations, drawn: the programme, and what each predicts under it."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def segments(content: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def worth(content: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what the programme is worth, as rows: separation, a plain repeat's, what is needed, duration."""
+    """Return the worth of the programme as rows: separation, that of a plain repeat, separation needed, duration."""
     rows = []
     for key, label in (
         ("separation_sigmas", "this programme keeps them apart by"),

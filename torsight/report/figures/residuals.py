@@ -16,6 +16,9 @@ from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, is_driven, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
 
+_BINS: Final = 25
+"""Bins of a variable over which residuals are averaged, each 4 % of its range: a choice, for a picture alone."""
+
 
 def is_plain(curves: pd.DataFrame) -> bool:
     """Return whether the curves are those of the plain model alone: nothing was added to it."""
@@ -132,7 +135,7 @@ def over_variable(
         for name, branch in parts.items():
             good = inside & branch & np.isfinite(left)
             if good.sum() > 2:
-                centre, mean = bin_means(values[good], left[good], bins=25)
+                centre, mean = bin_means(values[good], left[good])
                 plot.line(centre, mean, f"{kind} mean")
                 kept = np.isfinite(mean)
                 data["residual"] += [kind] * int(kept.sum())
@@ -163,11 +166,11 @@ def branches(curves: pd.DataFrame) -> dict[str, Flags]:
     return {name: branch for name, branch in found.items() if branch.any()}
 
 
-def bin_means(x: Floats, y: Floats, *, bins: int) -> tuple[Floats, Floats]:
-    """Return centre and mean of evenly spaced bins; NaN where a bin holds too little of the samples to mean much."""
-    count, edges = np.histogram(x, bins)
-    total, _ = np.histogram(x, bins, weights=y)
-    enough = count > 0.05 * len(x) / bins  # a twentieth of what all would hold, were they filled evenly
+def bin_means(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return centre and mean of evenly spaced bins; NaN where a bin holds too few of the samples."""
+    count, edges = np.histogram(x, _BINS)
+    total, _ = np.histogram(x, _BINS, weights=y)
+    enough = count > 0.05 * len(x) / _BINS  # a twentieth of what each would hold if all were filled evenly
     mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean
 

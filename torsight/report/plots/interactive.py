@@ -53,7 +53,7 @@ class Drawing:
     roots: Mapping[str, str]
 
     def content(self) -> str:
-        """Return what stands in the page; ``<`` is written so that no word in it can end the element around it."""
+        """Return the JSON for the page; ``<`` is escaped so that no text in it can end the element around it."""
         return json.dumps({"document": json.loads(self.document), "roots": dict(self.roots)}).replace("<", "\\u003c")
 
 

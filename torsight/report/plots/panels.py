@@ -79,7 +79,7 @@ def style_of(kind: str) -> Style:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One axis: what it shows with its unit, its range at first, and the clock that it is the time of.
+    """One axis: its label with the unit, its initial range, and for a time axis its clock.
 
     Time axes of one clock move together.
     """
@@ -119,7 +119,7 @@ class Line:
     ordered: bool = True
 
     def thinned(self, panel: Panel, bins: int) -> tuple[Floats, Floats]:
-        """Return what is drawn where the panel is ``bins`` pixels wide."""
+        """Return the points to draw where the panel is ``bins`` pixels wide."""
         if self.ordered:
             return thin_series(self.x, self.y, bins=bins)
         # Two points for each pixel of a path that crosses the panel about twice.

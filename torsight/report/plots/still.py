@@ -68,7 +68,7 @@ def still(panels: Sequence[Panel]) -> str:
 
 
 def bare(svg: str) -> str:
-    """Return matplotlib's SVG without what says when and by what it was made: the same results make the same bytes."""
+    """Return matplotlib's SVG without date and creator, so that the same results give the same bytes."""
     return re.sub(r"<metadata>.*?</metadata>\s*", "", svg[svg.index("<svg") :], flags=re.DOTALL).strip()
 
 
@@ -143,7 +143,7 @@ def _plain(words: str) -> str:
 
 
 def _legend_rows(panel: Panel, width: float) -> list[list[tuple[Any, str]]]:
-    """Return the legend's entries, in as many rows as the width makes of them."""
+    """Return the legend's entries in as many rows as the width requires."""
     rows: list[list[tuple[Any, str]]] = []
     room = 0.0
     for mark, label in panel.legend():
@@ -218,7 +218,7 @@ def _dashes(dash: tuple[int, ...]) -> Any:
 
 
 def _handle(mark: Any) -> Any:
-    """Return what stands before a label of the legend."""
+    """Return the symbol before a label of the legend."""
     if isinstance(mark, (Band, Box, Ribbon)):
         style = style_of(mark.kind)
         return Patch(facecolor=style.colour, alpha=style.opacity, linewidth=0.0)

@@ -1,6 +1,6 @@
 r"""Which further measurement makes a value more certain, from the covariance of a fit alone.
 
-A fit adds what the record tells to what was characterised before, :math:`P^{-1} = I + S`, with :math:`P` the
+A fit adds the record's information to what was characterised before, :math:`P^{-1} = I + S`, with :math:`P` the
 covariance of the fitted values, :math:`S` diagonal with :math:`1/σ^2` of the characterised ones, and :math:`I` the
 record's own information. A record :math:`k` times as long holds :math:`k I`; a value characterised :math:`m` times as
 well has :math:`m^2/σ^2`. So the interval after a measurement that nobody has made follows from numbers that are there,
@@ -28,7 +28,7 @@ HALVED: Final = 0.505
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A further measurement, and what it makes of an interval: its width after it, in widths of today's.
+    """A further measurement, and the width of an interval after it, relative to today's width.
 
     ``factor`` is how much better the value of this ``name`` is characterised, or, without one, how much longer the
     record is.

@@ -29,8 +29,8 @@ def doubts(results: RunResults) -> list[Markup]:
             found += [extra] if isinstance(extra, str) else [in_words(one) for one in extra]
     # Where a discovery has answered, it says itself what its model leaves.
     settled = (results.fit or {}).get("attention") or () if results.discovery is not None else ()
-    told = (as_sentence(one) for one in found if one.strip() and one not in settled)
-    return [with_symbols(one) for one in dict.fromkeys(told)]
+    sentences = (as_sentence(one) for one in found if one.strip() and one not in settled)
+    return [with_symbols(one) for one in dict.fromkeys(sentences)]
 
 
 def as_sentence(words: str) -> str:
@@ -52,13 +52,13 @@ def _of_angle(results: RunResults) -> list[str]:
     if "branch_certain" in table.columns:
         certain = table["branch_certain"].to_numpy(dtype=float) > 0.5
         if not certain.all():
-            found.append(f"In {int((~certain).sum())} frames after a gap the whole turn rests on a guess.")
+            found.append(f"In {int((~certain).sum())} frames after a gap the number of whole turns is a guess.")
     return found
 
 
 def _of_clocks(sync: Mapping[str, Any]) -> list[str]:
     return [
-        f"This record does not fix the clocks' {name}."
+        f"This record does not determine the clocks' {name}."
         for name in ("offset_s", "drift_ppm")
         if name in sync and None in ((sync[name] or {}).get("ci95") or [None])
     ]
@@ -67,14 +67,14 @@ def _of_clocks(sync: Mapping[str, Any]) -> list[str]:
 def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
     found = []
     if discovery.get("verdict") == "ambiguous":
-        found.append(f"This record cannot tell apart: {'; '.join(explanations(discovery))}.")
+        found.append(f"This record cannot distinguish: {'; '.join(explanations(discovery))}.")
     if discovery.get("verdict") == "unknown":
         found.append("A measured law is known where this record covered its variable; beyond that it is a guess.")
     if not discovery.get("held_out"):
         found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
     for effect in discovery.get("effects") or []:
         chance = effect.get("probability")
-        # A discovery.json does not say where its engine was told another level.
+        # A discovery.json does not say whether its engine was given another level.
         if chance is not None and chance < Settings().credible:
             found.append(f"The effect '{effect_name(str(effect['id']))}' is named with probability {chance:.2f} only.")
     return found

@@ -35,7 +35,7 @@ class Step(NamedTuple):
 
 
 def next_steps(results: RunResults) -> list[Step]:
-    """Return what a person can do next; nothing where no discovery was made."""
+    """Return the recommended next steps; empty where no discovery was made."""
     if results.discovery is None or error_left(results.discovery) is None:
         return []
     model = _model(results)
@@ -63,19 +63,20 @@ def _limit(results: RunResults) -> str:
         return "The record's noise floor is not known, so nothing can be said."
     if not_explained(discovery):
         return (
-            f"The model, not the measurement: {number(times_floor(discovery))} times the noise floor is left. A longer "
-            "record will not narrow the intervals honestly before what is left is explained."
+            f"The model, not the measurement: the residual is {number(times_floor(discovery))} times the noise floor. "
+            "A longer record narrows the intervals honestly only once the residual is explained."
         )
     if discovery.get("verdict") == "ambiguous":
-        return "The programme: it moves the actuator alike under each of the explanations. Run the one proposed below."
+        return "The programme: it moves the actuator alike under all explanations. Run the one proposed below."
     if left > EXPLAINED * floor:
         return (
-            f"How well this record fixes the values: what the fit leaves is noise, but held-out half-cycles are off "
-            f"by {number(left, 2)}° rms, {number(left / floor, 2)} times the noise floor. More half-cycles help, and "
-            "complete heatings: where one ends too early, its temperature's error stays in the angle."
+            "How well this record determines the values: the residual of the fit is noise, but held-out half-cycles "
+            f"are off by {number(left, 2)}° rms, {number(left / floor, 2)} times the noise floor. More half-cycles "
+            "help, and complete heatings: where one ends too early, its temperature's error stays in the angle."
         )
-    return f"Noise, not the model: {number(left, 2)}° rms are left, and no model can leave less than about " + _noise(
-        results, float(floor)
+    return (
+        f"Noise, not the model: the residual is {number(left, 2)}° rms, and no model's can be less than about "
+        + _noise(results, float(floor))
     )
 
 
@@ -116,7 +117,7 @@ def _halving(results: RunResults, model: FittedModel | None) -> list[Step]:
     if not lines:
         return []
     if not_explained(results.discovery or {}):
-        lines.append(Markup("All this holds once what is left has been explained."))
+        lines.append(Markup("All this holds once the residual has been explained."))
     return [Step("Which measurement would halve the intervals?", Markup("<br>").join(lines))]
 
 
@@ -184,7 +185,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
         return Step(question, escape(f"Not yet, because {', and '.join(against)}.{ends}"), good=False)
     within = f"within about ±{number(2.0 * (left if sigma is None else max(sigma, left)), 2)}° (two sigmas)"
     if sigma is not None and sigma > EXPLAINED * left:
-        words = f"Only {within}: the record leaves the values so uncertain, and more half-cycles would fix them."
+        words = f"Only {within}, because the record determines the values no better; more half-cycles would."
         return Step(question, escape(f"{words}{ends}"))
     return Step(question, escape(f"Yes, {within}, for temperatures and rates like this record's.{ends}"), good=True)
 

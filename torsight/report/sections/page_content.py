@@ -39,13 +39,13 @@ FILES: Final = {
     "merged.csv": "angle and temperatures on one clock",
     "curves.csv": "the curves and residuals of this page",
     "track.json": "how well the film was tracked",
-    "track.png": "frames of the film with what was read in them",
+    "track.png": "frames of the film with the markers as read",
     "sync.json": "the two clocks",
     "fit.json": "the plain model's fit",
     "discovery.json": "what was missing",
     "model.json": "the model, for torsight predict",
-    "next_experiment.csv": "the programme that would tell the explanations apart",
-    "recording.rrd": "the run to look at, for torsight view",
+    "next_experiment.csv": "the programme that would distinguish the explanations",
+    "recording.rrd": "the film and all curves, for torsight view",
     "provenance.json": "versions, inputs, configuration",
 }
 
@@ -66,7 +66,7 @@ class Tile(NamedTuple):
 
 
 def lead(results: RunResults) -> str:
-    """Return the sentence under the headline: what the extension did to the error."""
+    """Return the sentence under the headline: the error before and after the extension."""
     discovery = results.discovery or {}
     before, after = held_out_errors(discovery)
     floor = discovery.get("noise_floor_deg")
@@ -78,14 +78,12 @@ def lead(results: RunResults) -> str:
         ends += f" {_why_open(discovery)}"
         if fitted is not None:
             ends += f" The fit to all half-cycles leaves {error_words(float(fitted))} rms."
-    if not discovery.get("effects") and discovery.get("verdict") == "none":
-        return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
-    if after is None:
+    if after is None or (not discovery.get("effects") and discovery.get("verdict") == "none"):
         return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
     if not_explained(discovery):
         # The headline's figure is not the ratio of the two that stand here.
         ends += (
-            f" What is left is {number(times_floor(discovery))} times that where each independent reading counts once: "
+            f" The residual is {number(times_floor(discovery))} times that, each independent reading counted once: "
             "a rest is one, however long."
         )
     took = f"from {error_words(before)} to {error_words(after)} rms"
@@ -97,8 +95,8 @@ def _why_open(discovery: Mapping[str, Any]) -> str:
     count = len(discovery.get("held_out") or [])
     others = f"the other {count - 1}" if count > 2 else "the other one"
     return (
-        f"The error on held-out half-cycles is no further effect: each half-cycle is predicted by a fit to {others} "
-        "alone, which leaves the model's values open. More half-cycles, and complete heatings, would fix them."
+        "The error on held-out half-cycles is no sign of a further effect: each half-cycle is predicted by a fit to "
+        f"{others} alone, which does not determine the model's values. More half-cycles, and complete heatings, would."
     )
 
 
@@ -199,7 +197,7 @@ def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
 
 
 def missing(results: RunResults) -> dict[str, Any]:
-    """Return what the section on the missing effect shows."""
+    """Return the content of the section on the missing effect."""
     discovery = results.discovery
     if discovery is None:
         return {}
@@ -283,7 +281,7 @@ def score(value: float | None) -> str:
 
 
 def planned(content: Any) -> dict[str, Any]:
-    """Return what is said of the next experiment: its sentence, its worth, its segments, or whatever else there is."""
+    """Return the content on the next experiment: its sentence, its worth, its segments."""
     if not isinstance(content, Mapping):
         return {"other": plain_items(content)} if content else {}
     known = {"text", "segments", "duration_s", "pairs", "file", "needed_gain"}
@@ -324,7 +322,7 @@ def in_words(value: Any) -> str:
 
 
 def tracking(results: RunResults) -> dict[str, Any]:
-    """Return what the section on the tracking shows."""
+    """Return the content of the section on the tracking."""
     track = results.track or {}
     events = [
         (
@@ -374,7 +372,7 @@ def clocks(results: RunResults) -> list[tuple[str, str]]:
 
 
 def origin(results: RunResults) -> dict[str, Any]:
-    """Return what the section on the provenance shows."""
+    """Return the content of the section on the provenance."""
     content = results.provenance
     if content is None:
         return {}

@@ -48,7 +48,7 @@ class SensorGain(HiddenEffect):
 class ClockOffset(HiddenEffect):
     """A clock error that nobody corrected: the temperatures of a merged table are this late or early."""
 
-    offset_s: float = key(1.0, "temperature time less film time at the start", lower=-600.0, upper=600.0)
+    offset_s: float = key(1.0, "temperature time minus film time at the start", lower=-600.0, upper=600.0)
     drift_ppm: float = key(0.0, "drift between the clocks", lower=-1000.0, upper=1000.0)
 
 

@@ -16,7 +16,7 @@ class HiddenEffect:
     """One effect that a rig has and its ``actuator.toml`` does not declare; its keys are the scene file's."""
 
     def constants(self) -> dict[str, float]:
-        """Return the constants of the integrator that its keys set, SI; none where it acts on clock or reading only."""
+        """Return the integrator's constants that its keys set, SI; empty where it acts on clock or reading only."""
         return constants_of(self)
 
 
@@ -158,7 +158,7 @@ class ReadingDrift(HiddenEffect):
 
 @dataclass(frozen=True, slots=True)
 class RoomDrift(HiddenEffect):
-    """The room warms up or swings, and with it what the sensors read beside the wires' temperature."""
+    """The room warms up or oscillates, and the sensors' readings change with it."""
 
     rate_c_h: float = key(1.0, "drift of the readings", lower=-100.0, upper=100.0)
     swing_c: float = key(0.0, "half of a swing of the readings beside it", lower=-20.0, upper=20.0)

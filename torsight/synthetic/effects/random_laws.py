@@ -1,4 +1,4 @@
-"""Laws that no form fits: smooth random functions of one variable at one place of the rig.
+"""Laws without a known form: smooth random functions of one variable at one place of the rig.
 
 A law is a table over its driver. Those of the compiled integrator have a slot each there; those of the reading and of
 the recoverable angle act before and after it. Values are what is added, or a relative change:

@@ -99,7 +99,7 @@ class Occluders:
                 self._bars.append((event, seen[chosen].mean(axis=0)))
 
     def at(self, time_s: float) -> list[Bar]:
-        """Return what stands in front of the picture at an instant of the film's clock."""
+        """Return what covers the picture at an instant of the film's clock."""
         found = []
         for event, target_px in self._bars:
             since_s = time_s - event.start_s

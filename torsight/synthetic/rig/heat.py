@@ -51,7 +51,7 @@ def lag_step(c: Constants, temps_c: Floats, lagged_c: Floats, step_s: float) -> 
 
 @lending
 def sense(c: Constants, lagged_c: float, noise_c: float) -> float:
-    """Return what a sensor reads whose own temperature is ``lagged_c``, °C."""
+    """Return the reading, °C, of a sensor whose own temperature is ``lagged_c``."""
     excess = lagged_c - c.room_c
     gain = c.sensor_gain
     if c.sensor_form == 1:

@@ -56,7 +56,7 @@ about it."""
 
 
 class Course(NamedTuple):
-    """What is done at every sample (n,): commands, references, what laws leave of the recoverable angle, and noise.
+    """Inputs at every sample (n,): commands, references, the share of the recoverable angle that laws leave, and noise.
 
     Commands: 0 rest, 1 or 2 spring A or B switched on, −1 or −2 cooling after it. ``cycle`` is the number of the
     spring's earlier cycles, for fatigue; ``noise_c`` (n, 2) is that of the two readings.
@@ -126,7 +126,7 @@ def passive_step(c: Constants, spring: Spring, temp_c: float, since_s: float) ->
 def move(
     pair: Pair, springs: Springs, motion: Floats, temps_c: Floats, step_s: float, active: int, sliding: int
 ) -> int:
-    """Move the rig one step on; return 1 where it slides.
+    """Advance the rig by one step; return 1 where it slides.
 
     Where sticking turns into sliding the active spring's reference is taken anew.
     """

@@ -62,7 +62,7 @@ class Thermal:
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """Section [sensor]: what the temperature readings are like."""
+    """Section [sensor]: sampling time, lag, noise and resolution of the temperature readings."""
 
     sample_s: float = key(0.015, "sampling time of log and controller", lower=1e-3, upper=10.0)
     noise_c: float = key(0.03, "standard deviation of a reading", lower=0.0, upper=10.0)
@@ -214,7 +214,7 @@ def home_state(pair: NDArray[np.void], angle_rad: float) -> Floats:
 
 
 def _room_drift(since_s: Floats, effects: Mapping[str, HiddenEffect]) -> Floats:
-    """Return what the room adds to both readings, °C, so long after the record began."""
+    """Return the change of both readings by the room, °C, at times after the record began."""
     drift_c = np.zeros_like(since_s)
     for effect in effects.values():
         if isinstance(effect, RoomDrift):

@@ -60,7 +60,7 @@ def loading(c: Constants, theta: float) -> float:
 
 @lending
 def bend(c: Constants, theta: float) -> float:
-    """Return what a loading curve that stiffens as a cubic has more than two slopes, N·m."""
+    """Return the torque, N·m, by which a loading curve with cubic stiffening exceeds that of two slopes."""
     if c.stiff_form != BEND or theta <= c.stiff_onset or c.stiff == 0.0:
         return 0.0
     steepest = _STEEPEST * (c.k_m - c.k_s)
@@ -123,7 +123,7 @@ def recoverable(c: Constants, theta_max: float) -> float:
 
 @lending
 def side_torque(c: Constants, theta: float, temp_c: float) -> float:
-    """Return what stands beside the phase law: stiffening, a law of the winding, the early step of the R-phase."""
+    """Return the torque beside the phase law: stiffening, a law of the winding, the early step of the R-phase."""
     power = 3.0 if c.stiff_form == 0 else (1.0 if c.stiff_form == 1 else 2.0)
     tau = law(c, _WINDING, theta)
     if c.stiff_form < LOADING:
@@ -321,7 +321,7 @@ def start_heating(c: Constants, spring: Spring, theta: float, temp_c: float, cyc
 
 @lending
 def restart_heating(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
-    """Heat a spring again before it is cold: it recovers what it had recovered, and no more than its winding left."""
+    """Heat a spring again before it is cold: it recovers the same angle again, limited by its winding."""
     s = spring.s
     wound = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
     s[THETA_L] = min(s[THETA_L], recoverable(c, wound) / max(s[XI], 1e-9))

@@ -50,7 +50,7 @@ _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
 
 class Session:
-    """A live record from its first frame to its summary: what is watched, its temperature log, and the record's folder.
+    """A live record from its first frame to its summary: the source, its temperature log, and the record's folder.
 
     ``feed`` is the screen, ``model`` what is computed beside; ``say`` takes a line for the person at the terminal.
     """
@@ -92,7 +92,8 @@ class Session:
         self._model_deg = math.nan, math.nan
         self._temperatures: dict[str, float] = {}
         self._trouble = ""
-        self._steady = False
+        self.steady = False
+        """Whether the markers are found and no frames wait any more: from there on latency counts."""
         self._closed = False
 
     def run(self, stop: threading.Event) -> Outcome:
@@ -160,7 +161,7 @@ class Session:
         self._recorder.frame(frame.index, frame.time_s, seen)
         self._show(frame, seen)
         self._intake.go()
-        if self._steady and not frame.dropped:
+        if self.steady and not frame.dropped:
             self._latency.add(time.perf_counter() - frame.arrived_s)
         self._angle_deg = seen.angle_rad / DEG
         self.outcome.count(seen.angle_rad, dropped=frame.dropped, missed=frame.missed)
@@ -193,7 +194,7 @@ class Session:
     def _show(self, frame: LiveFrame, seen: Seen) -> None:
         if self._feed is None:
             return
-        counts = self._steady and not frame.dropped
+        counts = self.steady and not frame.dropped
         self._feed.put("angle", frame.time_s, frame.index, seen.angle_rad / DEG, frame.arrived_s if counts else None)
         if frame.luma is not None and frame.arrived_s >= self._due["picture"]:
             self._due["picture"] = frame.arrived_s + 1.0 / PICTURES_HZ
@@ -208,12 +209,12 @@ class Session:
 
     def _settle(self) -> None:
         """Count latency from where the markers are found and the frames that waited for it have been taken."""
-        if self._steady or not self._tracker.found:
+        if self.steady or not self._tracker.found:
             return
         waits = self._intake.pictures.waits
         if waits or self._intake.waiting == 0:
             self._intake.hurry()
-            self._steady = self._intake.waiting <= (WAITING_FRAMES if waits else 0)
+            self.steady = self._intake.waiting <= (WAITING_FRAMES if waits else 0)
 
     # --- beside the frames ------------------------------------------------------------------------------------------
 
@@ -310,7 +311,7 @@ class Session:
         self._put("event", time_s, "WARN" if kind in _WARNINGS else "INFO", f"{kind}: {text}")
 
     def _put(self, kind: str, *entry: Any) -> None:
-        """Show an entry, where there is a screen."""
+        """Send an entry to the screen, if there is one."""
         if self._feed is not None:
             self._feed.put(kind, *entry)
 

@@ -28,7 +28,7 @@ _STEPS: Final = WAITING_FRAMES + 1
 
 
 def open_capture(number: int, fps: float | None) -> cv2.VideoCapture:
-    """Open OpenCV's capture of a camera, at a rate if one is asked for; its own words on an absent one are hushed."""
+    """Open OpenCV's capture of a camera, at a rate if one is given, without OpenCV's messages."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(0)
     try:

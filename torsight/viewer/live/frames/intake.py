@@ -78,7 +78,7 @@ class Pictures:
         raise NotImplementedError
 
     def describe(self) -> dict[str, Any]:
-        """Return what is known of the source, for ``track.json``."""
+        """Return the description of the source for ``track.json``."""
         return {"kind": self.kind, "name": self.name}
 
 
@@ -147,7 +147,7 @@ class Intake:
     def _read(self) -> None:
         try:
             self._read_all()
-        except Exception as error:  # noqa: BLE001 - told by the session that takes the frames
+        except Exception as error:  # noqa: BLE001 - raised by the session that takes the frames
             self.error = error
         finally:
             with self._changed:
@@ -188,7 +188,7 @@ class Intake:
         return held_s
 
     def _drop_beyond(self, count: int) -> None:
-        """Take the oldest pictures of more than so many that wait; their frames stay."""
+        """Drop the oldest waiting pictures beyond ``count``; their frames stay."""
         with_picture = [one for one in self._frames if one.luma is not None]
         for late in with_picture[: max(0, len(with_picture) - count)]:
             late.luma, late.dropped = None, True

@@ -19,7 +19,7 @@ from tracker.frames.source import open_source
 
 
 def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, grows: bool = False) -> Pictures:
-    """Open what is to be watched: a camera by its number, a stream on this computer, a film, or a row of pictures.
+    """Open a source: a camera by its number, a stream on this computer, a film, or a row of pictures.
 
     A film plays at ``speed`` times its own pace; ``fps`` is the rate of pictures, or that to ask of a camera. One that
     ``grows`` is still being written: more is waited for where it ends.
@@ -64,5 +64,5 @@ class Film(Pictures):
             yield Picture(frame.time_s, None if frame.luma is None else frame.luma.copy(), frame.damaged)
 
     def describe(self) -> dict[str, Any]:
-        """Return what is known of the film."""
+        """Return the description of the film for ``track.json``."""
         return {**self._source.describe(), "speed": self.speed}

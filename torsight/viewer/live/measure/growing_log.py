@@ -42,7 +42,7 @@ class LogRow(NamedTuple):
 class WatchedLog:
     """The temperature log of a live record, which may come later than the film, and what the user says of its columns.
 
-    ``offset_s`` is the log's time less film time; None: taken from when rows arrive.
+    ``offset_s`` is the log's time minus film time; None: taken from when rows arrive.
     """
 
     path: Path
@@ -223,7 +223,7 @@ class LogFollower:
 
 
 class LogClock:
-    """From the log's clock to the film's while both run; ``offset_s`` is log's less film's time where it is known.
+    """From the log's clock to the film's while both run; ``offset_s`` is log's minus film's time where known.
 
     A row cannot arrive before it was written: the largest difference between a row's timestamp and the film's time at
     its arrival is the offset, to within the shortest delay. Rows that lie there at the start say nothing; they are

@@ -79,9 +79,9 @@ class Thinned:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelNews:
-    """What the model says of the record so far, or why it says nothing (``trouble``).
+    """The model's results for the record so far, or why there are none (``trouble``).
 
-    Its angle, and measured less modelled (n,; NaN where not measured); every half-cycle that has begun; where it was
+    Its angle, and measured minus modelled (n,; NaN where not measured); every half-cycle that has begun; where it was
     fitted, the friction torque in the form of the JSON outputs, and all values of that fit, which are used from then
     on.
     """
@@ -98,7 +98,7 @@ class ModelNews:
 def model_of(
     spec: ActuatorSpec, columns: tuple[Floats, ...], values: Mapping[str, float] | None, *, friction: bool
 ) -> ModelNews:
-    """Simulate (and fit, if the friction is asked for) the plain model on a record; runs in its own process."""
+    """Simulate the plain model on a record, after fitting it if ``friction`` is true; runs in its own process."""
     from torsight.actuator.effects import always_fitted
     from torsight.actuator.model import ActuatorModel
 
@@ -208,8 +208,8 @@ class ModelWatch:
 
     def close(self) -> None:
         """End the process; a job that runs is given up."""
-        for process in list(getattr(self._pool, "_processes", None) or {}):
-            self._pool._processes[process].terminate()  # noqa: SLF001 - the pool has no other way not to wait
+        for process in list((self._pool._processes or {}).values()):  # noqa: SLF001 - it has no other way not to wait
+            process.terminate()
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _ask(self, *, whole: bool = False) -> None:
@@ -246,7 +246,7 @@ class ModelWatch:
         )
 
     def _columns(self, *, again: bool) -> tuple[Floats, ...] | None:
-        """Return the record as far as both angle and temperatures reach; None where there is no more than last time."""
+        """Return the part of the record that has both angle and temperatures; None if it has not grown."""
         if min(len(self._angles), len(self._temperatures)) < LEAST_ROWS:
             return None
         time_s, angle, sigma = self._angles.columns()
@@ -259,7 +259,7 @@ class ModelWatch:
 
 
 def _quiet() -> None:
-    """Leave Ctrl-C, and the processor where it is short, to the program that measures; end when it is killed."""
+    """Ignore Ctrl-C, give way to the measuring process, and end when that is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     step_back()
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
-from torsight.core.tracks import MARKERS, MarkerTracks
+from torsight.core.tracks import MARKERS, MarkerTracks, mean_sigma
 from torsight.core.units import Floats
 from torsight.viewer.live.frames.intake import LiveFrame
 from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.model_watch import STEP_S
-from torsight.viewer.live.measure.which_markers import ENDS, OTHERS, Told, WhichMarkers
+from torsight.viewer.live.measure.which_markers import ENDS, OTHERS, Decision, WhichMarkers
 from tracker.detect.marker_file import MarkerHints
 from tracker.follow.follower import Follower
 from tracker.frames.frame import Damage, Frame
@@ -34,7 +34,7 @@ from tracker.track import told_by_motion
 
 _LOOK_EVERY_S: Final = 0.5 * THOUGHT_S
 """How often markers are looked for until they are seen."""
-_TELL_AFTER: Final = 3
+_REPORT_AFTER: Final = 3
 """Frames for which a marker must be away, or back, before it is reported: of frames that show it 98 times in 100, three
 in a row miss it by chance once in 0.02⁻³ = 125,000, an hour at 35 per second."""
 _EARLIER_MOST: Final = round(3600.0 / STEP_S)
@@ -105,10 +105,10 @@ class LiveTracker:
         self, hints: MarkerHints | None, camera: Camera | None, *, name: str, tell: Tell, pixel_aspect: float = 1.0
     ) -> None:
         self.which: WhichMarkers | None = None
-        """Weighs which dots are the markers; None where that was told."""
+        """Decides which dots are the markers; None where the user marked them."""
         self.undecided = False
         self.anew = False
-        """Whether the angles so far were of other markers; who is told of that sets it back."""
+        """Whether the angles so far were of other markers; whoever reads it resets it."""
         self._mends: list[_Mend] = []
         self._order, self._exchanged = _SAME, [False, False]
         self._began = 0
@@ -120,7 +120,7 @@ class LiveTracker:
         self._follower: Follower | None = None
         self._looked_s = -math.inf
         self._away = np.zeros(4, np.int64)
-        self._told = np.zeros(4, bool)
+        self._reported = np.zeros(4, bool)
         self._lost_since_s: float | None = None
         self._still: deque[tuple[float, Floats, Floats]] = deque(maxlen=_EARLIER_MOST)
         self._earlier: list[EarlierAngle] = []
@@ -148,7 +148,7 @@ class LiveTracker:
         row = follower.step(picture)
         if knew is None and follower.moving is not None:
             self._tell(frame.time_s, frame.index, "motion", "the moving stick shows; the angle counts from here")
-        if self._motion_tells(frame, picture) and self._follower is not None:
+        if self._decide(frame, picture) and self._follower is not None:
             follower = self._follower
             row = follower.step(picture)
         order = self._ordered(frame.index)
@@ -201,18 +201,18 @@ class LiveTracker:
             self._order = order
         return order
 
-    def _settle(self, which: WhichMarkers, told: Told, rows: int, follower: Follower | None) -> None:
-        """Go on with the markers that motion tells; where others were followed, that replaces so many ``rows``."""
+    def _settle(self, which: WhichMarkers, decision: Decision, rows: int, follower: Follower | None) -> None:
+        """Continue with the decided markers; if others were followed, the last ``rows`` rows are replaced."""
         self.undecided = False
-        tracks = which.tracks(told)
-        if told.base is None:
+        tracks = which.tracks(decision)
+        if decision.base is None:
             self._mends.append((rows, tracks))
             self._order, self._exchanged, self._follower = _SAME, [False, False], follower
-        elif any(told.exchanged):
-            self._exchanged = list(told.exchanged[:: -1 if told.base else 1])
+        elif any(decision.exchanged):
+            self._exchanged = list(decision.exchanged[:: -1 if decision.base else 1])
         else:
             return
-        what = OTHERS if told.base is None else ENDS
+        what = OTHERS if decision.base is None else ENDS
         self._tell(float(tracks.time_s[-1]), rows - 1, "motion", f"{what}; the angle is of these, from the start")
         self.anew, self._angle = True, self._new_angle()
         self._still.clear()
@@ -220,32 +220,32 @@ class LiveTracker:
             self._keep_still(*one)
         self._look_back(_SAME)
 
-    def _motion_tells(self, frame: LiveFrame, picture: Frame) -> bool:
-        """Look which dots are the markers where it is time to; return whether others are followed from here."""
+    def _decide(self, frame: LiveFrame, picture: Frame) -> bool:
+        """Decide which dots are the markers if that is due; return whether other dots are followed from here."""
         if self.which is None or not self.undecided or not self.which.add(picture):
             return False
-        told = self.which.told()
+        decision = self.which.decide()
         follower = self._follower
         if not self.which.sure:
             return False
-        if told.base is None:
-            follower = self.which.follower(told)
+        if decision.base is None:
+            follower = self.which.follower(decision)
         if follower is None or follower.moving is None:
             return False
         before, self._follower = self._follower, follower
-        self._settle(self.which, told, frame.index + 1, follower)
+        self._settle(self.which, decision, frame.index + 1, follower)
         return follower is not before
 
     def end(self, rows: int) -> None:
-        """Take what all of a record of so many rows tells of the markers, where nothing was sure so far."""
+        """Decide from the whole record of ``rows`` rows which dots are the markers, if no decision was sure before."""
         if self.which is not None and self.undecided and rows > self._began + 1:
-            told = self.which.told()
-            self._settle(self.which, told, rows, self._follower)
-            if told.base is not None:
+            decision = self.which.decide()
+            self._settle(self.which, decision, rows, self._follower)
+            if decision.base is not None:
                 self._ordered(rows)
 
     def chosen(self, tracks: MarkerTracks) -> tuple[MarkerTracks, dict[str, Any]]:
-        """Return the markers of a whole record in the order that all of it tells, and how sure that is."""
+        """Return the markers of a whole record in the order decided from all of it, and how sure that is."""
         if self.which is None:
             return tracks, {}
         order, report, variance_rad2 = told_by_motion(tracks, self.which.choice, radius_px=self.which.radius_px)
@@ -270,7 +270,7 @@ class LiveTracker:
         values[: self._began] = np.nan
         for rows, change in self._mends:
             if isinstance(change, MarkerTracks):
-                sigma_px = np.sqrt(0.5 * np.trace(change.covariance_px2, axis1=2, axis2=3))
+                sigma_px = mean_sigma(change.covariance_px2)
                 values[self._began : rows] = np.concatenate([change.position_px, sigma_px[..., None]], axis=2)
             else:
                 values[self._began : rows] = values[self._began : rows, change]
@@ -294,16 +294,16 @@ class LiveTracker:
         self._still.clear()
 
     def _watch(self, frame: LiveFrame, state: NDArray[np.uint8]) -> None:
-        """Tell of each marker that goes and comes back, once."""
+        """Report each marker that is lost and found again, once."""
         seen = state == CODE["seen"]
         self._away = np.where(seen, np.minimum(self._away, 0) - 1, np.maximum(self._away, 0) + 1)
         for marker in range(4):
-            if self._away[marker] == _TELL_AFTER and not self._told[marker]:
-                self._told[marker] = True
+            if self._away[marker] == _REPORT_AFTER and not self._reported[marker]:
+                self._reported[marker] = True
                 why = STATES[int(state[marker])]
                 self._tell(frame.time_s, frame.index, "occlusion", f"{MARKERS[marker]} is {why}")
-            elif self._away[marker] == -_TELL_AFTER and self._told[marker]:
-                self._told[marker] = False
+            elif self._away[marker] == -_REPORT_AFTER and self._reported[marker]:
+                self._reported[marker] = False
                 self._tell(frame.time_s, frame.index, "found", f"{MARKERS[marker]} is found again")
 
     def _give_up_early(self, frame: LiveFrame, state: NDArray[np.uint8]) -> None:
@@ -316,7 +316,7 @@ class LiveTracker:
             self._tell(frame.time_s, frame.index, "lost", "these were not the markers; looking again")
             self._follower, self._lost_since_s, self.undecided = None, None, False
             self._still.clear()
-            self._away[:], self._told[:] = 0, False
+            self._away[:], self._reported[:] = 0, False
 
 
 def _nothing() -> Seen:
@@ -324,7 +324,7 @@ def _nothing() -> Seen:
 
 
 def warm_up() -> None:
-    """Follow four drawn dots for a moment: what is loaded on first use is loaded before the first frame comes."""
+    """Follow four drawn dots for a moment, so that everything is loaded and compiled before the first frame comes."""
     cv2.setNumThreads(1)
     tracker = LiveTracker(None, None, name="warm-up", tell=lambda *_: None)
     for index in range(12):

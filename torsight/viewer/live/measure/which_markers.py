@@ -1,4 +1,4 @@
-"""Which dots of the first picture are the markers, and which of a stick's is the inner one: as motion tells it."""
+"""Which dots of the first picture are the markers, and which of a stick's is the inner one, by their motion."""
 
 from __future__ import annotations
 
@@ -23,14 +23,12 @@ from tracker.track import told_by_motion
 
 OTHERS: Final = "as they move, other dots than those of the first picture are the markers"
 ENDS: Final = "as they move, a marker that was called the inner one is the outer one"
-UNDECIDED: Final = (
-    "which dots are the markers, and which of a stick's is the inner one, is not decided until motion tells"
-)
+UNDECIDED: Final = "which dots are the markers, and which of a stick's is the inner one, is not decided until they move"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
-    """What motion says so far: the likeliest couple, its inner markers first.
+class Decision:
+    """The couple of sticks that the motion so far makes likeliest, inner markers first.
 
     ``base`` is which stick of those that are followed is its base, None where others are followed; ``exchanged`` (2,)
     says of base and moving stick whether the marker followed as the inner one is the outer one.
@@ -42,7 +40,7 @@ class Told:
 
 
 class WhichMarkers:
-    """Weighs what a picture may show, as the frames after it come.
+    """Weighs the couples of sticks that a picture may show, as the frames after it come.
 
     ``choice`` is the last one among couples; ``sure``: it, and which markers are the inner ones, will stay.
     """
@@ -63,7 +61,7 @@ class WhichMarkers:
         return float(np.median([dot.radius_px for stick in sticks for dot in (stick.inner, stick.outer)]))
 
     def add(self, frame: Frame) -> bool:
-        """Follow all that may be markers into the next frame; return whether it is time to look what they tell."""
+        """Follow all that may be markers into the next frame; return whether it is time to decide."""
         self._weighing.add(frame)
         if not self._frames:
             self._due_s = frame.time_s
@@ -73,26 +71,26 @@ class WhichMarkers:
             self._due, self._due_s = 2 * self._frames, frame.time_s
         return due or self.sure
 
-    def follower(self, told: Told) -> Follower | None:
-        """Return what follows other markers on, where the last frame shows the moving stick.
+    def follower(self, decision: Decision) -> Follower | None:
+        """Return a follower of the decided markers, if the last frame shows the moving stick.
 
         The base is where it was seen last.
         """
-        tracks = self.tracks(told)
+        tracks = self.tracks(decision)
         places, valid = tracks.position_px, tracks.valid
         if not valid[-1, 2:].all() or not valid.any(axis=0).all():
             return None
-        sticks = (told.couple.base, told.couple.moving)
+        sticks = (decision.couple.base, decision.couple.moving)
         markers = [marker for stick in sticks for marker in markers_on(self._first, stick)]
         for index, marker in enumerate(markers):
             marker.record["x"], marker.record["y"] = places[valid[:, index], index][-1]
         return Follower([DotState(markers)], moving=1)
 
-    def told(self) -> Told:
-        """Weigh what has been seen.
+    def decide(self) -> Decision:
+        """Decide from the frames seen so far which dots are the markers.
 
-        It is sure once two looks in turn are: what fits a short stretch may not fit a longer one. A look takes no more
-        frames than a film is searched for markers, for the next one waits for it.
+        A decision is sure once two in succession are: what fits a short stretch may not fit a longer one. It weighs at
+        most as many frames as a film is searched for markers, because the next frame waits for it.
         """
         every = 1 + self._frames // LOOKED_AT[-1]
         self.choice = Choice.of(self._weighing.weighed(every=every))
@@ -109,8 +107,8 @@ class WhichMarkers:
         base = 0 if pairs == [[True, False], [False, True]] else 1 if pairs == [[False, True], [True, False]] else None
         ends = zip(sticks, followed[::-1] if base else followed, strict=True)
         exchanged = [base is not None and stick.inner is not other.inner for stick, other in ends]
-        return Told(couple, base, exchanged)
+        return Decision(couple, base, exchanged)
 
-    def tracks(self, told: Told) -> MarkerTracks:
+    def tracks(self, decision: Decision) -> MarkerTracks:
         """Return what was read of these markers in all frames since the picture."""
-        return self._weighing.tracks(told.couple)
+        return self._weighing.tracks(decision.couple)

@@ -13,10 +13,10 @@ import numpy as np
 
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import not_written, read_table, write_table
-from torsight.core.files.tables import marker_columns, marker_values, write_angles
+from torsight.core.files.tables import marker_values, write_angles
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
-from torsight.core.tracks import MarkerTracks
+from torsight.core.tracks import MarkerTracks, marker_columns, mean_sigma, round_covariance
 from torsight.core.units import DEG
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen
 from tracker.angle.orient import orient
@@ -106,7 +106,7 @@ class Recorder:
         self._temperatures: LineFile | None = None
 
     def frame(self, index: int, time_s: float, seen: Seen) -> None:
-        """Append one frame; what is not known is NaN."""
+        """Append one frame; unknown values are NaN."""
         known = math.isfinite(seen.angle_rad)
         self._angle.add((index, time_s, seen.angle_rad / DEG, seen.sigma_rad / DEG, known, 1))
         row: list[float] = [index, time_s]
@@ -114,7 +114,7 @@ class Recorder:
         for marker in range(4):
             x, y = seen.position_px[marker].tolist()
             shows = math.isfinite(x)
-            sigma = math.sqrt(0.5 * float(np.trace(seen.covariance_px2[marker]))) if shows else math.nan
+            sigma = float(mean_sigma(seen.covariance_px2[marker])) if shows else math.nan
             row += [x, y, sigma, shows]
             if self._in_space:
                 row += (nowhere if seen.position_mm is None else seen.position_mm[marker]).tolist()
@@ -152,8 +152,8 @@ def finish(
 ) -> Orientation | None:
     """Orient a finished record as ``torsight track`` would a film, and write its tables whole.
 
-    None where no frame came, or no markers were ever seen. ``tracker`` knows by now what the rows that were written
-    before motion told are of.
+    None where no frame came, or no markers were ever seen. ``tracker`` knows by now which markers the rows
+    belong to that were written before motion showed it.
     """
     path = folder / "markers.csv"
     if path.read_bytes().count(b"\n") < 2:
@@ -162,7 +162,7 @@ def finish(
     values = marker_values(table, "x_px", "y_px", "sigma_px")
     tracker.end(len(values))
     values = tracker.mended(values)
-    position, sigma = values[..., :2], values[..., 2, None, None]
+    position = values[..., :2]
     valid = np.asarray(np.isfinite(position).all(axis=2))
     if not valid.all(axis=1).any():
         return None
@@ -170,7 +170,7 @@ def finish(
         frame=table["frame"].to_numpy(dtype=np.int64),
         time_s=table["time_s"].to_numpy(dtype=np.float64),
         position_px=position,
-        covariance_px2=sigma**2 * np.eye(2),
+        covariance_px2=round_covariance(values[..., 2]),
         valid=valid,
         size_px=size_px,
     )

@@ -1,4 +1,4 @@
-"""What a live record says of itself: ``track.json``, ``live.json``, and the experiment with which ``run`` goes on."""
+"""The files that describe a live record: ``track.json``, ``live.json``, and its experiment file."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
-from torsight.core.words.wording import estimate, number
+from torsight.core.words.wording import estimate, fixed, number
 
 
 @dataclass(slots=True)
@@ -65,10 +65,10 @@ def standing(
     trouble: str,
     markers: str = "",
 ) -> str:
-    """Return how things stand, in Markdown.
+    """Return the current state of the measurement, in Markdown.
 
-    The last angle of camera and model, measured less modelled, and the springs' temperatures, °C; NaN where not known.
-    ``trouble`` is why the model says nothing, ``markers`` what is not known of these, else empty.
+    The last angle of camera and model, measured minus modelled, and the springs' temperatures, °C; NaN where not known.
+    ``trouble`` is why the model gives nothing, ``markers`` what is undecided about them; empty otherwise.
     """
     plain_deg, residual_deg = model_deg
     open_ = [("Markers", markers)] if markers else []
@@ -92,5 +92,5 @@ def standing(
 
 
 def degrees(angle_deg: float) -> str:
-    """Return an angle in words, with a minus sign that is one; empty where it is not known."""
-    return f"{angle_deg:.1f}°".replace("-", "−") if math.isfinite(angle_deg) else ""
+    """Return an angle in words; empty where it is not known."""
+    return f"{fixed(angle_deg, 1)}°" if math.isfinite(angle_deg) else ""

@@ -86,6 +86,11 @@ class Feed:
         """Number of the process on the viewer's side."""
         return int(self._process.pid or 0)
 
+    @property
+    def waiting(self) -> int:
+        """How many entries wait to be shown."""
+        return len(self._waiting)
+
     def put(self, *entry: Any) -> None:
         """Queue one entry; the oldest one goes where too many wait."""
         with self._changed:
@@ -162,7 +167,7 @@ def serve(connection: Connection, port: int, counts: Any) -> None:
 def _log_angle(
     stream: rr.RecordingStream, time_s: float, frame: int, angle_deg: float, arrived_s: float | None
 ) -> float | None:
-    """Log one angle, and return when its frame was there, where that counts."""
+    """Log one angle, and return the arrival time of its frame if latency counts."""
     import rerun as rr
 
     if np.isfinite(angle_deg):

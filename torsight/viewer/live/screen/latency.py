@@ -9,7 +9,7 @@ import numpy as np
 from torsight.core.progress import AT_ONCE_S
 
 _BIN_S: Final = AT_ONCE_S / 1000
-"""Width of a count: a latency is told to a thousandth of what seems to come at once, 0.1 ms."""
+"""Width of a count: a latency is resolved to a thousandth of what seems to come at once, 0.1 ms."""
 _BINS: Final = round(2.0 / _BIN_S)
 CELLS: Final = _BINS + 1
 """Numbers of 64 bits that the counts take; the last one is the longest duration in nanoseconds."""
