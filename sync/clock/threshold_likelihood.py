@@ -17,6 +17,7 @@ turns densities of temperature into densities of time and keeps the fit from hid
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -39,16 +40,19 @@ _KINDS: Final[tuple[tuple[Spring, bool], ...]] = (("a", True), ("a", False), ("b
 _FEWEST: Final = 2 + len(_KINDS)
 """Crossings below which there is no answer: offset, drift and one of each kind of stroke for the unknown curves."""
 _RATE_POWERS: Final = 3
-_RATE_POINTS: Final = 10 * (_RATE_POWERS + 1)
 """A rate comes from one cubic polynomial per stroke, through ten points for each of its coefficients. One of degree two
 or six moves the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
 
 
-_RATE_AT: Final = np.linspace(-1.0, 1.0, _RATE_POINTS)
-"""Where a polynomial's points lie on a stroke."""
-_POWERS: Final = np.vander(_RATE_AT, _RATE_POWERS + 1, increasing=True)
-_FIT: Final = np.asarray(np.linalg.pinv(_POWERS), dtype=np.float64)
-"""What makes the best coefficients of values there, where all of them are known: nearly always."""
+@functools.cache
+def _polynomials(degree: int) -> tuple[Floats, Floats, Floats]:
+    """Return the points (n,) on a stroke, their powers (n, p), and the matrix (p, n) from values to coefficients.
+
+    The matrix is for strokes of which all points are known, as they nearly always are.
+    """
+    at = np.linspace(-1.0, 1.0, 10 * (degree + 1))
+    powers = np.vander(at, degree + 1, increasing=True)
+    return at, powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,17 +105,18 @@ def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> 
 
 def _smooth_rates(signal: EvenSignal, at_s: Floats, stroke: Ints) -> tuple[Floats, Floats]:
     """Return the rate of a temperature at some instants (n,) of strokes, and its sigma, from a polynomial for each."""
+    at, powers, whole = _polynomials(_RATE_POWERS)
     _, own = np.unique(stroke, return_inverse=True)
     first, last = np.full(own.max() + 1, np.inf), np.full(own.max() + 1, -np.inf)
     np.minimum.at(first, own, at_s)
     np.maximum.at(last, own, at_s)
     middle, half = 0.5 * (first + last), 0.5 * (last - first) * 1.3 + 2.0 * signal.step_s
-    value, _, known = signal.at(middle[:, None] + half[:, None] * _RATE_AT)
+    value, _, known = signal.at(middle[:, None] + half[:, None] * at)
     value, count = np.where(known, value, 0.0), np.sum(known, axis=1)
-    fit = np.repeat(_FIT[None], len(value), axis=0)
-    partly = count < _RATE_POINTS
+    fit = np.repeat(whole[None], len(value), axis=0)
+    partly = count < len(at)
     if partly.any():
-        fit[partly] = np.linalg.pinv(_POWERS * known[partly, :, None])
+        fit[partly] = np.linalg.pinv(powers * known[partly, :, None])
     coefficient = (fit @ value[..., None])[..., 0]
     x = (at_s - middle[own]) / half[own]
     design = np.stack([k * x ** max(k - 1, 0) for k in range(_RATE_POWERS + 1)], axis=1) / half[own, None]
@@ -119,7 +124,7 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, stroke: Ints) -> tuple[Float
     independent = np.maximum(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
     spread = fit @ np.swapaxes(fit, -1, -2) * (count / independent * signal.point_sigma**2)[:, None, None]
     # No polynomial follows a corner: such rates carry no information.
-    missed = np.sum(np.where(known, value - coefficient @ _POWERS.T, 0.0) ** 2, axis=1) / np.maximum(count, 1)
+    missed = np.sum(np.where(known, value - coefficient @ powers.T, 0.0) ** 2, axis=1) / np.maximum(count, 1)
     excess = np.sqrt(np.maximum(missed - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
     sigma = np.sqrt(np.sum((spread[own] @ design[..., None])[..., 0] * design, axis=1))
     few = (count < 2 * _RATE_POWERS)[own]
