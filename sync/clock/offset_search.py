@@ -23,7 +23,8 @@ from torsight.core.units import Floats
 _STEP_S: Final = 0.25 * WINDOW_S
 """Step of the search: what is smoothed over a window is the same a quarter of it further on."""
 ALIKE: Final = 0.12
-"""Shares of explained motion that differ by less are alike: one stroke of eight, the fewest that a programme has."""
+"""Shares of explained motion that differ by less are alike: one stroke of eight, the fewest that a programme has. Half
+of it moves a clock by 0.03 of its standard deviations at most, twice of it by 1.5 (benchmarks/sync/constants.py)."""
 _LEAST_EXPLAINED: Final = 0.3
 """Motion that no offset explains better is not the log's: by chance half of it lies in segments of its direction, less
 what idle heatings take off. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
