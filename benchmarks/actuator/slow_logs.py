@@ -1,12 +1,13 @@
 """Logs that are slower than the film: what is left of the wire's corners in the merged table, and in the angle.
 
-Run: python benchmarks/actuator/slow_logs.py [--seeds 3]
+Run: python benchmarks/actuator/slow_logs.py [--seeds 3] [--longest-hold 20]
 
 Half-cycles of a known wire (ramps, holds, natural cooling; four rows a second) are logged every 0.25 to 10 s with noise
 of 0.02 to 0.07 °C and put back on the rows by straight lines, as a merged table has them. Columns: rms and largest
 error of the temperature in mK, on the lines and as they are prepared; and rms error of the plain model's angle, in
 degrees, driven by the table (a record) and by the log alone (a later record), against the same wire without noise. The
-tops are held for up to 15 s, or (second table) not at all.
+tops are held for up to 15 s, or (second table) not at all. ``--longest-hold`` is how long the preparation takes a top
+to be held at most, in place of its own constant: half and twice of it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.fitted import FittedModel
+from torsight.actuator.record import slow_log
 from torsight.actuator.record.conditioning import condition
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.series import rms
@@ -32,7 +34,10 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--longest-hold", type=float, default=None)
     options = parser.parse_args()
+    if options.longest_hold is not None:
+        setattr(slow_log, "_LONGEST_HOLD_S", options.longest_hold)  # noqa: B010 - a constant to mypy
     for longest_s in (15.0, 0.0):
         print(f"tops held for up to {longest_s:.0f} s\ninterval        lines          prepared   record  later")
         for interval_s in (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0):
