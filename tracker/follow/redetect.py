@@ -34,7 +34,7 @@ from tracker.follow.camera_state import (
     take_roll,
 )
 from tracker.follow.frame_step import stick_at
-from tracker.follow.judgement import NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
+from tracker.follow.judgement import CLOSE, NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
 from tracker.follow.motion_model import JUMP_PX, by_other_px, is_base, jump_px
 from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px
@@ -159,7 +159,7 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
             misfit, freedom = (expected.rolled_with(pair) if rolled else expected).innovation(pair, lost=lost)
             if is_base(rig, stick) and not other_seen and not rolled:
                 misfit, freedom = misfit + sure_misfit(rig, *pair) ** 2, freedom + 1
-            if passes(misfit, freedom) and not (jump and _of_other_stick(scene, stick, pair)):
+            if passes(misfit, freedom) and not _of_other_stick(scene, stick, pair, jump=jump):
                 found.append((misfit, one, two))
         return [one for one in found if _goes_along(scene, luma, *one[1:])] if is_base(rig, stick) else found
 
@@ -170,10 +170,16 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     return fitting(rolled=True)
 
 
-def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point]) -> bool:
-    """Return whether one of a pair may be a dot of the other stick."""
+def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point], *, jump: bool) -> bool:
+    """Return whether one of a pair may be a dot of the other stick.
+
+    A shake takes both sticks along: what lay over a dot of the base still does, but a dot that is bare now is the
+    base's.
+    """
     if scene.rig["moving"][0] == stick:
-        return any(near_base(scene, place, NEAR, 0.0) for place in pair)
+        return any(near_base(scene, place, NEAR if jump else CLOSE, 0.0) for place in pair)
+    if not jump:
+        return False
     if scene.rig["moving"][0] < 0:
         return any(
             reading["state"] == SEEN

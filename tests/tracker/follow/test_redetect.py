@@ -115,6 +115,21 @@ def test_a_stick_whose_outer_marker_is_lost_as_it_starts_is_found_again() -> Non
     check(followed(scenes)[-1], scenes[-1])
 
 
+def test_a_stick_that_starts_does_not_leave_a_marker_on_the_dot_of_the_base_that_it_lays_bare() -> None:
+    # The moving stick is 24 px wide, and above. Seen from aside, so that lengths alone do not tell the dots apart.
+    def scene(degrees: float) -> list[complex]:
+        turn = np.exp(1j * np.deg2rad(degrees))
+        bare = [AXIS + place for place in (80.0, 132.0) if abs((place / turn).imag) > 12.0]
+        return [*bare, *(AXIS + complex(away.real, 0.88 * away.imag) for away in np.subtract(moving(degrees), AXIS))]
+
+    turns = [*np.arange(100.0, 1.0, -3.0), *[1.0] * 8, *np.arange(5.5, 30.0, 4.5)]
+    for row, turn in zip(followed([scene(turn) for turn in turns]), turns, strict=True):
+        outer = scene(turn)[-1]
+        if row["state"][3] == CODE["seen"]:
+            assert row["position_px"][3] == pytest.approx([outer.real, outer.imag], abs=8.0 * SIGMA_PX)
+    assert (row["state"][2:] == CODE["seen"]).all()
+
+
 def exposed(turn: np.ndarray, *, share: float) -> list[np.ndarray]:
     """Draw the stick at some directions (degrees, one per frame), with the shutter open for a share of a frame."""
     times = np.arange(len(turn)) + share * (np.arange(8)[:, None] - 3.5) / 8.0
