@@ -224,7 +224,7 @@ class TextureStick(Kept):
             return None
         jumped, shaken = (
             Prediction((ahead[0], ahead[1]), sigma_px, self._own[0], self._shift)
-            for sigma_px in (jump_px(lost), SHAKE_PX * math.sqrt(2.0))
+            for sigma_px in (jump_px(self.length_px, lost), SHAKE_PX * math.sqrt(2.0))
         )
         found = self._alike(luma, jumped, lost=lost)
         # A shake is of one frame. Of a pattern that is repeated no place is guessed.

@@ -130,6 +130,12 @@ def test_a_stick_that_starts_does_not_leave_a_marker_on_the_dot_of_the_base_that
     assert (row["state"][2:] == CODE["seen"]).all()
 
 
+def test_a_stick_that_was_away_before_its_axis_showed_is_not_found_the_wrong_way_round() -> None:
+    # In line with the base, so that nothing tells the axis.
+    scenes = [[*BASE, *moving(180.0)]] * 5 + [[*BASE]] * 6 + [[*BASE, *moving(140.0 - k)] for k in range(4)]
+    check(followed(scenes)[-1], scenes[-1])
+
+
 def exposed(turn: np.ndarray, *, share: float) -> list[np.ndarray]:
     """Draw the stick at some directions (degrees, one per frame), with the shutter open for a share of a frame."""
     times = np.arange(len(turn)) + share * (np.arange(8)[:, None] - 3.5) / 8.0
@@ -206,12 +212,15 @@ def test_dots_off_the_circle_are_not_the_stick() -> None:
 
 def test_the_search_widens_up_to_the_whole_picture() -> None:
     own = np.zeros(1, STICK)[0]
-    ends, size = ((100.0, 80.0), (160.0, 80.0)), (640, 480)
-    regions = [Prediction(ends, jump_px(lost), own, np.zeros(2)).region((0, 1), size) for lost in (1, 2, 6)]
-    # Three standard deviations around both markers.
-    assert regions[0] == Region(130 - 30 - 45, 80 - 30 - 45, 130 + 30 + 45, 80 + 30 + 45)
-    assert regions[1].right == int(np.ceil(130.0 + 30.0 + 3.0 * 15.0 * 2.0**2.5))
-    assert regions[2] == Region(0, 0, *size)
+    for scale in (1, 4):  # whatever the size of the picture
+        ends, size = ((100.0 * scale, 80.0 * scale), (160.0 * scale, 80.0 * scale)), (640 * scale, 480 * scale)
+        predictions = [Prediction(ends, jump_px(60.0 * scale, lost), own, np.zeros(2)) for lost in (1, 2, 6)]
+        regions = [expected.region((0, 1), size) for expected in predictions]
+        # Three standard deviations around both markers, of a fifth of their distance.
+        half = (30 + 3 * 12) * scale
+        assert regions[0] == Region(130 * scale - half, 80 * scale - half, 130 * scale + half, 80 * scale + half)
+        assert regions[1].right == int(np.ceil((130.0 + 30.0 + 3.0 * 12.0 * 2.0**2.5) * scale))
+        assert regions[2] == Region(0, 0, *size)
 
 
 def test_one_of_many_alike_is_not_guessed() -> None:
