@@ -23,7 +23,7 @@ _FELT: Final = 0.02
 _SECOND: Final = 0.25
 """Share of the frames without an angle from which a cause is named beside the commonest one."""
 _DO: Final = {
-    "hand": "something lies over the markers; keep hands and wires off them.",
+    "hand": "something lies over the markers, or light glares on them; keep hands, wires and glare off them.",
     "file": "the film's file is damaged there; copy it from the camera again.",
     "light": "the light was off; use a steady lamp.",
     "late": (
