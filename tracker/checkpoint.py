@@ -23,7 +23,7 @@ from torsight.core.errors import OutputError, reason_of
 from torsight.core.files.storage import json_text, write_text
 from tracker.rows import ROW
 
-VERSION: Final = 10
+VERSION: Final = 11
 """Raised when the state of the follower changes its meaning: older checkpoints are then not gone on from."""
 _BLOCK: Final = 512
 """Rows that wait in memory at most."""

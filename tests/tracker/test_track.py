@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -20,6 +21,7 @@ from torsight.core.optics.camera import read_camera
 from tracker import track
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
+from tracker.detect.sticks import are_markers, couples_in
 from tracker.frames.source import open_source
 from tracker.initialise import Start
 from tracker.track import track_film
@@ -121,6 +123,28 @@ class Cut(Rig):
         other = Rig.pictures(replace(self, base_deg=20.0, centre=(175.0, 135.0)))
         for number, picture in enumerate(super().pictures()):
             yield next(other) if number < 2 else picture
+
+
+class Titled(Rig):
+    """A rig before which a title is shown for 25 frames: four round letters on two light lines."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        card = np.full(self.size[::-1], 40, np.uint8)
+        for (x, y), (u, v) in (((60, 60), (170, 62)), ((90, 150), (200, 190))):
+            cv2.line(card, (x - 20, y), (u + 20, v), 190, 22, cv2.LINE_AA)
+            for place in ((x, y), (u, v)):
+                cv2.circle(card, place, 6, 30, -1, cv2.LINE_AA)
+        for number, picture in enumerate(super().pictures()):
+            yield card if number < 25 else picture
+
+
+def test_a_title_before_the_film_is_not_taken_for_the_rig() -> None:
+    assert are_markers(couples_in(next(Titled(swing(60.0, 80.0, 6.0), frames=1).pictures()))[0])
+    outcome = run(Titled(swing(60.0, 80.0, 6.0), frames=120), given=False)
+    assert not outcome.valid[:25].any()
+    # The next picture in which the markers are looked for is number 30.
+    assert outcome.valid[30:].mean() > 0.9
+    nothing_wrong(outcome)
 
 
 def test_markers_of_the_first_picture_that_are_not_seen_again_are_not_taken() -> None:

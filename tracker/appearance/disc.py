@@ -25,12 +25,16 @@ SHAPE: Final = np.dtype(
         ("stretch", "f8", (2,)),
         ("contrast", "f8"),
         ("strip", "f8"),
+        ("edges", "f8", (2,)),
+        ("across", "f8", (2,)),
         ("window", "f8"),
     ]
 )
 """Shape of a dot, px: radius of the circle of the same area; standard deviation of the blur of its edge; relative
 lengthening along x (and shortening along y), and along the diagonal; brightness inside over that outside, less 1; half
-the width of the stick that carries it; radius of the window in which it is compared."""
+the width of the stick that carries it; how far from its centre that stick's edges are, on one side and on the other,
+infinite where one is not seen; a direction in the picture towards the first of them, as the stick lies now; radius of
+the window in which it is compared."""
 
 MOST_STRETCH: Final = 0.45
 """Stretch up to which it is a dot's: that of a plane seen from 67 degrees aside."""
@@ -141,7 +145,7 @@ def window_pixels(radius_px: float) -> Ints:
 
 @lending
 def fill_beside(
-    rows: Floats, used: int, pixels: Ints, dx: float, dy: float, strip: float, path: tuple[float, float], ramp: float
+    rows: Floats, used: int, pixels: Ints, dx: float, dy: float, shape: Record, path: tuple[float, float], ramp: float
 ) -> int:
     """Add columns for what lies beside the stick, left and right of it; return how many columns there are now.
 
@@ -150,13 +154,14 @@ def fill_beside(
     With a smear across the stick it gets into the window: a step that is smeared is a ramp as long as the smear.
     """
     length = math.hypot(path[0], path[1])
-    if not math.isfinite(strip):
-        return used
+    first = 0 if path[0] * shape.across[0] + path[1] * shape.across[1] >= 0.0 else 1
     for side in (1.0, -1.0):
-        most = 0.0
+        edge, most = shape.edges[first if side > 0.0 else 1 - first], 0.0
+        if not math.isfinite(edge):
+            continue
         for i in range(pixels.shape[1]):
             across = ((pixels[0, i] - dx) * path[0] + (pixels[1, i] - dy) * path[1]) / length
-            rows[used, i] = min(max((side * across - strip) / ramp + 0.5, 0.0), 1.0)
+            rows[used, i] = min(max((side * across - edge) / ramp + 0.5, 0.0), 1.0)
             most = max(most, rows[used, i])
         if most > 0.5:
             used += 1
@@ -180,4 +185,4 @@ def fill_columns(out: Floats, pixels: Ints, dx: float, dy: float, shape: Record,
         out[6, i] = -(y * along_x + x * along_y)
     if length <= 1.0:
         return COLUMNS
-    return fill_beside(out, COLUMNS, pixels, dx, dy, shape.strip, (smear_x, smear_y), length)
+    return fill_beside(out, COLUMNS, pixels, dx, dy, shape, (smear_x, smear_y), length)

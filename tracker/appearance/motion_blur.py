@@ -144,7 +144,7 @@ def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: 
             d, along_x, along_y = smeared_point(x, y, shape, smear_x, smear_y, count)
             rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, d, -along_x, -along_y
         ramp = math.sqrt(1.0 + 12.0 * shape.edge**2 + (shares[k] * length) ** 2)
-        columns = fill_beside(rows, 4, pixels, x_px - cx, y_px - cy, shape.strip, (path_x, path_y), ramp)
+        columns = fill_beside(rows, 4, pixels, x_px - cx, y_px - cy, shape, (path_x, path_y), ramp)
         out[k] = residual_share(rows[:columns], values)
         if out[k] < 0.0:
             return False

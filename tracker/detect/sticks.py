@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -173,22 +174,41 @@ def crossing_point(
 
 
 def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
-    """Return half the width of a stick, px; infinite where its edges are not seen within three dot radii.
+    """Return half the width of a stick, px; infinite where its edges are not seen within three dot radii."""
+    radius = max(stick.inner.radius_px, stick.outer.radius_px)
+    found = _edges(luma, stick, np.linspace(radius + 3.0, stick.length_px - radius - 3.0, 24))
+    seen = [edge for edge in found if math.isfinite(edge)]
+    return float(np.mean(seen)) if seen else math.inf
+
+
+def edges_beside(luma: NDArray[np.uint8], stick: Stick) -> tuple[float, float]:
+    """Return how far a stick's edges are from its inner dot, px: to the right of the way to the outer one, and left.
+
+    In the picture's coordinates, y down; infinite where one is not seen. Within two diameters of the dot, which need
+    not lie in the middle of the stick, nor the line between both dots along it.
+    """
+    radius = stick.inner.radius_px
+    return _edges(
+        luma, stick, radius + 3.0 + np.linspace(0.0, min(4.0 * radius, 0.5 * stick.length_px - radius - 3.0), 24)
+    )
+
+
+def _edges(luma: NDArray[np.uint8], stick: Stick, along: Floats) -> tuple[float, float]:
+    """Return the distances of a stick's edges from the line between its dots, right and left of it, px.
 
     Brightness is taken across the stick at places along it that hold no dot; the edge is where it has gone half way.
     """
     ax, ay, bx, by = stick.inner.x_px, stick.inner.y_px, stick.outer.x_px, stick.outer.y_px
     ux, uy = (bx - ax) / stick.length_px, (by - ay) / stick.length_px
     radius = max(stick.inner.radius_px, stick.outer.radius_px)
-    along = np.linspace(radius + 3.0, stick.length_px - radius - 3.0, 24)
     reach = np.arange(0.0, 3.0 * radius + 4.0, 0.5)
-    found: list[float] = []
-    for side in (1.0, -1.0):
-        x = np.rint(ax + along[:, None] * ux - side * reach * uy).astype(np.int64)
-        y = np.rint(ay + along[:, None] * uy + side * reach * ux).astype(np.int64)
-        if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
+    found = [math.inf, math.inf]
+    for number, side in enumerate((1.0, -1.0)):
+        x = (ax + along[:, None] * ux - side * reach * uy).astype(np.float32)
+        y = (ay + along[:, None] * uy + side * reach * ux).astype(np.float32)
+        if x.min() < 0 or y.min() < 0 or x.max() > luma.shape[1] - 1 or y.max() > luma.shape[0] - 1:
             continue
-        profile = np.median(luma[y, x], axis=0)
+        profile = np.median(cv2.remap(luma, x, y, cv2.INTER_LINEAR), axis=0).astype(np.float64)
         middle = float(np.median(profile[reach < radius]))
         # Half way to the level two pixels on: the far background may have any brightness.
         steps = np.abs(profile[4:] - profile[:-4])
@@ -196,8 +216,9 @@ def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
         if len(first):
             top = first[0] + int(np.argmax(steps[first[0] : first[0] + 5]))
             if abs(profile[top] - middle) < 0.5 * steps[top]:
-                found.append(float(reach[top + 2]))
-    return float(np.mean(found)) if found else math.inf
+                rise = (profile[top : top + 5] - profile[top]) / (profile[top + 4] - profile[top])
+                found[number] = float(np.interp(0.5, np.maximum.accumulate(rise), reach[top : top + 5]))
+    return found[0], found[1]
 
 
 def _gap(a: Dot, b: Dot) -> float:

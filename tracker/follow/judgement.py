@@ -42,7 +42,7 @@ _LENGTH_PX: Final = 0.8
 _LENGTH: Final = 0.01
 """Three standard deviations of where one marker of a stick is against the other, px: noise of both; and of their
 distance, share: the tilt of 8 degrees that the sticks of a rig may have against each other."""
-_CLOSE: Final = 0.6
+CLOSE: Final = 0.6
 """Distance from a base dot, in radii, below which dots cannot be told apart."""
 NEAR: Final = 1.6
 """The same after a gap, and where a dot is to show which stick is above: two dots touch at 2."""
@@ -332,7 +332,7 @@ def _judge_dot(scene: Scene, index: int, company: int) -> None:
             vote(rig, 1)
     followed = marker.lost <= SOON or partner.lost == 0
     alone = company == _ALONE
-    radii = _CLOSE if followed and not alone else NEAR
+    radii = CLOSE if followed and not alone else NEAR
     near = near_base(scene, place, radii, UNSEEN_PX if alone else 0.0)
     if near and company != _OWN and (alone or rig.above < KNOWN):
         # One dot alone next to a base dot may be either, whichever stick is above.

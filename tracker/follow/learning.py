@@ -28,8 +28,9 @@ from tracker.rows import SEEN
 _CHANGE_PX: Final = 1.0 / PHASES
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order, as places
 between those at which models are kept."""
-_RADIUS_RANGE: Final = (0.7, 1.4)
-"""Radius over the first one within which a dot's shape is followed."""
+SIZES: Final = (0.7, 1.4)
+"""Size over the first one within which a marker is followed: of a stick that turns in a plane seen from up to 45
+degrees aside."""
 
 
 @internal
@@ -47,7 +48,7 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     if max(abs(marker.change[0]), abs(e) * radius, abs(f) * radius) < _CHANGE_PX:
         return
     e, f = shape.stretch[0] + e, shape.stretch[1] + f
-    in_range = _RADIUS_RANGE[0] < radius / marker.first_radius < _RADIUS_RANGE[1]
+    in_range = SIZES[0] < radius / marker.first_radius < SIZES[1]
     if in_range and math.hypot(e, f) <= MOST_STRETCH:
         shape.radius, shape.stretch[0], shape.stretch[1] = radius, e, f
         extras[:, -1] = 0.0

@@ -15,7 +15,7 @@ from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import PHASES, READING, Look, read_dot
 from tracker.detect.given_positions import given_dots
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import Stick, half_width
+from tracker.detect.sticks import Stick, edges_beside, half_width
 from tracker.follow.reading import share_of_step
 from tracker.follow.state import MARKER
 from tracker.frames.frame import Frame
@@ -28,13 +28,19 @@ _MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
 
 
 class Marker:
-    """A round dot as fitted in the first picture; ``strip_px`` is half the width of the stick that carries it."""
+    """A round dot as fitted in the first picture.
 
-    def __init__(self, dot: Dot, *, strip_px: float = math.inf) -> None:
+    ``strip_px`` is half the width of the stick that carries it, ``edges_px`` how far its edges are from the dot.
+    """
+
+    def __init__(
+        self, dot: Dot, *, strip_px: float = math.inf, edges_px: tuple[float, float] = (math.inf, math.inf)
+    ) -> None:
         self.record = np.zeros(1, MARKER)
         own = self.record["shape"]
         own["radius"], own["edge"], own["stretch"] = dot.radius_px, dot.edge_px, dot.stretch
         own["contrast"], own["strip"], own["window"] = dot.contrast, strip_px, dot.window_px
+        own["edges"] = edges_px
         self.record["first_radius"] = dot.radius_px
         self.record["miss"] = _MISSES_PX2
         pixels = window_pixels(dot.window_px)
@@ -80,11 +86,14 @@ class Marker:
 def markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
     """Return both markers of a stick, read for the first time; one at the border is no result."""
     strip_px = half_width(luma, stick)
-    return [_marker(luma, dot, strip_px) for dot in (stick.inner, stick.outer)]
+    edges_px = edges_beside(luma, stick), edges_beside(luma, stick.turned())[::-1]
+    return [
+        _marker(luma, dot, Marker(dot, strip_px=strip_px, edges_px=edges))
+        for dot, edges in zip((stick.inner, stick.outer), edges_px, strict=True)
+    ]
 
 
-def _marker(luma: NDArray[np.uint8], dot: Dot, strip_px: float) -> Marker:
-    marker = Marker(dot, strip_px=strip_px)
+def _marker(luma: NDArray[np.uint8], dot: Dot, marker: Marker) -> Marker:
     reading = marker.read(luma, dot.x_px, dot.y_px)
     if reading is None:
         raise NoResultError(

@@ -16,8 +16,9 @@ from tracker.follow.state import Scene
 
 STALE: Final = 15
 """Frames for which a lost marker is carried on along its last motion: half a second at 30 frames a second."""
-JUMP_PX: Final = 15.0
-"""Standard deviation of where a stick is against its prediction: a camera that is bumped, a stick that starts."""
+JUMP: Final = 0.2
+"""Standard deviation of where a stick is against its prediction, over its markers' distance, whatever the picture's
+size: a stick that starts at once, a camera that is bumped."""
 _GROWTH: Final = 2.5
 """Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
 (Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
@@ -61,16 +62,19 @@ def ways(marker: Record, time_s: float) -> Floats:
 
 
 @shared
-def jump_px(lost: int) -> float:
-    """Return the standard deviation of where a marker is that was seen ``lost`` frames ago."""
-    return JUMP_PX * math.pow(lost, _GROWTH)
+def jump_px(length_px: float, lost: int) -> float:
+    """Return the standard deviation of where a marker of a stick is that was seen ``lost`` frames ago."""
+    return JUMP * length_px * math.pow(lost, _GROWTH)
 
 
 @shared
-def by_other_px(axis: Record, end: int) -> float:
-    """Return how far a marker may be, px, from where the other one of its stick says: one on the axis says nothing."""
-    arm = max(arm_px(axis, 1 - end), 1e-9)
-    return math.hypot(JUMP_PX, STANDS_PX * arm_px(axis, end) / arm)
+def by_other_px(own: Record, end: int) -> float:
+    """Return how far a marker may be, px, from where the other one of its stick says: one on the axis says nothing.
+
+    ``own`` is the STICK.
+    """
+    arm = max(arm_px(own.axis, 1 - end), 1e-9)
+    return math.hypot(jump_px(own.length, 1), STANDS_PX * arm_px(own.axis, end) / arm)
 
 
 @internal
@@ -102,14 +106,15 @@ def predict(scene: Scene, time_s: float) -> None:
 @lending
 def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
     """Expect lost markers on their circles: by the other one where that tells more, or by the last turning."""
-    shift, axis = scene.rig[0].shift, scene.sticks[stick].axis
+    shift, own = scene.rig[0].shift, scene.sticks[stick]
+    axis = own.axis
     last_known, last = _last_turning(scene, stick, time_s)
     for end in range(2):
         marker, other = scene.markers[2 * stick + end], 2 * stick + 1 - end
         if marker.lost == 0:
             continue
         known, direction = last_known, last
-        if scene.markers[other].lost == 0 and by_other_px(axis, end) < jump_px(1 + marker.lost):
+        if scene.markers[other].lost == 0 and by_other_px(own, end) < jump_px(own.length, 1 + marker.lost):
             at = scene.readings[other].predicted
             known, direction = True, direction_from(axis, at[0] - shift[0], at[1] - shift[1], 1 - end)
         if known:

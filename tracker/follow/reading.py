@@ -57,10 +57,23 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
     return bool(share <= max(limit, _ALWAYS) and patch <= max(patch_limit, _ALWAYS))
 
 
+@lending
+def _lay_across(scene: Scene, index: int) -> None:
+    """Note where a marker's stick has its first edge, as the stick is expected to lie."""
+    i = index - index % 2
+    inner, outer, across = (
+        scene.readings[i].predicted,
+        scene.readings[i + 1].predicted,
+        scene.markers[index].shape.across,
+    )
+    across[0], across[1] = inner[1] - outer[1], outer[0] - inner[0]
+
+
 @compiled
 def read_at(scene: Scene, luma: Luma, index: int, place: Point, slack: float, out: Record) -> int:
     """Read a marker from a place and return its state there; ``slack`` is added to that for its own speed."""
     marker, path, rig = scene.markers[index], scene.readings[index].path, scene.rig[0]
+    _lay_across(scene, index)
     smear = (rig.shutter_share * path[0], rig.shutter_share * path[1])
     if not read_dot(luma, place[0], place[1], marker, scene.looks[index], smear, out):
         return OUTSIDE

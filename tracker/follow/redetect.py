@@ -34,8 +34,8 @@ from tracker.follow.camera_state import (
     take_roll,
 )
 from tracker.follow.frame_step import stick_at
-from tracker.follow.judgement import NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
-from tracker.follow.motion_model import JUMP_PX, by_other_px, is_base, jump_px
+from tracker.follow.judgement import CLOSE, NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
+from tracker.follow.motion_model import by_other_px, is_base, jump_px
 from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px
 from tracker.follow.state import Scene
@@ -77,6 +77,14 @@ class Prediction:
         found, freedom = rigid_misfit(self.own, self.shift, ends[0], ends[1], lost, math.nan)
         off = np.subtract(ends, self.ends) / self.sigma_px
         return float(found + np.square(off).sum()), freedom + 4
+
+    def is_turned_round(self, ends: Sequence[Point]) -> bool:
+        """Return whether a pair of places would be nearer to its markers the other way round.
+
+        Both look alike: only once the axis is known do their circles tell which is which.
+        """
+        ways = [np.square(np.subtract(ends, own)).sum() for own in (self.ends, self.ends[::-1])]
+        return bool(ways[0] > ways[1]) and not self.own["axis"]["known"]
 
     def rolled_with(self, ends: Sequence[Point]) -> Prediction:
         """Return the prediction of a stick that stands still in a picture that was rolled as a pair of places is."""
@@ -121,16 +129,17 @@ def _jump_px(scene: Scene, stick: int) -> float:
     """Return the standard deviation of where a stick is, px: by how long ago it was seen, and by what is seen of it."""
     markers, readings = (part[2 * stick : 2 * stick + 2] for part in (scene.markers, scene.readings))
     missing = np.flatnonzero(readings["state"] != SEEN).tolist()
-    axis = scene.sticks[stick]["axis"]
+    own = scene.sticks[stick]
+    length_px = float(own["length"])
     if is_base(scene.rig[0], stick):
         # A base goes with the picture, which the moving stick tells while that lies over it.
-        return jump_px(1 if len(missing) == 1 else 1 + int(scene.rig[0]["unknown"]))
+        return jump_px(length_px, 1 if len(missing) == 1 else 1 + int(scene.rig[0]["unknown"]))
     if len(missing) == 1:
         # A stick alone does not know the other one's dots, which may be as far from what is seen of it as its own.
-        unknown_px = math.inf if len(scene.sticks) > 1 else JUMP_PX
-        by_other = by_other_px(axis, missing[0]) if axis["known"] else unknown_px
-        return min(by_other, jump_px(1 + int(markers["lost"][missing[0]])))
-    return jump_px(1 + int(markers["lost"].min()))
+        unknown_px = math.inf if len(scene.sticks) > 1 else jump_px(length_px, 1)
+        by_other = by_other_px(own, missing[0]) if own["axis"]["known"] else unknown_px
+        return min(by_other, jump_px(length_px, 1 + int(markers["lost"][missing[0]])))
+    return jump_px(length_px, 1 + int(markers["lost"].min()))
 
 
 def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -> list[tuple[float, Record, Record]]:
@@ -139,10 +148,11 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     What is seen of the stick in this frame is taken as right. What looks like the base may be the moving stick, as long
     as that one is not seen elsewhere: then that one has to be found where the picture went.
     """
-    rig, both, jump = scene.rig[0], (2 * stick, 2 * stick + 1), sigma_px >= JUMP_PX
+    rig, both, least_px = scene.rig[0], (2 * stick, 2 * stick + 1), jump_px(float(scene.sticks["length"][stick]), 1)
+    jump = sigma_px >= least_px
     markers, readings = (part[both[0] : both[1] + 1] for part in (scene.markers, scene.readings))
     seen, other_seen = readings["state"] == SEEN, len(scene.sticks) == 1 or _both_seen(scene, 1 - stick)
-    if rig["moving"] < 0 and not other_seen and sigma_px > JUMP_PX:
+    if rig["moving"] < 0 and not other_seen and sigma_px > least_px:
         return []
     ends = [place_of(one) if known else one["predicted"] for one, known in zip(readings, seen, strict=True)]
     expected = Prediction((ends[0], ends[1]), sigma_px, scene.sticks[stick], rig["shift_now"])
@@ -156,10 +166,12 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
         found: list[tuple[float, Record, Record]] = []
         for one, two in pairs:
             pair = place_of(one), place_of(two)
+            if expected.is_turned_round(pair):
+                continue
             misfit, freedom = (expected.rolled_with(pair) if rolled else expected).innovation(pair, lost=lost)
             if is_base(rig, stick) and not other_seen and not rolled:
                 misfit, freedom = misfit + sure_misfit(rig, *pair) ** 2, freedom + 1
-            if passes(misfit, freedom) and not (jump and _of_other_stick(scene, stick, pair)):
+            if passes(misfit, freedom) and not _of_other_stick(scene, stick, pair, jump=jump):
                 found.append((misfit, one, two))
         return [one for one in found if _goes_along(scene, luma, *one[1:])] if is_base(rig, stick) else found
 
@@ -170,10 +182,16 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     return fitting(rolled=True)
 
 
-def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point]) -> bool:
-    """Return whether one of a pair may be a dot of the other stick."""
+def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point], *, jump: bool) -> bool:
+    """Return whether one of a pair may be a dot of the other stick.
+
+    A shake takes both sticks along: what lay over a dot of the base still does, but a dot that is bare now is the
+    base's.
+    """
     if scene.rig["moving"][0] == stick:
-        return any(near_base(scene, place, NEAR, 0.0) for place in pair)
+        return any(near_base(scene, place, NEAR if jump else CLOSE, 0.0) for place in pair)
+    if not jump:
+        return False
     if scene.rig["moving"][0] < 0:
         return any(
             reading["state"] == SEEN

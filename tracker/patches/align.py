@@ -40,7 +40,7 @@ from tracker.patches.alignment import (
     sample,
     step_warp,
 )
-from tracker.patches.ink import Ink
+from tracker.patches.ink import Doubt, Ink
 from tracker.patches.warps import jacobian, project
 
 Look = Callable[[Floats, Floats], Floats]
@@ -150,11 +150,23 @@ class Patch:
         moved = self.generators @ np.stack([x, y, np.ones_like(x)])
         self._along_x, self._along_y = (moved[:, 0] - x * moved[:, 2]).T, (moved[:, 1] - y * moved[:, 2]).T
         self._basis = np.column_stack([*columns, self._columns(slope_x, slope_y)])
+        self._trusted = np.ones(len(x))
         self._inverse = np.linalg.pinv(self._basis, rcond=1e-9)
         plain = self._basis[:, :3]
         self._plain = np.linalg.pinv(plain)
         self.mean, self.spread = float(middle.mean()), float((middle - plain @ (self._plain @ middle)).std())
         self._noise = self._overlap(self._inverse)
+
+    def _weigh(self, weight: Floats) -> None:
+        """Let points count by their weights (n,) from here on."""
+        if weight is self._trusted:
+            return
+        root = np.sqrt(weight)[:, None]
+        self._trusted = weight
+        self._inverse = np.linalg.pinv(root * self._basis, rcond=1e-9) * root.T
+        self._plain = np.linalg.pinv(root * self._basis[:, :3]) * root.T
+        self._noise = self._overlap(self._inverse)
+        self._template = self._template._replace(inverse=np.ascontiguousarray(self._inverse))
 
     @property
     def count(self) -> int:
@@ -198,10 +210,14 @@ class Patch:
         high_px = (float(min(left + side, width)), float(min(top + side, height)))
         return Part(np.asarray(blurred, dtype=np.float32), left, top, low_px, high_px)
 
-    def align(self, luma: NDArray[np.uint8], warp: Floats, learnt: Ink | None = None) -> Fit | None:
+    def align(
+        self, luma: NDArray[np.uint8], warp: Floats, learnt: Ink | None = None, doubt: Doubt | None = None
+    ) -> Fit | None:
         """Return how the patch lies near a first guess; None where it leaves the picture or is not found."""
         if not self.in_picture(warp, luma):
             return None
+        if doubt is not None:
+            self._weigh(doubt.weight)
         cut = self.cut(luma, warp)
         usual = np.zeros(len(self._index)) if learnt is None else learnt.left
         good, moved, before, warp = align_warp(warp, self._template, cut, self._inverse @ usual, _ROUNDS, _STOP_PX)
@@ -218,7 +234,7 @@ class Patch:
         weight = self._weights(left, self._limit(found, noise, learnt), np.zeros(len(left), np.bool_))
         seen_whole = np.count_nonzero(weight) > (1.0 - _FEW) * len(left)
         if seen_whole and (all_known or learnt is None or not learnt.known.any()):
-            return self._fit(seen, usual, found, warp, np.ones(len(values)), self._inverse)
+            return self._fit(seen, usual, found, warp, self._trusted, self._inverse)
         return self._align_in_part(cut, warp, left, found, learnt)
 
     def _align_in_part(self, cut: Part, warp: Floats, left: Floats, found: Floats, learnt: Ink | None) -> Fit | None:
@@ -229,7 +245,9 @@ class Patch:
         usual = np.zeros(len(left)) if learnt is None else learnt.left
         known = np.zeros(len(left), np.bool_) if learnt is None else learnt.known
         near = learnt is None
-        weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
+        weight = self._trusted * self._weights(
+            left, self._limit(found, robust_sigma(left), learnt if near else None), known
+        )
         for _ in range(_ROUNDS):
             seen = sample(cut, warp, self._grid)
             values = seen[self._index] - found[GAIN] * usual
@@ -250,7 +268,9 @@ class Patch:
             if moved < _STOP_PX and near:
                 break
             near = near or moved < _STOP_PX
-            weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
+            weight = self._trusted * self._weights(
+                left, self._limit(found, robust_sigma(left), learnt if near else None), known
+            )
         return self._fit(seen, usual, found, warp, weight, inverse)
 
     def _limit(self, found: Floats, noise: float, learnt: Ink | None) -> Floats:

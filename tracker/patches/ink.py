@@ -1,4 +1,4 @@
-"""What a drawn template does not know of its tag: its ink, learnt point by point, as far as each is seen."""
+"""What a template does not know, learnt point by point: a drawn one its tag's ink, a seen one the ground."""
 
 from __future__ import annotations
 
@@ -49,3 +49,32 @@ class Ink(Kept):
         noise = np.square(left[known]) @ weight[known] / max(float(weight[known].sum()), 1e-9)
         ink = np.square(self.left[known]).mean()
         return np.where(known, 1.0, noise / max(noise + ink, 1e-12))
+
+
+class Doubt(Kept):
+    """How far each of ``count`` points of a template shows the same in all frames: ground beside a stick does not.
+
+    Points weigh as the inverse of the variance that they have shown and of ``good``, which a good fit leaves: what
+    texture leaves is in part its own, sharper or darker. Weights are made anew whenever twice as many frames were seen.
+    """
+
+    kept = ("weight", "_square", "_seen", "_frames")
+
+    def __init__(self, count: int, good: float) -> None:
+        self._good = good
+        self.weight, self._square, self._seen = np.ones((3, count))
+        self._square[:] = self._seen[:] = 0.0
+        self._frames = 0
+
+    def take(self, left: Floats, weight: Floats) -> None:
+        """Take in what a fit left (n,), over the gain, at every point as far as nothing lay over it.
+
+        ``weight`` (n,) is that of the fit.
+        """
+        shown = weight / self.weight
+        self._frames += 1
+        self._seen += shown
+        self._square += shown * np.square(left)
+        if self._frames & (self._frames - 1) == 0 and self._frames > 1:
+            variance = self._square / np.maximum(self._seen, 1e-9)
+            self.weight = self._good / (self._good + variance)

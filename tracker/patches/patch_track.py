@@ -16,7 +16,7 @@ from tracker.checkpoint import Kept
 from tracker.follow.judgement import SOON
 from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch, cut_out
-from tracker.patches.ink import Ink
+from tracker.patches.ink import Doubt, Ink
 from tracker.patches.warps import place, similarity, size_of, turn_of
 from tracker.rows import SEEN
 
@@ -30,6 +30,8 @@ _BACK_PX: Final = 1.0
 """A point whose flow leads there and back to another place was not followed. A guess need not be better."""
 AS_USUAL: Final = 0.05
 """A correlation this near the usual one is as good, and needs no second guess."""
+_GOOD: Final = 1.0 - (1.0 - AS_USUAL) ** 2
+"""Share of a template's variance that a fit with that much less than a correlation of one leaves."""
 KEPT: Final = 0.7
 """Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
 
@@ -45,7 +47,7 @@ class PatchTrack(Kept):
     ``learnt`` what the fits of a drawn template leave, None for one that was seen.
     """
 
-    kept = ("warp", "lost", "usual", "learnt", "_history", "_corner", "_seen")
+    kept = ("warp", "lost", "usual", "learnt", "doubt", "_history", "_corner", "_seen")
 
     def __init__(self, patch: Patch, points: Floats, warp: Floats) -> None:
         self.warp = warp
@@ -74,7 +76,7 @@ class PatchTrack(Kept):
         ahead = self.predict(time_s)
         why = "lost" if self.patch.in_picture(ahead, luma) else "outside"
         for guess in self._guesses(luma, ahead):
-            fit = self.patch.align(luma, guess, self.learnt)
+            fit = self.patch.align(luma, guess, self.learnt, self.doubt)
             if fit is None:
                 continue
             reason = judge(fit)
@@ -125,6 +127,8 @@ class PatchTrack(Kept):
         self.usual += RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
         if self.learnt is not None:
             self.learnt.take(fit.left, fit.weight, fit.residual / fit.gain)
+        if self.doubt is not None:
+            self.doubt.take(fit.left, fit.weight)
         self.warp, self.lost = fit.warp, 0
         self._history = [*self._history[-1:], (time_s, fit.warp)]
         half = math.ceil(math.sqrt(2.0) * self.patch.half_px * size_of(fit.warp)) + _REACH_PX
@@ -136,6 +140,7 @@ class PatchTrack(Kept):
         """Take a template of the same thing that is ``size`` times as large."""
         self.patch = patch
         self.learnt = Ink(patch.count) if patch.soft else None
+        self.doubt = None if patch.soft else Doubt(patch.count, _GOOD * patch.spread**2)
         self.points = np.vstack([np.asarray(points, dtype=np.float64).T, np.ones(len(points))])
         smaller = np.diag([1.0 / size, 1.0 / size, 1.0])
         self.warp = self.warp @ smaller

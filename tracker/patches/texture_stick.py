@@ -15,6 +15,7 @@ from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
 from tracker.follow.camera_state import SHAKE_PX, circle_misfit, circle_sigma_px
 from tracker.follow.judgement import further, rigid_misfit
+from tracker.follow.learning import SIZES
 from tracker.follow.motion_model import jump_px
 from tracker.follow.redetect import SELDOM, Prediction
 from tracker.follow.rotation_axis import learn_axis, turned
@@ -30,8 +31,6 @@ _ALIKE: Final = 0.7
 """Least correlation with texture: half of its variance. Paper next to it or an edge alone stays below."""
 _FADED: Final = (0.4, 2.5)
 """Contrast over that of the first frame outside of which it is not the same texture."""
-_SCALED: Final = (0.7, 1.4)
-"""Size over that of the first frame: a stick that turns in a plane seen from up to 45 degrees aside."""
 _FLAT: Final = 0.5
 """The same for its two axes against each other."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
@@ -130,7 +129,7 @@ class TextureStick(Kept):
     def _judge(self, fit: Fit) -> str:
         if fit.likeness < _ALIKE or not _FADED[0] < fit.gain < _FADED[1]:
             return "hidden"
-        if not _SCALED[0] < size_of(fit.warp) < _SCALED[1] or flatness_of(fit.warp) < _FLAT:
+        if not SIZES[0] < size_of(fit.warp) < SIZES[1] or flatness_of(fit.warp) < _FLAT:
             return "lost"
         return "hidden" if fit.kept < KEPT else ""
 
@@ -224,7 +223,7 @@ class TextureStick(Kept):
             return None
         jumped, shaken = (
             Prediction((ahead[0], ahead[1]), sigma_px, self._own[0], self._shift)
-            for sigma_px in (jump_px(lost), SHAKE_PX * math.sqrt(2.0))
+            for sigma_px in (jump_px(self.length_px, lost), SHAKE_PX * math.sqrt(2.0))
         )
         found = self._alike(luma, jumped, lost=lost)
         # A shake is of one frame. Of a pattern that is repeated no place is guessed.

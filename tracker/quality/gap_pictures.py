@@ -20,7 +20,8 @@ from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG, Floats, Ints
 from tracker.angle.axis_of_circles import axis_px
 from tracker.detect.sticks import crossing_point
-from tracker.follow.motion_model import JUMP_PX
+from tracker.follow.motion_model import jump_px
+from tracker.innovation import SIGMAS
 
 Luma = NDArray[np.uint8]
 Pictures = Callable[[Iterable[int]], dict[int, Luma]]
@@ -62,10 +63,11 @@ class Seen:
     step_px: float
     smear_px: float
 
-    def cause(self, *, usual_deg: float, radius_px: float) -> str | None:
+    def cause(self, *, usual_deg: float, radius_px: float, length_px: float) -> str | None:
         """Return ``interlaced``, ``focus``, ``shutter`` or ``speed``; None where it shows none of these.
 
-        ``usual_deg`` is the largest turn between frames that were followed, ``radius_px`` that of the dots.
+        ``usual_deg`` is the largest turn between frames that were followed, ``radius_px`` that of the dots,
+        ``length_px`` that of a stick.
         """
         if self.combed > COMBED:
             return "interlaced"
@@ -75,7 +77,8 @@ class Seen:
             return None
         # Beyond the search's reach a stick is followed only as long as its speed stays the same, which is seen to a
         # column of the layout, a degree.
-        if abs(self.step_deg) < (usual_deg - 1.0 if self.step_px >= 3.0 * JUMP_PX else FAST * usual_deg):
+        beyond = self.step_px >= SIGMAS * jump_px(length_px, 1)
+        if abs(self.step_deg) < (usual_deg - 1.0 if beyond else FAST * usual_deg):
             return None
         return "shutter" if self.smear_px > SMEARED * radius_px else "speed"
 

@@ -23,7 +23,7 @@ _FELT: Final = 0.02
 _SECOND: Final = 0.25
 """Share of the frames without an angle from which a cause is named beside the commonest one."""
 _DO: Final = {
-    "hand": "something lies over the markers; keep hands and wires off them.",
+    "hand": "something lies over the markers, or light glares on them; keep hands, wires and glare off them.",
     "file": "the film's file is damaged there; copy it from the camera again.",
     "light": "the light was off; use a steady lamp.",
     "late": (
@@ -120,14 +120,15 @@ def _of_unclear(
     """Return the cause of these frames by the pictures of some, or by the smear around; None for neither."""
     if not unclear:
         return []
-    smear_px, radius_px = smear_around_gaps_px(result, angles), float(result.report["markers"]["radius_px"])
+    smear_px = smear_around_gaps_px(result, angles)
+    radius_px, length_px = (float(result.report["markers"][name]) for name in ("radius_px", "stick_length_px"))
     smeared = smear_px > SMEARED * radius_px
     figures["smear_px"] = smear_px
     if pictures is None or len(unclear) <= _FELT * len(angles):
         return ["shutter" if smeared else None] * len(unclear)
     usual_deg = usual_step_deg(angles)
     seen = look_at_gaps(np.array(unclear, np.int64), result.tracks, angles, pictures)
-    causes = [one.cause(usual_deg=usual_deg, radius_px=radius_px) for one in seen]
+    causes = [one.cause(usual_deg=usual_deg, radius_px=radius_px, length_px=length_px) for one in seen]
     if not causes:
         return ["shutter" if smeared else None] * len(unclear)
     figures["usual_deg"] = usual_deg

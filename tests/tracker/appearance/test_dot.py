@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, uniform_filter1d
@@ -11,6 +13,7 @@ from tracker.appearance.disc import SHAPE, disc_point
 from tracker.appearance.dot_fit import Dot, fit_dot, window_for
 from tracker.appearance.lucas_kanade import READING, read_dot
 from tracker.appearance.motion_blur import SHARES, best_share, shutter_limits, smear_misfits
+from tracker.detect.sticks import Stick, edges_beside
 from tracker.follow.marker import Marker
 
 
@@ -149,10 +152,15 @@ def test_noise_alone_is_no_dot() -> None:
     assert fit is None or fit.explained < 0.6
 
 
-def dot_on_a_stick(blur_px: float, smear_px: float, *, fine: int = 9, size: int = 41) -> np.ndarray:
-    """Draw a dark dot of 4 px on a light stick of 13 px along x, blurred by a lens and smeared along y."""
+def dot_on_a_stick(
+    blur_px: float, smear_px: float, *, beside_px: float = 0.0, fine: int = 9, size: int = 41
+) -> np.ndarray:
+    """Draw a dark dot of 4 px on a light stick of 13 px along x, blurred by a lens and smeared along y.
+
+    ``beside_px`` is how far along y the middle of the stick is from the dot.
+    """
     at = (np.arange(size * fine) + 0.5) / fine - 0.5 - size // 2
-    picture = np.where(np.abs(at)[:, None] < 6.5, 185.0, 95.0) * np.ones_like(at)
+    picture = np.where(np.abs(at - beside_px)[:, None] < 6.5, 185.0, 95.0) * np.ones_like(at)
     picture[np.hypot(at[:, None], at) < 4.0] = 45.0
     picture = gaussian_filter(picture, blur_px * fine)
     if smear_px:
@@ -166,7 +174,7 @@ def test_the_blur_of_a_lens_is_not_taken_for_an_open_shutter(blur_px: float, sha
     step_px = 2.6
     fit = fit_dot(dot_on_a_stick(blur_px, 0.0), 20.0, 20.0, radius_px=4.0, light_dot=False, room_px=6.5)
     assert fit is not None
-    shape = Marker(fit, strip_px=6.5).record["shape"][0]
+    shape = Marker(fit, strip_px=6.5, edges_px=(6.5, 6.5)).record["shape"][0]
     costs = np.empty(len(SHARES))
     luma = dot_on_a_stick(blur_px, share * step_px)
     assert smear_misfits(luma, (20.0, 20.0), shape, (0.0, step_px), SHARES, costs)
@@ -181,3 +189,20 @@ def test_the_blur_of_a_lens_is_not_taken_for_an_open_shutter(blur_px: float, sha
 def test_what_was_never_looked_at_is_not_known() -> None:
     assert shutter_limits(np.zeros(len(SHARES))) == (0.0, 1.0)
     assert shutter_limits(2.0 * np.abs(SHARES - 0.6)) == (pytest.approx(0.45), pytest.approx(0.75))
+
+
+@pytest.mark.parametrize("beside_px", [0.0, 1.5, -1.5])
+@pytest.mark.parametrize("smear_px", [4.0, -7.0])
+def test_a_smeared_dot_need_not_lie_in_the_middle_of_its_stick(beside_px: float, smear_px: float) -> None:
+    blur_px = 0.7
+    first = dot_on_a_stick(blur_px, 0.0, beside_px=beside_px, size=81)
+    fit = fit_dot(first, 40.0, 40.0, radius_px=4.0, light_dot=False, room_px=5.0 - 0.5 * abs(beside_px))
+    assert fit is not None
+    edges_px = edges_beside(first, Stick(fit, replace(fit, x_px=76.0), 0.0))
+    # To half a pixel, in steps of that.
+    assert edges_px == pytest.approx((6.5 + beside_px, 6.5 - beside_px), abs=0.75)
+    dot = Marker(fit, edges_px=edges_px)
+    dot.record["shape"]["across"] = (0.0, 1.0)
+    luma, out = dot_on_a_stick(blur_px, abs(smear_px), beside_px=beside_px, size=81), np.zeros(1, READING)
+    assert read_dot(luma, 40.2, 39.8, dot.record[0], dot.look, (0.0, smear_px), out[0])
+    assert (out["x"][0], out["y"][0]) == pytest.approx((40.0, 40.0), abs=0.15)

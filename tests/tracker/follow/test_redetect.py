@@ -115,6 +115,27 @@ def test_a_stick_whose_outer_marker_is_lost_as_it_starts_is_found_again() -> Non
     check(followed(scenes)[-1], scenes[-1])
 
 
+def test_a_stick_that_starts_does_not_leave_a_marker_on_the_dot_of_the_base_that_it_lays_bare() -> None:
+    # The moving stick is 24 px wide, and above. Seen from aside, so that lengths alone do not tell the dots apart.
+    def scene(degrees: float) -> list[complex]:
+        turn = np.exp(1j * np.deg2rad(degrees))
+        bare = [AXIS + place for place in (80.0, 132.0) if abs((place / turn).imag) > 12.0]
+        return [*bare, *(AXIS + complex(away.real, 0.88 * away.imag) for away in np.subtract(moving(degrees), AXIS))]
+
+    turns = [*np.arange(100.0, 1.0, -3.0), *[1.0] * 8, *np.arange(5.5, 30.0, 4.5)]
+    for row, turn in zip(followed([scene(turn) for turn in turns]), turns, strict=True):
+        outer = scene(turn)[-1]
+        if row["state"][3] == CODE["seen"]:
+            assert row["position_px"][3] == pytest.approx([outer.real, outer.imag], abs=8.0 * SIGMA_PX)
+    assert (row["state"][2:] == CODE["seen"]).all()
+
+
+def test_a_stick_that_was_away_before_its_axis_showed_is_not_found_the_wrong_way_round() -> None:
+    # In line with the base, so that nothing tells the axis.
+    scenes = [[*BASE, *moving(180.0)]] * 5 + [[*BASE]] * 6 + [[*BASE, *moving(140.0 - k)] for k in range(4)]
+    check(followed(scenes)[-1], scenes[-1])
+
+
 def exposed(turn: np.ndarray, *, share: float) -> list[np.ndarray]:
     """Draw the stick at some directions (degrees, one per frame), with the shutter open for a share of a frame."""
     times = np.arange(len(turn)) + share * (np.arange(8)[:, None] - 3.5) / 8.0
@@ -191,12 +212,15 @@ def test_dots_off_the_circle_are_not_the_stick() -> None:
 
 def test_the_search_widens_up_to_the_whole_picture() -> None:
     own = np.zeros(1, STICK)[0]
-    ends, size = ((100.0, 80.0), (160.0, 80.0)), (640, 480)
-    regions = [Prediction(ends, jump_px(lost), own, np.zeros(2)).region((0, 1), size) for lost in (1, 2, 6)]
-    # Three standard deviations around both markers.
-    assert regions[0] == Region(130 - 30 - 45, 80 - 30 - 45, 130 + 30 + 45, 80 + 30 + 45)
-    assert regions[1].right == int(np.ceil(130.0 + 30.0 + 3.0 * 15.0 * 2.0**2.5))
-    assert regions[2] == Region(0, 0, *size)
+    for scale in (1, 4):  # whatever the size of the picture
+        ends, size = ((100.0 * scale, 80.0 * scale), (160.0 * scale, 80.0 * scale)), (640 * scale, 480 * scale)
+        predictions = [Prediction(ends, jump_px(60.0 * scale, lost), own, np.zeros(2)) for lost in (1, 2, 6)]
+        regions = [expected.region((0, 1), size) for expected in predictions]
+        # Three standard deviations around both markers, of a fifth of their distance.
+        half = (30 + 3 * 12) * scale
+        assert regions[0] == Region(130 * scale - half, 80 * scale - half, 130 * scale + half, 80 * scale + half)
+        assert regions[1].right == int(np.ceil((130.0 + 30.0 + 3.0 * 12.0 * 2.0**2.5) * scale))
+        assert regions[2] == Region(0, 0, *size)
 
 
 def test_one_of_many_alike_is_not_guessed() -> None:

@@ -16,6 +16,7 @@ from torsight.core.words.wording import listed
 from tracker.angle.orient import orient
 from tracker.detect.fiducials import families, find_tags
 from tracker.detect.marker_file import read_markers
+from tracker.detect.sticks import are_markers, couples_in
 from tracker.frames.source import open_source
 from tracker.initialise import find_start
 from tracker.quality.account import account
@@ -206,6 +207,16 @@ def test_small_tags_that_are_a_little_out_of_focus_are_found() -> None:
     made = FlatFilm([base], [moving], lambda t: 60.0 + 210.0 * t, frames=24, base_deg=175.0, blur_px=1.3)
     found = [find_tags(picture, FAMILY) for picture in made.pictures()]
     assert sum(len(one) for one in found) >= 46
+
+
+def test_modules_of_tags_that_look_like_dots_on_two_sticks_are_not_taken_for_them(tmp_path: Path) -> None:
+    base, moving = (Sprite(**tag("APRILTAG_36h11", number, side_mm=60.0, along_mm=90.0)) for number in (4, 9))
+    made = FlatFilm([base], [moving], lambda t: 70.0 + 60.0 * t, frames=40, size=(420, 320), blur_px=1.2)
+    # Four of them pass for markers.
+    assert are_markers(couples_in(np.asarray(next(made.pictures())))[0])
+    start = find_start(open_source(made.write(tmp_path / "film.mkv")), None)
+    assert start.hints is not None
+    assert (start.kind, start.hints.ids) == ("tag", (4, 9))
 
 
 def test_tags_that_are_seen_in_few_of_the_first_frames_are_found(tmp_path: Path) -> None:

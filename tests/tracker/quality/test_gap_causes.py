@@ -113,4 +113,4 @@ def test_a_stick_that_was_followed_faster_elsewhere_is_not_too_fast(
     step_deg: float, step_px: float, cause: str | None
 ) -> None:
     seen = Seen(combed=1.0, sharpness=1.0, step_deg=step_deg, step_px=step_px, smear_px=0.0)
-    assert seen.cause(usual_deg=6.3, radius_px=6.0) == cause
+    assert seen.cause(usual_deg=6.3, radius_px=6.0, length_px=100.0) == cause

@@ -151,7 +151,7 @@ def made_gap(*, share: float) -> tuple[TrackResult, StickAngles]:
     valid = np.repeat(seen[:, None], 4, axis=1)
     frame, time_s = np.arange(n), np.arange(n) / 30.0
     tracks = MarkerTracks(frame, time_s, position, np.tile(np.eye(2), (n, 4, 1, 1)), valid, (320, 240))
-    report = {"markers": {"shutter_share_of_frame": share, "radius_px": 5.0}}
+    report = {"markers": {"shutter_share_of_frame": share, "radius_px": 5.0, "stick_length_px": 100.0}}
     sigma = np.where(seen, 0.01, np.nan)
     angles = StickAngles(frame, time_s, np.where(seen, turn, np.nan), sigma, seen, np.ones(n, bool))
     return TrackResult(tracks, np.zeros(n, ROW), [], report), angles
