@@ -98,6 +98,12 @@ class TagStick(Kept):
         last_px = place(track.warp)
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
         fit = track.patch.align(luma, tag.warp_of(found[0]), track.learnt)
+        if fit is None:
+            # The picture is no longer as sharp, or as soft, as where the template was made.
+            sharp = Tag.of(self.family, found[0], luma)
+            track.replace(sharp.patch(), sharp.corners(), sharp.side_px / tag.side_px)
+            self._found = sharp, track
+            fit = track.patch.align(luma, sharp.warp_of(found[0]), track.learnt)
         why = "outside" if fit is None else self._judge(fit)
         return (None, why) if why else (fit, "")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -199,6 +200,25 @@ def test_tags_are_found_without_a_marker_file(tmp_path: Path) -> None:
     named = {"kind": "tag", "family": "APRILTAG_36h11", "base_id": 9, "moving_id": 4}
     same = track_film(open_source(tmp_path / "film.mkv"), markers=read_markers(named))
     np.testing.assert_allclose(result.tracks.position_px, same.tracks.position_px, atol=0.02)
+
+
+class Focusing(FlatFilm):
+    """Out of focus in the first frame, and in focus within ten."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        for number in range(self.frames):
+            now = FlatFilm(self.base, self.moving, self.angle_deg, frames=self.frames, size=self.size)
+            now.blur_px = 0.5 + (self.blur_px - 0.5) * max(0.0, 1.0 - 0.1 * number)
+            yield next(itertools.islice(now.pictures(), number, None))
+
+
+@pytest.mark.parametrize("blur_px", [1.8, 2.4])
+def test_a_lens_that_finds_its_focus_as_the_film_begins(blur_px: float, tmp_path: Path) -> None:
+    base, moving = (Sprite(**tag("APRILTAG_36h11", number, side_mm=46.0, along_mm=ALONG)) for number in (4, 9))
+    made = Focusing([base], [moving], lambda t: 60.0 + 100.0 * t, frames=30, blur_px=blur_px)
+    named = {"kind": "tag", "family": "APRILTAG_36h11", "base_id": 4, "moving_id": 9}
+    result = track_film(open_source(made.write(tmp_path / "film.mkv")), markers=read_markers(named))
+    assert orient(result.tracks, None).angles.valid[10:].all()
 
 
 def test_small_tags_that_are_a_little_out_of_focus_are_found() -> None:
