@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from torsight.core.words.colours import GIVEN_COLOUR
+from torsight.core.words.wording import capital
 from torsight.markers.drawing import (
     DOT,
     PLAIN,
@@ -109,7 +110,7 @@ def _found_words(seen: Sighting, named_px: Floats | None) -> str:
 
 def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, Colour]]:
     """Return the lines of the list beside the picture, each with its colour."""
-    said = textwrap.wrap(message[:1].upper() + message[1:], _LINE_CHARACTERS)
+    said = textwrap.wrap(capital(message), _LINE_CHARACTERS)
     lines = [(line, PLAIN) for line in said or [""]]
     if given:
         lines.append(("Rings in yellow: the positions that were given.", PLAIN))

@@ -9,6 +9,7 @@ import numpy as np
 from torsight.actuator.quantities import effect_values
 from torsight.core.files.results import RunResults, column
 from torsight.core.words.wording import (
+    capital,
     clock_words,
     effect_name,
     error_words,
@@ -104,7 +105,7 @@ def summary_document(results: RunResults) -> str:
     for effect in (discovery or {}).get("effects") or []:
         title = str(effect.get("title") or effect_name(str(effect["id"])))
         values = effect_values(effect)
-        rows.append((f"{title[:1].upper()}{title[1:]}", values))
+        rows.append((capital(title), values))
     rows += [("Law", str(law["sentence"])) for law in (discovery or {}).get("laws") or [] if law.get("sentence")]
     rows += _motion(results)
     return "\n".join([*lines, *(f"- **{name}** {words}" for name, words in rows), ""])

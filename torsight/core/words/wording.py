@@ -46,6 +46,11 @@ def case_words(case: str) -> str:
     )
 
 
+def capital(words: str) -> str:
+    """Return words as a sentence begins."""
+    return f"{words[:1].upper()}{words[1:]}"
+
+
 def counted(count: int, name: str) -> str:
     """Return ``1 half-cycle`` or ``3 half-cycles``."""
     return f"{count} {name}{'' if count == 1 else 's'}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
@@ -14,16 +15,20 @@ from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.files.storage import write_text
 from torsight.core.law import LawForm
 from torsight.core.units import Floats
+from torsight.core.words.wording import capital
 from torsight.discovery.measured_law import MeasuredLaw
 
 _ID: Final = re.compile(r"[a-z][a-z0-9_]*")
-_TEMPLATE: Final = '''r"""{title}, as it was measured.
+_WORDS: Final = (
+    "x {driver}, g_0 the measured law ({unit}), a curve through its nodes and held beyond them, s its share: 1 as "
+    "measured, 0 without it. {sentence}. Predicted residual: what the record showed from which it was measured. "
+    "Source: a record of this rig, by torsight discover."
+)
+_TEMPLATE: Final = '''r"""{heading}, as it was measured.
 
 .. math:: g(x) = s \\, g_0(x)
 
-x {driver}, g_0 the measured law ({unit}), a curve through its nodes and held beyond them, s its share: 1 as measured, 0
-without it. {sentence}. Predicted residual: what the record showed from which it was measured.
-Source: a record of this rig, by torsight discover.
+{words}
 """
 
 from __future__ import annotations
@@ -123,14 +128,16 @@ def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sent
     """Return the source of an effect that is a law with the given parameters."""
     family = FAMILIES[form.id]
     law = form.values([values[key] for key in form.names])
+    words = _WORDS.format(
+        driver=family.over or family.driver, unit=family.unit or "a share", sentence=capital(sentence)
+    )
     return _TEMPLATE.format(
         name=name,
         law=form.id,
         title=family.title,
-        driver=family.over or family.driver,
-        unit=family.unit or "a share",
+        heading=capital(family.title),
         stage=family.stage,
-        sentence=f"{sentence[:1].upper()}{sentence[1:]}",
+        words=textwrap.fill(words, 120),
         nodes=_rows(form.nodes),
         values=_rows(law),
     )

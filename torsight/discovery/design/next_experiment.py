@@ -23,7 +23,7 @@ from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.threads import in_parallel
 from torsight.core.units import DEG, Floats
-from torsight.core.words.wording import effect_name, listed
+from torsight.core.words.wording import capital, effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.programme import Heat, Played, Programme
 from torsight.discovery.design.programme_menu import Habits, in_words, menu
@@ -303,7 +303,7 @@ def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: flo
     apart = f"at least {math.sqrt(gain):.1f}" if gain < _SURE**2 else f"more than {_SURE:.0f}"
     rivals = f"{listed(names)} then differ by {apart} standard deviations after a refit"
     repeat = f"a repeat of this record by {math.sqrt(repeat_gain):.1f}"
-    first = f"{words[0].upper()}{words[1:]}: {rivals} ({repeat}; {needed})."
+    first = f"{capital(words)}: {rivals} ({repeat}; {needed})."
     if gain >= _LITTLE * needed_gain:
         return first
     return f"{first} That is little more than is needed: the new record may leave it open, too."

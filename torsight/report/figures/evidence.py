@@ -12,7 +12,7 @@ import pandas as pd
 from torsight.actuator.quantities import candidate_name, plain_symbol
 from torsight.core.files.results import column
 from torsight.core.units import Floats
-from torsight.core.words.wording import number
+from torsight.core.words.wording import capital, number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
@@ -109,7 +109,7 @@ def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:
     behind = ranked[0][1] - ranked[1][1]
     second = candidate_name(ranked[1][0])
     gap = f"its gain is lower by {number(behind)}, and 12 is enough to tell two apart"
-    return f"{second[:1].upper()}{second[1:]} comes next: {gap}."
+    return f"{capital(second)} comes next: {gap}."
 
 
 def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:

@@ -10,7 +10,7 @@ from typing import Final
 from torsight.core.files.storage import write_bytes, write_table
 from torsight.core.parameter import REACH
 from torsight.core.series import runs
-from torsight.core.words.wording import effect_name, variable_name
+from torsight.core.words.wording import capital, effect_name, variable_name
 from torsight.discovery.measured_law import DRIVER_UNITS, GIVES, MeasuredLaw
 from torsight.report.figures.motion import Figure
 from torsight.report.plots.panels import Axis, Panel
@@ -22,12 +22,12 @@ _OWN_FILES: Final = re.compile(rf"law_({'|'.join(GIVES)})_[a-z0-9_]+\.(csv|png)"
 def law_figure(law: MeasuredLaw) -> Figure:
     """Draw one law as a curve with its 95 % interval; where the record reached its driver is shaded."""
     panel = law_panel(law)
-    title = f"{law.gives[:1].upper()}{law.gives[1:]} against {variable_name(law.driver)}"
+    title = f"{capital(law.gives)} against {variable_name(law.driver)}"
     about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."
     named = (
         "No known effect has this form." if law.effect is None else f"The named effect is {effect_name(law.effect)}."
     )
-    said = f"{law.sentence[:1].upper()}{law.sentence[1:].rstrip('.')}. " if law.sentence else ""
+    said = f"{capital(law.sentence).rstrip('.')}. " if law.sentence else ""
     caption = f"{said}{named}{about}".strip()
     return Figure(law.csv_name.removesuffix(".csv"), title, caption, (panel,), source=law.csv_name)
 

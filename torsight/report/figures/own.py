@@ -10,6 +10,7 @@ import numpy as np
 
 from torsight.core.series import rms
 from torsight.core.units import Floats
+from torsight.core.words.wording import capital
 from torsight.discovery.measured_law import MeasuredLaw
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import MeasuredCurve
@@ -92,7 +93,7 @@ def law_drawn(law: MeasuredCurve) -> Figure:
     return Figure(
         law.csv_name.removesuffix(".csv"),
         f"The law {law.id} over {law.driver}",
-        f"{told[:1].upper()}{told[1:]}. {named}",
+        f"{capital(told)}. {named}",
         (law_panel(shown, across=across),),
         source=law.csv_name,
     )
