@@ -295,6 +295,15 @@ class Ports:
         temp_b_c, rate_b = change(self.temp_b_c, self.rate_b_c_s)
         return self.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
+    def behind_sensors(self, lag_a_s: float, lag_b_s: float) -> Ports:
+        """Return ports with the wires' temperatures where sensors of these time constants are behind them."""
+        wires_c = []
+        for spring, (temp_c, lag_s) in enumerate(((self.temp_a_c, lag_a_s), (self.temp_b_c, lag_b_s))):
+            share, shorter, longer = self.drive.sensors.lag_correction(lag_s)
+            off_c, longer_c = self.logged(shorter[spring], longer[spring])
+            wires_c.append(temp_c + off_c + share * (longer_c - off_c))
+        return self.changed(temp_a_c=wires_c[0], temp_b_c=wires_c[1])
+
     def at_log_times(self, wanted_s: Floats) -> Ports:
         """Return ports with the temperatures and half-cycles that stand in the log at other times (n,)."""
         moved, cycles = self.read_at(wanted_s), self.drive.cycles

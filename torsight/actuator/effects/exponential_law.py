@@ -18,10 +18,12 @@ from torsight.actuator.ports import Ports
 from torsight.actuator.stepping.phase import PLACES
 from torsight.core.parameter import Parameter
 
+_LEAD: Final = exponential_lead(PLACES)
+
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let the transformation run ahead as the exponential does."""
-    lead = values["exponential_share"] * exponential_lead(PLACES)
+    lead = values["exponential_share"] * _LEAD
     return ports.with_lead(lead, lead)
 
 

@@ -25,11 +25,8 @@ def apply(ports: Ports, values: Values) -> Ports:
     delay_s = values["lag_delay_share"] * values["lag_s"]
     if delay_s != 0.0:
         ports = ports.read_at(ports.log_time_s + delay_s)
-    share, shorter, longer = ports.drive.sensors.lag_correction(values["lag_s"] - delay_s)
-    a, b, longer_a, longer_b = ports.logged(*shorter, *longer)
-    temp_a_c = ports.temp_a_c + a + share * (longer_a - a)
-    temp_b_c = ports.temp_b_c + b + share * (longer_b - b)
-    return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c)
+    lag_s = values["lag_s"] - delay_s
+    return ports.behind_sensors(lag_s, lag_s)
 
 
 EFFECT: Final = Effect(

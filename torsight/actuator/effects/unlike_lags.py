@@ -20,12 +20,7 @@ from torsight.core.parameter import Parameter
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Undo the lag of either sensor."""
-    warmer = []
-    for spring, name in enumerate(("lag_a_s", "lag_b_s")):
-        share, shorter, longer = ports.drive.sensors.lag_correction(values[name])
-        low, high = ports.logged(shorter[spring], longer[spring])
-        warmer.append(low + share * (high - low))
-    return ports.changed(temp_a_c=ports.temp_a_c + warmer[0], temp_b_c=ports.temp_b_c + warmer[1])
+    return ports.behind_sensors(values["lag_a_s"], values["lag_b_s"])
 
 
 EFFECT: Final = Effect(

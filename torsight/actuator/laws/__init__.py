@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.actuator.drive import Drive
+from torsight.actuator.laws import nodes
 from torsight.actuator.laws.families import FAMILIES, Family
 from torsight.actuator.ports import Ports
 from torsight.core.errors import ConfigError
@@ -24,7 +25,7 @@ from torsight.core.units import Floats
 _CURVED: Final = frozenset(
     family.id
     for family in FAMILIES.values()
-    if family.driver in ("angle_deg", "winding_deg") or family.id == "phase_temp_active_c"
+    if family.nodes in (nodes.angle_nodes, nodes.winding_nodes, nodes.phase_nodes)
 )
 """Laws that may bend so sharply that lines between their nodes would cut them."""
 

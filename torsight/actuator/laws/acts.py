@@ -17,6 +17,7 @@ from torsight.core.units import DEG, MNM, Floats
 
 Curve = Callable[[Floats], Floats]
 
+_STEPS: Final = phase_steps(PLACES)
 _VALUES: Final = ("a_start_c", "a_finish_c", "m_start_c", "m_finish_c")
 _SHARES: Final = ("k_austenite", "k_martensite", "k_stress_induced", "theta_cr_rad")
 DIFFERING: Final = len(_VALUES) + len(_SHARES)
@@ -153,8 +154,7 @@ def _gentle(ports: Ports, torque_nm: Floats) -> Floats:
 
 def phase_lead(ports: Ports, law: Curve) -> Ports:
     """Let the transformation run ahead of the phase law by so many windows, on heating and on cooling."""
-    steps = phase_steps(PLACES)
-    return ports.with_lead(law(steps), law(BRANCH + steps))
+    return ports.with_lead(law(_STEPS), law(BRANCH + _STEPS))
 
 
 def theta_l_half(ports: Ports, law: Curve) -> Ports:

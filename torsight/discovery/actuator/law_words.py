@@ -109,7 +109,7 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     if law.spring != "both":
         what += f" (spring {law.spring.upper()})"
     beside = "" if law.number == 1 else "beside that, "
-    whole = {"mN·m": tau_c_mnm if law.port == "friction" else None, "%": 100.0}.get(law.unit)
+    whole = tau_c_mnm if law.port == "friction" else 100.0 if law.unit == "%" else None
     return f"{beside}{_course(law, what, known, whole)}"
 
 
