@@ -33,6 +33,7 @@ import numpy as np
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
+from torsight.core.series import rms
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning
 
@@ -115,7 +116,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     lead, rate = readout.lead_rad(direction), turning(readout.time_s, direction)[0]
     speed = np.abs(lead).max(axis=1, initial=0.0)
     # The fast frames tell the read-out, the others what is alike at any speed.
-    fast = speed > np.sqrt(np.mean(speed[seen] ** 2)) if seen.any() else np.zeros(len(speed), np.bool_)
+    fast = speed > rms(speed[seen]) if seen.any() else np.zeros(len(speed), np.bool_)
     rows = spread_rows(direction, seen, apart=fast)
     priors = [_prior(stretch) for stretch in _STRETCHES]
     if known:
@@ -129,7 +130,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     # Frames of one direction, one way round, tell the same.
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
     usual = USUAL_PX / half_px
-    pace = rate[rows] / max(float(np.sqrt(np.mean(rate[rows] ** 2))), 1e-12)
+    pace = rate[rows] / max(rms(rate[rows]), 1e-12)
     carried = usual * np.column_stack([pace, pace**2])
     paths = _Paths(points, spread, direction[rows], lead[rows], carried, alike)
     start = np.concatenate([np.zeros(9), _first_circles(points)])

@@ -245,9 +245,7 @@ class Patch:
         usual = np.zeros(len(left)) if learnt is None else learnt.left
         known = np.zeros(len(left), np.bool_) if learnt is None else learnt.known
         near = learnt is None
-        weight = self._trusted * self._weights(
-            left, self._limit(found, robust_sigma(left), learnt if near else None), known
-        )
+        weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
         for _ in range(_ROUNDS):
             seen = sample(cut, warp, self._grid)
             values = seen[self._index] - found[GAIN] * usual
@@ -268,9 +266,7 @@ class Patch:
             if moved < _STOP_PX and near:
                 break
             near = near or moved < _STOP_PX
-            weight = self._trusted * self._weights(
-                left, self._limit(found, robust_sigma(left), learnt if near else None), known
-            )
+            weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
         return self._fit(seen, usual, found, warp, weight, inverse)
 
     def _limit(self, found: Floats, noise: float, learnt: Ink | None) -> Floats:
@@ -288,7 +284,7 @@ class Patch:
         beyond = np.square(left) / limit**2
         if self._share is not None and not alone.all():
             beyond = np.where(alone, beyond, self._around(beyond) / self._share)
-        return np.asarray(np.square(np.clip(1.0 - beyond, 0.0, None)))
+        return np.asarray(self._trusted * np.square(np.clip(1.0 - beyond, 0.0, None)))
 
     def _around(self, values: Floats) -> Floats:
         """Return the sum of values (n,) around every point, weighted by a normal distribution."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.tracks import MarkerTracks, StickAngles, mean_sigma
 from torsight.core.units import DEG, Floats
 from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
@@ -119,7 +119,7 @@ def noise_account(
     seen = rows["state"] == CODE["seen"]
     covariance: Floats = rows["covariance_px2"]
     white = np.sqrt(0.5 * (covariance[..., 0] + covariance[..., 2]))
-    reached = np.sqrt(0.5 * np.trace(tracks.covariance_px2, axis1=2, axis2=3))
+    reached = mean_sigma(tracks.covariance_px2)
     sigma = angles.sigma_rad[angles.valid & angles.branch_certain] / DEG
     return {
         "picture_noise_grey": _median(rows["residual"][seen]),

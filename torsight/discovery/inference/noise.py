@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import correlation_time, scatter
+from torsight.core.series import correlation_time, rms, scatter
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
@@ -120,8 +120,8 @@ def residual_scales(residual: Floats, stretches: Stretches, floor: Floats) -> Sc
     Each is the standard deviation s for which the mean of r² / (floor² + s²) is one.
     """
     levels, motion = stretches.split()
-    level = np.array([np.sqrt(np.mean(residual[a:b] ** 2)) for a, b in levels])
-    level_floor = np.array([np.sqrt(np.mean(floor[a:b] ** 2)) for a, b in levels])
+    level = np.array([rms(residual[a:b]) for a, b in levels])
+    level_floor = np.array([rms(floor[a:b]) for a, b in levels])
     rows = np.concatenate([np.arange(a, b) for a, b in motion]) if motion else np.zeros(0, np.int64)
     return Scales(
         motion=_excess(residual[rows], floor[rows]),

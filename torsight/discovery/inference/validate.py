@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from torsight.core.progress import Progress, silent
+from torsight.core.series import rms
 from torsight.core.threads import in_parallel
 from torsight.core.units import Floats, Ints
 from torsight.discovery.inference.fitting import Fit, Fitter, space_of
@@ -77,8 +78,7 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, pr
         left[rows] = problem.observed[rows] - fold.solution.prediction[rows]
         unsure.append(np.where(rows[:, None], spread, 0.0))
     folds = tuple((int(label), fold.values) for label, (fold, _) in zip(labels, fits, strict=True))
-    rms = float(np.sqrt(np.mean(left[problem.valid] ** 2)))
-    return HeldOut(np.where(problem.valid, left, np.nan), rms, folds, np.hstack(unsure))
+    return HeldOut(np.where(problem.valid, left, np.nan), rms(left[problem.valid]), folds, np.hstack(unsure))
 
 
 def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
