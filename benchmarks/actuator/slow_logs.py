@@ -1,22 +1,27 @@
 """Logs that are slower than the film: what is left of the wire's corners in the merged table, and in the angle.
 
-Run: python benchmarks/actuator/slow_logs.py [--seeds 3] [--longest-hold 20]
+Run: python benchmarks/actuator/slow_logs.py [--seeds 3] [--half-and-twice]
 
 Half-cycles of a known wire (ramps, holds, natural cooling; four rows a second) are logged every 0.25 to 10 s with noise
 of 0.02 to 0.07 °C and put back on the rows by straight lines, as a merged table has them. Columns: rms and largest
 error of the temperature in mK, on the lines and as they are prepared; and rms error of the plain model's angle, in
 degrees, driven by the table (a record) and by the log alone (a later record), against the same wire without noise. The
-tops are held for up to 15 s, or (second table) not at all. ``--longest-hold`` is how long the preparation takes a top
-to be held at most, in place of its own constant: half and twice of it.
+tops are held for up to 15 s, or (second table) not at all. ``--half-and-twice`` prints both with half and with twice of
+how long the preparation takes a top to be held at most.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from benchmarks.half_and_twice import half_and_twice
 from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.record import slow_log
@@ -34,14 +39,22 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--longest-hold", type=float, default=None)
+    parser.add_argument("--half-and-twice", action="store_true")
     options = parser.parse_args()
-    if options.longest_hold is not None:
-        setattr(slow_log, "_LONGEST_HOLD_S", options.longest_hold)  # noqa: B010 - a constant to mypy
+    if not options.half_and_twice:
+        tables(options.seeds)
+        return
+    for factor in half_and_twice("_LONGEST_HOLD_S", slow_log):
+        print(f"the longest hold × {factor:g}")
+        tables(options.seeds)
+
+
+def tables(seeds: int) -> None:
+    """Print the tables of tops that are held and of tops that are not."""
     for longest_s in (15.0, 0.0):
         print(f"tops held for up to {longest_s:.0f} s\ninterval        lines          prepared   record  later")
         for interval_s in (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0):
-            found = np.array([measured(interval_s, longest_s, seed) for seed in range(options.seeds)])
+            found = np.array([measured(interval_s, longest_s, seed) for seed in range(seeds)])
             rms, worst = np.sqrt(np.mean(found**2, axis=0)), found.max(axis=0)
             columns = "   ".join(f"{rms[i]:6.1f} {worst[i + 1]:6.0f}" for i in (0, 2))
             print(f"{interval_s:6.2f} s   {columns}   {rms[4]:6.2f} {rms[5]:6.2f}", flush=True)
