@@ -77,6 +77,11 @@ TRUTH = {
     "creep": ({"relaxation": 0.03}, {}),
     "r_phase": ({"step_deg": 25.0}, {"r_phase_deg": (25.0, 0.1, 0.0), "r_phase_start_c": (26.0, 0.0, 1.0)}),
     "latent_heat": ({"latent_c_s": 60.0}, {"latent_c_s": (60.0, 0.06, 0.0)}),
+    "minor_loops": ({"memory": 0.7}, {"loop_memory": (0.7, 0.05, 0.0)}),
+    "stress_influence": (
+        {"heating_scale": 0.85, "cooling_scale": 1.15},
+        {"stress_ratio_heating": (0.85, 0.02, 0.0), "stress_ratio_cooling": (1.15, 0.02, 0.0)},
+    ),
     "end_stop": (
         {"angle_deg": 205.0, "stiffness_mnm_per_rad": 10.0, "side": "negative"},
         {"stop_deg": (-205.0, 0.0, 0.5), "stop_mnm_per_rad": (10.0, 0.15, 0.0)},

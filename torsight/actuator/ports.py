@@ -132,6 +132,9 @@ class Ports:
         Share of the friction that holds at the start of the record, from −1 to 1.
     heating_bend, cooling_bend : float
         By how much the transformation runs ahead of the phase law in the middle of its window.
+    loop_memory : float
+        By how much the transformation after an incomplete one remembers where the whole one would be: 0 scales the law
+        to what is left (Liang and Rogers), 1 holds ξ until the whole law comes to it.
     lead : two (g,) float64, or None
         How far the transformation runs ahead of the phase law on heating and on cooling, in windows, over
         :data:`~torsight.actuator.stepping.phase.PLACES`.
@@ -189,6 +192,7 @@ class Ports:
     home_hold: float = 1.0
     heating_bend: float = 0.0
     cooling_bend: float = 0.0
+    loop_memory: float = 0.0
     lead: tuple[Floats, Floats] | None = None
     latent_c_s: float = 0.0
     viscous_nms: float = 0.0

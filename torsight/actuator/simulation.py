@@ -216,6 +216,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "speed_step": 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1],
         "dwell_step": 0.0 if ports.dwell_factor is None else DWELL_DECADES[1],
         "swing": ports.swing,
+        "memory": ports.loop_memory,
         "place_step": 0.0 if ports.lead is None else PLACES[1] - PLACES[0],
         "passive_share": ports.passive_share,
         "tanaka": tanaka,

@@ -33,6 +33,8 @@ from torsight.actuator.stepping.kernel_laws import (
     share_done,
     side_torque,
     table_and_slope,
+    transforms,
+    transforms_slope,
     window_place,
 )
 from torsight.core.compiled import inlined, lending
@@ -64,11 +66,12 @@ def held_back(
     """
     part, width = (w[1, j], p["a_width"]) if heating else (1.0 - w[1, j], p["m_width"])
     width /= follows
-    delay = p["latent"] * part * c[PER_S] * (1.0 + c[AHEAD]) / width
-    reached = held_place(heating, place + c[AHEAD] * p["latent"] * w[PACE, j] / width, w[2, j], delay, p)
+    delay = p["latent"] * c[PER_S] * (1.0 + c[AHEAD]) / width
+    reached = held_place(heating, place + c[AHEAD] * p["latent"] * w[PACE, j] / width, w[2, j], part, delay, p)
     if reached >= place:
         return place, follows
-    return reached, follows / (1.0 + delay * done_slope(heating, reached, p))
+    per_done = transforms_slope(part, share_done(heating, reached, p), p)
+    return reached, follows / (1.0 + delay * per_done * done_slope(heating, reached, p))
 
 
 @inlined
@@ -78,9 +81,9 @@ def section_temp(j: int, c: Floats, p: Scalars, sections: Floats) -> float:
 
 
 @inlined
-def transformed(heating: bool, before: float, done: float) -> float:
+def transformed(heating: bool, before: float, done: float, p: Scalars) -> float:
     """Return ξ where it was ``before`` when a transformation began that is ``done`` by so much."""
-    return before * (1.0 - done) if heating else before + (1.0 - before) * done
+    return before - transforms(before, done, p) if heating else before + transforms(1.0 - before, done, p)
 
 
 @inlined
@@ -94,7 +97,7 @@ def section_at(
         return w[0, j], w[2, j]
     if p["latent"] > 0.0:
         place, _ = held_back(heating, place, follows, j, c, w, p)
-    return transformed(heating, w[1, j], share_done(heating, place, p)), place
+    return transformed(heating, w[1, j], share_done(heating, place, p), p), place
 
 
 @inlined
@@ -255,7 +258,12 @@ def fraction_and_slope(
             if place < 1.0:
                 cosine = np.cos(np.pi * bent(place, ahead))
                 half = 0.5 * (w[1, j] if heating else w[1, j] - 1.0)
-                xi += half * (1.0 + cosine)
+                if p["memory"] > 0.0:
+                    done = 0.5 - 0.5 * cosine
+                    xi = transformed(heating, w[1, j], done, p)
+                    half = np.copysign(0.5 * transforms_slope(2.0 * abs(half), done, p), half)
+                else:
+                    xi += half * (1.0 + cosine)
                 steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * per_torque
                 slope -= sections[0, j] * follows * steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
         w[3, j], w[4, j] = xi, max(place, w[2, j])

@@ -39,6 +39,7 @@ SCALARS: Final = np.dtype(
             "theta_p", "tau_c", "viscous", "viscous_power", "speed_step", "dwell_step", "passive_share", "tanaka",
             "room_c", "grid_start", "grid_step", "fixed_theta_l", "has_friction", "has_stray", "steady", "home_hold",
             "first_share", "heating_bend", "cooling_bend", "unwound_a", "unwound_b", "latent", "swing", "place_step",
+            "memory",
         )
     ]
 )  # fmt: skip
@@ -96,19 +97,39 @@ def done_slope(heating: bool, place: float, p: Scalars) -> float:
     return 0.5 * np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * np.sin(np.pi * bent(place, ahead))
 
 
+@inlined
+def transforms(part: float, done: float, p: Scalars) -> float:
+    """Return how much of the wire has transformed where ``part`` of it was left and the law is ``done`` so far.
+
+    Liang and Rogers scale the law to what is left; by the memory's share it waits until the whole law has as much left.
+    """
+    scaled = part * done
+    return scaled if p["memory"] == 0.0 else scaled + p["memory"] * (max(0.0, part - 1.0 + done) - scaled)
+
+
+@inlined
+def transforms_slope(part: float, done: float, p: Scalars) -> float:
+    """Return the derivative of :func:`transforms` by what is done."""
+    return part if p["memory"] == 0.0 else part + p["memory"] * ((1.0 if part - 1.0 + done > 0.0 else 0.0) - part)
+
+
 @lending
-def held_place(heating: bool, place: float, furthest: float, delay: float, p: Scalars) -> float:
-    """Return s that solves s + λ (done(s) − done(s_0)) = s_T: s_T a place ahead of the furthest so far, λ the delay."""
+def held_place(heating: bool, place: float, furthest: float, part: float, delay: float, p: Scalars) -> float:
+    """Return s that solves s + λ (ξ(s) − ξ(s_0)) = s_T: s_T a place ahead of the furthest so far, λ the delay.
+
+    ξ is what has transformed of a wire of which ``part`` was left.
+    """
     low, high = furthest, place
-    before = share_done(heating, furthest, p)
+    before = transforms(part, share_done(heating, furthest, p), p)
     reached = high
     for _ in range(60):
-        over = reached + delay * (share_done(heating, reached, p) - before) - place
+        done = share_done(heating, reached, p)
+        over = reached + delay * (transforms(part, done, p) - before) - place
         if over > 0.0:
             high = reached
         else:
             low = reached
-        following = reached - over / (1.0 + delay * done_slope(heating, reached, p))
+        following = reached - over / (1.0 + delay * transforms_slope(part, done, p) * done_slope(heating, reached, p))
         if abs(following - reached) < ROUNDED:
             break
         reached = following if low < following < high else 0.5 * (low + high)

@@ -241,7 +241,7 @@ def _passive_excess(
     """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
     torque = base + (o["k_a"] + xi * (o["k_m"] - o["k_a"])) * angle * (1.0 - xi)
     done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o, tables)[0], o)
-    return transformed(heating, g[XI_0_P], done) - xi
+    return transformed(heating, g[XI_0_P], done, o) - xi
 
 
 @shared

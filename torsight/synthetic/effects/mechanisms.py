@@ -175,6 +175,21 @@ class LatentHeat(HiddenEffect):
 
 
 @dataclass(frozen=True, slots=True)
+class MinorLoops(HiddenEffect):
+    """A transformation after an incomplete one waits for the whole loop instead of beginning at once."""
+
+    memory: float = key(0.7, "0: begins at once; 1: on the whole loop", lower=0.0, upper=1.0, constant="loop_memory")
+
+
+@dataclass(frozen=True, slots=True)
+class StressInfluence(HiddenEffect):
+    """Stress moves the transformations by another amount than declared."""
+
+    heating_scale: float = key(0.85, "true over declared C_A", lower=0.1, upper=10.0, constant="c_a_scale")
+    cooling_scale: float = key(1.15, "true over declared C_M", lower=0.1, upper=10.0, constant="c_m_scale")
+
+
+@dataclass(frozen=True, slots=True)
 class KineticsShape(HiddenEffect):
     """A small smooth error of the phase law: the transformation runs ahead or behind within its window."""
 

@@ -102,6 +102,9 @@ class Constants(NamedTuple):
     local_form: int = 0
     bend: float = 0.0
     tanaka: float = 0.0
+    loop_memory: float = 0.0
+    c_a_scale: float = 1.0
+    c_m_scale: float = 1.0
 
 
 _WHOLE: Final = frozenset(name for name, kind in get_type_hints(Constants).items() if kind is int)

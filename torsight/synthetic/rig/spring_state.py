@@ -150,13 +150,15 @@ def progress(c: Constants, share: float) -> float:
 def zone_fraction(c: Constants, warming: int, temp_c: float, tau: float, xi0: float, xi: float) -> float:
     """Return the martensite fraction of one zone; it only advances."""
     stress = c.stress_per_nm * tau
-    free_c = temp_c - stress / (c.c_a if warming == 1 else c.c_m)
+    free_c = temp_c - stress / (c.c_a * c.c_a_scale if warming == 1 else c.c_m * c.c_m_scale)
     free_c += law(c, _PHASE, free_c)
     if warming == 1:
         done = progress(c, (free_c - c.a_s) / c.a_width)
-        return min(xi, xi0 * (1.0 - done))
+        scaled, whole = xi0 * (1.0 - done), min(xi0, 1.0 - done)
+        return min(xi, scaled + c.loop_memory * (whole - scaled))
     done = progress(c, (c.m_s - free_c) / c.m_width)
-    return max(xi, xi0 + (1.0 - xi0) * done)
+    scaled, whole = xi0 + (1.0 - xi0) * done, max(xi0, done)
+    return max(xi, scaled + c.loop_memory * (whole - scaled))
 
 
 @lending

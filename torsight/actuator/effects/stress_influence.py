@@ -1,0 +1,60 @@
+r"""Stress moves the transformations of this wire by more or less than its actuator file says.
+
+.. math:: C_A → r_A C_A, \qquad C_M → r_M C_M
+
+C stress coefficients, r their true over their declared values. Predicted residual: motion begins and ends earlier or
+later the more a spring carries, unlike on heating and on cooling; a fit without it moves A_s to M_f. An angle over
+temperature shows only the ratios of moduli, friction and coefficients: where those are known, so is r. Source: paper,
+(13) and (14), where C_A and C_M come from tests at several loads; files often have one value from a table for both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.actuator.springs import Rig
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Scale the stress coefficients of both springs."""
+
+    def scaled(rig: Rig) -> Rig:
+        return replace(
+            rig,
+            c_austenite=rig.c_austenite * values["stress_ratio_heating"],
+            c_martensite=rig.c_martensite * values["stress_ratio_cooling"],
+        )
+
+    return ports.changed(rig=scaled(ports.rig), rig_b=scaled(ports.rig_b))
+
+
+EFFECT: Final = Effect(
+    id="stress_influence",
+    family="material",
+    acts_on="phase",
+    title="stress coefficients are not those of the file",
+    parameters=tuple(
+        Parameter(
+            name=f"stress_ratio_{way}",
+            # As far as one wire's coefficient is usually from a table's: a choice.
+            value=0.85,
+            unit="",
+            lower=0.3,
+            upper=3.0,
+            null=1.0,
+            symbol=symbol,
+            title=f"true over declared stress coefficient on {way}",
+        )
+        for way, symbol in (("heating", "r_A"), ("cooling", "r_M"))
+    ),
+    apply=apply,
+    starts=(
+        {"stress_ratio_heating": 1.15, "stress_ratio_cooling": 1.15},
+        {"stress_ratio_heating": 0.85, "stress_ratio_cooling": 1.15},
+        {"stress_ratio_heating": 1.15, "stress_ratio_cooling": 0.85},
+    ),
+)
