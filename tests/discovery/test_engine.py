@@ -64,6 +64,7 @@ def test_what_no_column_explains_is_unknown_and_never_none(sigma: float) -> None
     problem = machine(wave, candidates={"coulomb": {"coulomb_n": np.sign(s["speed"])}}, tau=1.0, sigma=sigma)
     found = find_missing_of(replace(problem, drivers={"warm": s["warm"]}))
     assert (found.verdict, found.effects) == ("unknown", ())
+    assert find_missing(replace(problem, drivers={"warm": s["warm"]})).verdict == "unknown"
     assert find_missing_of(machine(0.0, tau=1.0, sigma=sigma)).verdict == "none"
 
 

@@ -7,7 +7,6 @@ report.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,6 +28,7 @@ from torsight.core.parameter import Parameter
 from torsight.core.series import pair_means
 from torsight.core.threads import with_help
 from torsight.core.units import DEG, Flags, Floats, Ints
+from torsight.core.words.wording import EXPLAINED
 from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
 from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers
@@ -157,8 +157,8 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def over_floor(self) -> float:
-        """Infinite: how much an answer leaves is reported beside the verdict, whatever the verdict is."""
-        return math.inf
+        """Noise floors that are left from which something is missing although nothing known explains it."""
+        return EXPLAINED
 
     @cached_property
     def time_s(self) -> Floats:

@@ -18,7 +18,7 @@ from torsight.core.files.results import RunResults, column, read_results
 from torsight.core.files.storage import write_text
 from torsight.core.progress import Progress, silent
 from torsight.core.words.colours import LIGHT
-from torsight.core.words.wording import unexplained, verdict_sentence
+from torsight.core.words.wording import is_plain_answer, unexplained, verdict_sentence
 from torsight.discovery.measured_law import read_laws
 from torsight.report.figures import evidence, measured, motion, planned, residuals
 from torsight.report.figures.export import FOLDER, NAMES, data_link, write_figures
@@ -237,7 +237,7 @@ def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
     discovery = results.discovery or {}
     plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}
     after = discovery.get("parameters") or {}
-    extended = bool(after) and discovery.get("verdict") != "none"
+    extended = bool(after) and not is_plain_answer(discovery)
     found: dict[str, list[Figure | None]] = {
         "candidates": [evidence.candidates(discovery)],
         "unseen": [evidence.unseen_half_cycles(discovery)],

@@ -203,6 +203,16 @@ def contradicted(pulls: Iterable[Mapping[str, Any]]) -> str:
     return f"The record contradicts characterised values: {values}; check the actuator file."
 
 
+def is_plain_answer(discovery: Mapping[str, Any]) -> bool:
+    """Return whether the model of a ``discovery.json`` is the plain one: no effect and no law was added to it."""
+    return not (discovery.get("effects") or discovery.get("drivers"))
+
+
+def has_unnamed_law(discovery: Mapping[str, Any]) -> bool:
+    """Return whether a measured law without a name is in the answer of a ``discovery.json``."""
+    return discovery.get("verdict") == "unknown" and bool(discovery.get("drivers"))
+
+
 def doubt_of(discovery: Mapping[str, Any]) -> str:
     """Return what has to be said of an answer before it.
 

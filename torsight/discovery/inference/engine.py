@@ -81,12 +81,14 @@ def find_missing(
     decision = decide(field, settings=chosen_settings, choices=search.choices, can_hold_out=can_hold_out)
     before = field.plain.held_out if can_hold_out else None
     after = decision.chosen.held_out if can_hold_out else None
-    return Findings(_verdict(decision), field, decision, before, after, _drivers(field, decision.chosen))
+    verdict = _verdict(decision, problem.over_floor)
+    return Findings(verdict, field, decision, before, after, _drivers(field, decision.chosen))
 
 
-def _verdict(decision: Decision) -> Verdict:
+def _verdict(decision: Decision, most: float) -> Verdict:
+    """Return the verdict; ``most`` is how many noise floors a model may leave that lacks nothing."""
     if not decision.chosen.members:
-        return "none"
+        return "none" if decision.over_floor <= most else "unknown"
     if decision.rivals:
         return "ambiguous"
     return "unknown" if decision.unnamed else "identified"

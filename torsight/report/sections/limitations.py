@@ -8,7 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from torsight.core.files.results import RunResults
-from torsight.core.words.wording import effect_name, explanations
+from torsight.core.words.wording import effect_name, explanations, has_unnamed_law
 from torsight.discovery.settings import Settings
 from torsight.report.plots.formulas import with_symbols
 from torsight.report.sections.page_content import in_words
@@ -68,7 +68,7 @@ def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
     found = []
     if discovery.get("verdict") == "ambiguous":
         found.append(f"This record cannot distinguish: {'; '.join(explanations(discovery))}.")
-    if discovery.get("verdict") == "unknown":
+    if has_unnamed_law(discovery):
         found.append("A measured law is known where this record covered its variable; beyond that it is a guess.")
     if not discovery.get("held_out"):
         found.append("No half-cycle could be held out, so the errors are those of the fit itself.")

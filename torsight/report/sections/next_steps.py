@@ -14,7 +14,15 @@ from torsight.core.files.results import RunResults, column
 from torsight.core.records import TemperatureLog
 from torsight.core.series import rms
 from torsight.core.units import DEG
-from torsight.core.words.wording import EXPLAINED, error_left, held_out_errors, not_explained, number, times_floor
+from torsight.core.words.wording import (
+    EXPLAINED,
+    error_left,
+    has_unnamed_law,
+    held_out_errors,
+    not_explained,
+    number,
+    times_floor,
+)
 from torsight.discovery.prediction import predict_with_sigma
 from torsight.report.plots.formulas import symbol, titled, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
@@ -176,7 +184,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
     against = [
         *(["no half-cycle could be held out"] if not held_out else []),
         *(["the record is not explained"] if not_explained(discovery) else []),
-        *(["a measured law stands in for a cause that is not known"] if discovery.get("verdict") == "unknown" else []),
+        *(["a measured law stands in for a cause that is not known"] if has_unnamed_law(discovery) else []),
         *(["it is not known which explanation is right"] if discovery.get("verdict") == "ambiguous" else []),
         *(["the predicted sigma is too small"] if sigma is not None and share < _HONEST else []),
     ]

@@ -23,6 +23,7 @@ from torsight.core.words.wording import (
     explanations,
     fixed,
     held_out_errors,
+    is_plain_answer,
     listed,
     not_explained,
     not_fixed,
@@ -78,7 +79,7 @@ def lead(results: RunResults) -> str:
         ends += f" {_why_open(discovery)}"
         if fitted is not None:
             ends += f" The fit to all half-cycles leaves {error_words(float(fitted))} rms."
-    if after is None or (not discovery.get("effects") and discovery.get("verdict") == "none"):
+    if after is None or is_plain_answer(discovery):
         return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
     if not_explained(discovery):
         # The headline's figure is not the ratio of the two that stand here.
@@ -158,8 +159,8 @@ def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
         return Tile("Missing effect", f"1 of {max(2, len(options))}", "", listed(options, last="or"))
     if verdict == "unknown":
         drivers = [variable_name(str(one["variable"])) for one in (discovery.get("drivers") or [])[:2]]
-        depends = f"; it depends on {listed(drivers)}" if drivers else ""
-        return Tile("Missing effect", "no known one", "", f"a measured law stands in{depends}")
+        note = f"a measured law stands in; it depends on {listed(drivers)}" if drivers else "and no law of one variable"
+        return Tile("Missing effect", "no known one", "", note)
     names = listed([effect_name(str(effect["id"])) for effect in effects])
     values = [_telling(effect) for effect in effects]
     label = "Missing effect" if len(effects) == 1 else "Missing effects"
@@ -191,7 +192,7 @@ def _error_tile(discovery: Mapping[str, Any]) -> list[Tile]:
     if before.get(seen) is None:
         return []
     value = error_words(before[seen])[:-1]
-    if after.get(seen) is not None and discovery.get("verdict") != "none":
+    if after.get(seen) is not None and not is_plain_answer(discovery):
         value = f"{value} → {error_words(after[seen])[:-1]}"
     return [Tile("Error", value, "°", note)]
 
