@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from torsight.discovery.inference.solver import Space, jacobian, solve
+from torsight.discovery.inference.solver import Space, jacobian, sharpened, solve
 from torsight.discovery.inference.weight import Weight
 
 
@@ -115,3 +115,31 @@ def test_a_value_on_a_kink_does_not_hold_up_the_others() -> None:
     found = solve(model, np.array([0.0, 1.0]), observed=y, weight=Weight.of(np.ones(3)), space=_space(2, sigma=10.0))
     # With the second value on its kink the first one is the mean, drawn to zero by its prior.
     assert found.x == pytest.approx([1.0 / 3.01, 1.0], abs=1e-3)
+
+
+def test_what_two_parameters_share_is_known_as_their_priors_have_it() -> None:
+    # A model with kinks of the sum of two parameters; derivatives are taken by steps of unlike lengths.
+    places = np.linspace(0.0, 1.0, 400)
+
+    def model(x: np.ndarray) -> np.ndarray:
+        return np.asarray(0.05 * np.abs(np.mod(places + x[0] + x[1], 0.02) - 0.01) + 3.0 * (x[0] + x[1]))
+
+    space = Space(
+        lower=np.full(2, -9.0),
+        upper=np.full(2, 9.0),
+        scale=np.array([0.4, 0.03]),
+        prior_mean=np.zeros(2),
+        prior_sigma=np.array([0.4, 1.0]),
+    )
+    weight = Weight.of(np.full(400, 1e5))
+    found = solve(model, np.array([0.1, 0.1]), observed=model(np.array([0.1, 0.2])), weight=weight, space=space)
+
+    def spread(derivative: np.ndarray) -> float:
+        information = derivative.T @ (1e5 * derivative) + np.diag(space.prior_information)
+        return float(np.sqrt(np.linalg.inv(information)[0, 0]))
+
+    # Of the sum nothing is left open: of the first both priors together, 0.4 and 1.0.
+    expected = 0.4 / np.hypot(0.4, 1.0)
+    assert spread(found.jacobian) < 0.3 * expected
+    better = sharpened(model, found, weight=weight, space=space)
+    assert spread(better.jacobian) == pytest.approx(expected, rel=0.02)

@@ -7,7 +7,7 @@ of effects is fitted together with all base parameters, and sets are compared at
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from torsight.core.parameter import Parameter
 from torsight.core.threads import go_on
 from torsight.core.units import Floats
-from torsight.discovery.inference.solver import Solution, Space, jacobian, looking_ahead, objective, solve
+from torsight.discovery.inference.solver import Solution, Space, jacobian, looking_ahead, objective, sharpened, solve
 from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate, Problem
 
@@ -276,6 +276,14 @@ class Fitter:
         if least >= fit.cost:
             return fit
         return min(fit, self.fit(fit.effects, [places[best]], max_iterations=20), key=lambda item: item.cost)
+
+    def sharpened(self, fit: Fit) -> Fit:
+        """Return a fit with derivatives that are right where they say least, and its optimum by them."""
+        model, space = self._model(fit.effects), self.space(fit.effects)
+        for _ in range(2):
+            solution = sharpened(model, fit.solution, weight=self.weight, space=space)
+            fit = self.refit(replace(fit, solution=solution), max_iterations=4, rough=True)
+        return replace(fit, solution=sharpened(model, fit.solution, weight=self.weight, space=space))
 
     def refit(
         self,

@@ -75,7 +75,19 @@ class Search:
             if self._best().log_evidence < smaller + self.needed:
                 break
         self._follow_best(longest=np.inf)
+        self._keep(in_parallel(self._in_reach(), self._sharpened, step="how well it is known", progress=self._progress))
         return Field(self._best().likelihood, self._stretches, self._explanations, first)
+
+    def _in_reach(self) -> list[Explanation]:
+        """Return the sets that could be reported, were they a little more probable."""
+        sets = self._explanations.values()
+        return [one for one in sets if one.log_evidence > self._reach(len(one.members)) - 0.5 * self._settings.apart]
+
+    def _sharpened(self, one: Explanation) -> Explanation:
+        """Return a set with derivatives that are right where they say least: they decide how much it says there."""
+        fit = one.fitter.sharpened(one.fit)
+        evidence = log_evidence(one.fitter, fit, one.likelihood) + _banks(one.laws)
+        return replace(one, fit=fit, log_evidence=evidence)
 
     @property
     def needed(self) -> float:
