@@ -42,7 +42,7 @@ def gaps(case: blind.Case) -> list[float]:
             for p in problem.parameters
         }
         ends.append(search.fit_from(start))
-    values = [search.value_of(replace(end, likelihood=ends[0].likelihood)) for end in ends]
+    values = [replace(end, likelihood=ends[0].likelihood).log_posterior for end in ends]
     return [max(values) - value for value in values]
 
 

@@ -206,8 +206,8 @@ def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fi
     # What is worked out once is not counted.
     extended(-np.inf)
     whole, work = extended(-np.inf)
-    assert extended(search.value_of(plain) + whole - plain.log_evidence) == (whole, work)
-    left, less_work = extended(search.value_of(plain) + 1e6)
+    assert extended(plain.log_posterior + whole - plain.log_evidence) == (whole, work)
+    left, less_work = extended(plain.log_posterior + 1e6)
     assert left <= whole + 1e-6
     assert less_work < work
 

@@ -220,10 +220,6 @@ class ActuatorProblem(OptionalMembers):
         """Return the angle in degrees as a camera would read it, at the kept rows."""
         return self._predict(self.drive, values, effects)
 
-    def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Floats]:
-        """Return the same at several points."""
-        return with_help(values, lambda one: self.predict(one, effects))
-
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what noise left in the temperatures does to the angle, the tops of half-cycles apart.
 

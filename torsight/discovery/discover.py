@@ -27,7 +27,13 @@ from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.inference.engine import Findings, law_shares
-from torsight.discovery.inference.explanation import Explanation, covariance, estimates, predictive_covariance
+from torsight.discovery.inference.explanation import (
+    Explanation,
+    covariance,
+    estimates,
+    predictive_covariance,
+    residual_of,
+)
 from torsight.discovery.inference.fitting import less
 from torsight.discovery.inference.likelihood import MOTION, REST
 from torsight.discovery.inference.noise import Stretches, reading_noise
@@ -250,7 +256,7 @@ def _row_noise_deg(problem: ActuatorProblem, chosen: Explanation, stretches: Str
     certain = given[given < 180.0]
     reading = rms(certain) if len(certain) else 0.0
     if reading == 0.0:
-        residual = np.where(problem.valid, problem.observed - chosen.fit.solution.prediction, 0.0)
+        residual = residual_of(problem, chosen.fit.solution.prediction)
         reading = reading_noise(problem, stretches, residual)
     return reading
 

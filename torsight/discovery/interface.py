@@ -23,6 +23,7 @@ import numpy as np
 
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
+from torsight.core.threads import with_help
 from torsight.core.units import Flags, Floats, Ints
 
 Propose = Callable[[Floats, Floats], tuple[Mapping[str, float], ...]]
@@ -215,8 +216,8 @@ class OptionalMembers(Protocol):
     def predict_many(
         self: NeededMembers, values: Sequence[Mapping[str, float]], effects: Sequence[str]
     ) -> list[Floats]:
-        """Return ``predict`` at several points; for models that can be called in parallel."""
-        return [self.predict(one, effects) for one in values]
+        """Return ``predict`` at several points, half of them in a second thread where one is idle."""
+        return with_help(values, lambda one: self.predict(one, effects))
 
     def input_noise(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the standard deviation (n,) of the prediction that noise on the model's inputs causes."""

@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.actuator.laws import between_nodes
+from torsight.actuator.laws import FAMILIES, between_nodes
+from torsight.actuator.laws.nodes import cycle_nodes, phase_nodes
 from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, phase_places
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.springs import Rig
@@ -21,9 +22,7 @@ from torsight.discovery.inference.measure import Measured
 from torsight.discovery.measured_law import MeasuredLaw, numbered
 
 _POINTS: Final = 121
-_PHASE_LAW: Final = "phase_temp_active_c"
-_OWN_CYCLES: Final = "phase_cycle"
-"""The law that counts either spring's own cycles; the others count half-cycles."""
+"""Rows of a law's file: smooth to the eye over the width of a page."""
 _TEMPERATURES: Final = 4
 """How many of the values in which the springs may differ are transformation temperatures."""
 
@@ -60,7 +59,8 @@ def measured_laws(
     found = []
     for item in chosen.laws:
         known = _Known.of(chosen, item, spread, shares, names)
-        found += _phase_laws(problem, chosen, known) if item.law.id == _PHASE_LAW else [_law(problem, chosen, known)]
+        in_steps = FAMILIES[item.law.id].nodes is phase_nodes
+        found += _phase_laws(problem, chosen, known) if in_steps else [_law(problem, chosen, known)]
     found.sort(key=lambda one: -one[0].share)
     laws = numbered([law for law, _ in found])
     tau_c_mnm = chosen.fit.values["tau_c_mnm"]
@@ -136,12 +136,13 @@ def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[
         scales = _scales(problem, chosen, law)
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     reached = np.flatnonzero((law.nodes >= law.covered[0]) & (law.nodes <= law.covered[1]))
+    own_cycles = FAMILIES[law.id].nodes is cycle_nodes
     on_nodes = OnNodes(
         places=scales.driver(law.nodes[reached]),
         values=values[reached] * scales.factor,
         covariance=known.covariance[np.ix_(reached, reached)] * scales.factor**2,
-        counted="cycle" if law.id == _OWN_CYCLES else "half-cycle",
-        springs=problem.drive.cycles.springs if law.id != _OWN_CYCLES else (),
+        counted="cycle" if own_cycles else "half-cycle",
+        springs=() if own_cycles else problem.drive.cycles.springs,
     )
     factor = scales.factor
     written = known.written(scales.driver(driver), curve * factor, width * factor, covered, unit=scales.unit)
@@ -149,53 +150,84 @@ def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[
 
 
 class _Window(NamedTuple):
-    """Between which temperatures a wire without load transforms on heating or cooling, and what stress moves them by.
+    """Between which temperatures a wire without load transforms on heating or cooling.
 
-    ``branch`` is where its steps begin on the nodes of the phase law.
+    Attributes
+    ----------
+    way : str
+        ``heating`` or ``cooling``.
+    branch : float
+        Where its steps begin on the nodes of the phase law.
+    start_c, end_c : float
+        The window.
+    reached_c : tuple of float
+        The lowest and the highest temperature in the record, less the load's shift of the window.
     """
 
     way: str
     branch: float
     start_c: float
     end_c: float
-    stress_per_k: float
+    reached_c: tuple[float, float]
+
+    @property
+    def width_c(self) -> float:
+        """Width of the window."""
+        return abs(self.end_c - self.start_c)
 
     def temperatures_c(self, steps: Floats) -> Floats:
         """Return the temperatures (n,) at steps through the window."""
         return self.start_c + phase_places(steps) * (self.end_c - self.start_c)
+
+    def reaches(self, temp_c: Floats) -> Flags:
+        """Return at which temperatures (n,) the record was."""
+        low_c, high_c = self.reached_c
+        return (temp_c >= low_c) & (temp_c <= high_c)
 
 
 def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> list[tuple[MeasuredLaw, OnNodes]]:
     """Return the phase law on heating and on cooling: its lead in °C over the wire's temperature without load."""
     nominal = problem.model().nominal()
     plain = nominal | {name: value for name, value in chosen.fit.values.items() if name in nominal}
-    law, rig, simulation = known.law, Rig.from_values(plain), problem.simulate(plain)
-    curve = between_nodes(law.id, law.nodes, known.values)
-    windows = (
-        _Window("heating", 0.0, rig.a_start_c, rig.a_finish_c, rig.c_austenite),
-        _Window("cooling", BRANCH, rig.m_start_c, rig.m_finish_c, rig.c_martensite),
+    rig, simulation = Rig.from_values(plain), problem.simulate(plain)
+    up_c, down_c = (
+        _reached_c(problem, simulation, rig.stress_per_torque / stress_per_k)
+        for stress_per_k in (rig.c_austenite, rig.c_martensite)
     )
-    found = []
-    for window in windows:
-        low_c, high_c = _reached_c(problem, simulation, rig.stress_per_torque / window.stress_per_k)
-        whole_c = abs(window.end_c - window.start_c)
-        order = slice(None, None, 1 if window.end_c > window.start_c else -1)
-        own = np.flatnonzero(np.isin(law.nodes, window.branch + OWN_STEPS))[order]
-        nodes_c = window.temperatures_c(OWN_STEPS[order])
-        reached = (nodes_c >= low_c) & (nodes_c <= high_c)
-        lead, sigma = _lead(OWN_STEPS[order], known.values[own], known.sigma[own])
-        part = np.divide(sigma, known.sigma[own], out=np.zeros(len(own)), where=known.sigma[own] > 0.0)
-        covariance = known.covariance[np.ix_(own, own)] * np.outer(part, part) * whole_c**2
-        on_nodes = OnNodes(nodes_c[reached], lead[reached] * whole_c, covariance[np.ix_(reached, reached)])
-        steps = np.linspace(OWN_STEPS[0], OWN_STEPS[-1], _POINTS)[order]
-        at, driver_c = window.branch + steps, window.temperatures_c(steps)
-        value, width = _lead(steps, np.interp(at, *curve), np.interp(at, law.nodes, known.sigma))
-        covered = (driver_c >= low_c) & (driver_c <= high_c)
-        written = known.written(driver_c, value * whole_c, width * whole_c, covered, unit="°C", way=window.way)
-        found.append((written, on_nodes))
-    sizes = [float(np.sum(law.value**2)) for law, _ in found]
-    shares = [known.share * size / sum(sizes) if sum(sizes) > 0.0 else known.share for size in sizes]
-    return [(replace(law, share=share), on_nodes) for (law, on_nodes), share in zip(found, shares, strict=True)]
+    heating = _phase_law(known, _Window("heating", 0.0, rig.a_start_c, rig.a_finish_c, up_c))
+    cooling = _phase_law(known, _Window("cooling", BRANCH, rig.m_start_c, rig.m_finish_c, down_c))
+    # The engine knows what both explain together: each is given the part that its squares are of the squares of both.
+    sizes = [float(np.sum(law.value**2)) for law, _ in (heating, cooling)]
+    whole = sum(sizes)
+    return [
+        (replace(law, share=known.share * size / whole if whole > 0.0 else known.share), on_nodes)
+        for (law, on_nodes), size in zip((heating, cooling), sizes, strict=True)
+    ]
+
+
+def _phase_law(known: _Known, window: _Window) -> tuple[MeasuredLaw, OnNodes]:
+    """Return the phase law of one way."""
+    law, width_c = known.law, window.width_c
+    # A file's temperatures rise; on cooling they fall from step to step.
+    rising = slice(None, None, 1 if window.end_c > window.start_c else -1)
+
+    own_steps = OWN_STEPS[rising]
+    own = np.flatnonzero(np.isin(law.nodes, window.branch + OWN_STEPS))[rising]
+    nodes_c, node_sigma = window.temperatures_c(own_steps), known.sigma[own]
+    lead, sigma = _lead(own_steps, known.values[own], node_sigma)
+    # A lead ends where a transformation does: as its sigma becomes smaller there, so does its covariance.
+    kept = np.divide(sigma, node_sigma, out=np.zeros(len(own)), where=node_sigma > 0.0)
+    covariance = known.covariance[np.ix_(own, own)] * np.outer(kept, kept) * width_c**2
+    reached = window.reaches(nodes_c)
+    on_nodes = OnNodes(nodes_c[reached], lead[reached] * width_c, covariance[np.ix_(reached, reached)])
+
+    steps = np.linspace(OWN_STEPS[0], OWN_STEPS[-1], _POINTS)[rising]
+    at, driver_c = window.branch + steps, window.temperatures_c(steps)
+    ahead = np.interp(at, *between_nodes(law.id, law.nodes, known.values))
+    lead, sigma = _lead(steps, ahead, np.interp(at, law.nodes, known.sigma))
+    covered = window.reaches(driver_c)
+    written = known.written(driver_c, lead * width_c, sigma * width_c, covered, unit="°C", way=window.way)
+    return written, on_nodes
 
 
 def _lead(steps: Floats, ahead: Floats, sigma: Floats) -> tuple[Floats, Floats]:
@@ -210,7 +242,7 @@ def _lead(steps: Floats, ahead: Floats, sigma: Floats) -> tuple[Floats, Floats]:
 def _reached_c(problem: ActuatorProblem, simulation: Simulation, per_torque: float) -> tuple[float, float]:
     """Return between which temperatures the driven wires were, less what stress moves a transformation by.
 
-    ``per_torque`` is that in K per N·m.
+    ``per_torque`` is that shift in K per N·m.
     """
     is_a = problem.drive.cycles.active == 0
     torque = np.where(is_a, simulation.torque_a_nm, simulation.torque_b_nm)

@@ -26,7 +26,6 @@ from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.threads import with_help
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.interface import Candidate, OptionalMembers, Propose
@@ -268,10 +267,6 @@ class SeveralRecords(OptionalMembers):
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the angles in degrees as the cameras would read them."""
         return np.concatenate([part.predict(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
-
-    def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Floats]:
-        """Return the same at several points."""
-        return with_help(values, lambda one: self.predict(one, effects))
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return what noise left in the temperatures does to the angles, tops of half-cycles apart."""

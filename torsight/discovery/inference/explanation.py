@@ -7,7 +7,7 @@ posterior, and a model that is a little wrong in every block in another way, whi
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +18,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import Measured
+from torsight.discovery.inference.measure import Measured, far_ahead
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
@@ -89,6 +89,22 @@ class Explanation:
         """Measured less model (n,), zero where a sample does not count."""
         return np.nan_to_num(self.fitter.residual(self.fit))
 
+    @property
+    def log_posterior(self) -> float:
+        """The posterior density's logarithm at the optimum."""
+        return log_posterior(self.likelihood, self.fitter.problem, self.fit)
+
+    @property
+    def pulled(self) -> float:
+        """By how much less the values' distances from their priors could cost, in log units."""
+        held = sum(parameter.sigma is not None for parameter in self.fit.parameters)
+        return 0.5 * max(0.0, self.prior - held)
+
+    @property
+    def promise(self) -> float:
+        """The most that anything could gain beyond the set: until only noise is left and no value is pulled."""
+        return self.likelihood.promise(self.residual) + self.pulled
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
@@ -140,6 +156,44 @@ def places_of(problem: Problem, members: Iterable[str]) -> Places:
         for place, of in springs.items()
         for spring in (of if len(of & every) < 2 else every)
     )
+
+
+def part_fitter(best: Explanation, members: EffectSet) -> tuple[Fitter, tuple[Measured, ...]]:
+    """Return what fits a part of a set, and the part's laws, which keep their forms."""
+    laws = tuple(one for one in best.laws if one.law.id in members)
+    return Fitter(best.fitter.problem.with_laws([one.form for one in laws]), best.fitter.weight), laws
+
+
+def weighted_fitter(likelihood: Likelihood, problem: Problem, prediction: Floats) -> Fitter:
+    """Return a fitter with the weights that the residual of a prediction has under a likelihood."""
+    return Fitter(problem, likelihood.weight(residual_of(problem, prediction)))
+
+
+def family_evidence(laws: Sequence[Measured]) -> float:
+    """Return by how much the evidence of laws' families differs from that of the forms that were fitted."""
+    return sum(law.bank for law in laws)
+
+
+def may_reach(beside: Explanation, least: float) -> Callable[[Fit], bool]:
+    """Return the question whether a fit may come to a posterior density of ``least`` under a set's likelihood."""
+    return lambda fit: least == -np.inf or far_ahead(beside.fitter, fit, beside.likelihood) > least
+
+
+def log_posterior(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
+    """Return the posterior density's logarithm at a fit."""
+    return likelihood.log(residual_of(problem, fit.solution.prediction)) - 0.5 * prior_cost(problem, fit)
+
+
+def residual_of(problem: Problem, prediction: Floats) -> Floats:
+    """Return measured less predicted (n,), zero where a sample does not count."""
+    return np.where(problem.valid, problem.observed - prediction, 0.0)
+
+
+def loss_at(one: Explanation, base: Mapping[str, float]) -> float:
+    """Return what a set would lose with other base values, in log units, by its curvature."""
+    places = [i for i, p in enumerate(one.fit.parameters) if p.name in base]
+    off = one.fit.solution.x[places] - np.array([base[one.fit.parameters[i].name] for i in places])
+    return 0.5 * float(off @ np.linalg.solve(curvature_spread(one)[np.ix_(places, places)], off))
 
 
 def covariance(explanation: Explanation) -> Floats:

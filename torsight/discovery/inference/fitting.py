@@ -41,6 +41,11 @@ def less(effects: EffectSet, name: str) -> EffectSet:
     return tuple(other for other in effects if other != name)
 
 
+def with_member(effects: EffectSet, name: str) -> EffectSet:
+    """Return a set with one more member, in alphabetical order."""
+    return tuple(sorted((*effects, name)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """The optimum of one set of effects.

@@ -8,7 +8,7 @@ likelihood, whose floor and correlation come from the best of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -19,10 +19,22 @@ from torsight.core.law import Law
 from torsight.core.progress import Progress
 from torsight.core.threads import in_parallel
 from torsight.core.units import Floats
-from torsight.discovery.inference.explanation import Explanation, Field, Places, curvature_spread, places_of
-from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less
+from torsight.discovery.inference.explanation import (
+    Explanation,
+    Field,
+    Places,
+    family_evidence,
+    log_posterior,
+    loss_at,
+    may_reach,
+    part_fitter,
+    places_of,
+    residual_of,
+    weighted_fitter,
+)
+from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less, with_member
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import SETTLED, Measured, far_ahead, log_evidence, measure_law
+from torsight.discovery.inference.measure import SETTLED, Measured, log_evidence, measure_law
 from torsight.discovery.inference.noise import (
     Stretches,
     correlation_samples,
@@ -31,7 +43,6 @@ from torsight.discovery.inference.noise import (
     reading_noise,
     residual_scales,
 )
-from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.interface import Problem
 from torsight.discovery.settings import Settings
 
@@ -117,7 +128,7 @@ class Search:
 
     def _within_reach(self, one: Explanation, *, more: int = 0) -> bool:
         """Return whether a set, with so many members more, could be told beside the best one if all went well."""
-        return one.log_evidence + self.promise(one) > self._reach(len(one.members) + more)
+        return one.log_evidence + one.promise > self._reach(len(one.members) + more)
 
     def _reach(self, size: int) -> float:
         """Return the evidence from which a set of so many members could be told beside the best one."""
@@ -126,21 +137,11 @@ class Search:
 
     def _least(self, one: Explanation, size: int) -> float:
         """Return :meth:`_reach` as the logarithm of the posterior density under the likelihood of a set."""
-        return self.value_of(one) + self._reach(size) - one.log_evidence
+        return one.log_posterior + self._reach(size) - one.log_evidence
 
     def _promising(self, size: int) -> list[Explanation]:
         """Return the best sets of so many members, as far as another fit of them could matter."""
         return [one for one in self._ranked(size)[: 2 * self._settings.beam] if self._within_reach(one)]
-
-    def promise(self, explanation: Explanation) -> float:
-        """Return the most that anything could gain beyond a set: until only noise is left and no value is pulled."""
-        return explanation.likelihood.promise(explanation.residual) + self._pulled(explanation)
-
-    @staticmethod
-    def _pulled(explanation: Explanation) -> float:
-        """Return by how much the priors could be more content, in log units, than they are with a set's values."""
-        held = sum(parameter.sigma is not None for parameter in explanation.fit.parameters)
-        return 0.5 * max(0.0, explanation.prior - held)
 
     def plain(self) -> Explanation:
         """Fit the plain model from the priors' means and from elsewhere."""
@@ -150,21 +151,21 @@ class Search:
         for _ in range(2):
             self._reading = self._reading_noise(problem, fit)
             inputs = self._likelihood_of(problem, fit)
-            scales = residual_scales(_left(problem, fit.solution.prediction), stretches, inputs.noise)
+            scales = residual_scales(residual_of(problem, fit.solution.prediction), stretches, inputs.noise)
             fitter = Fitter(problem, information(stretches, scales, inputs.noise))
             fit = fitter.from_elsewhere(fitter.refit(fit))
         self._correlation_samples = min(scales.correlation_samples, _FIRST_CORRELATION)
         first = self._settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
         again = (self.fit_from(start) for start in (first.fit.values, fitter.nominal.values))
-        return max(first, *again, key=self.value_of)
+        return max(first, *again, key=lambda one: one.log_posterior)
 
     def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
         """Fit a set of effects from values of one's own: under the likelihood there, then twice under the end's."""
         for _ in range(3):
             prediction = self._problem.predict(start, effects)
             likelihood = self._likelihood_at(self._problem, start, effects)
-            fitter = _weighted(likelihood, self._problem, prediction)
+            fitter = weighted_fitter(likelihood, self._problem, prediction)
             fit = fitter.from_elsewhere(fitter.fit(effects, [start], max_iterations=40))
             start = fit.values
         return self._settled(self._problem, fit, ())
@@ -172,17 +173,13 @@ class Search:
     def has_settled(self, found: Explanation) -> bool:
         """Return whether one more fit of a set of effects from its optimum gains nothing that matters."""
         again = self.fit_from(found.fit.values, found.fit.effects)
-        return self.value_of(again) <= self.value_of(found) + SETTLED
-
-    def value_of(self, explanation: Explanation) -> float:
-        """Return the posterior density's logarithm at an explanation's optimum."""
-        return _value(explanation.likelihood, explanation.fitter.problem, explanation.fit)
+        return again.log_posterior <= found.log_posterior + SETTLED
 
     def _reading_noise(self, problem: Problem, fit: Fit) -> Floats:
         """Return the reading noise (n,), from what a fit leaves where the problem does not know it."""
         if problem.sigma[problem.valid].any():
             return problem.sigma
-        left = _left(problem, fit.solution.prediction)
+        left = residual_of(problem, fit.solution.prediction)
         return np.full(len(left), reading_noise(problem, self._stretches, left))
 
     def _likelihood_of(self, problem: Problem, fit: Fit) -> Likelihood:
@@ -202,16 +199,16 @@ class Search:
         ``likelihood`` is that at the fit's values, where it is known already.
         """
         likelihood = likelihood or self._likelihood_of(problem, fit)
-        best, best_value = fit, _value(likelihood, problem, fit)
+        best, best_value = fit, log_posterior(likelihood, problem, fit)
         for _ in range(_ROUNDS):
-            found = _weighted(likelihood, problem, best.solution.prediction).refit(best, max_iterations=8)
-            gained = _value(likelihood, problem, found) - best_value
+            found = weighted_fitter(likelihood, problem, best.solution.prediction).refit(best, max_iterations=8)
+            gained = log_posterior(likelihood, problem, found) - best_value
             if gained >= 0.0:
                 best, best_value = found, best_value + gained
             if gained <= SETTLED:
                 break
-        fitter = _weighted(likelihood, problem, best.solution.prediction)
-        evidence = log_evidence(fitter, best, likelihood) + _banks(laws)
+        fitter = weighted_fitter(likelihood, problem, best.solution.prediction)
+        evidence = log_evidence(fitter, best, likelihood) + family_evidence(laws)
         return Explanation(fitter, best, laws, likelihood, evidence, self._progress)
 
     def _extend(self, parents: list[Explanation], size: int) -> None:
@@ -220,7 +217,7 @@ class Search:
         planned: set[EffectSet] = set()
         for parent in parents:
             for name in self._choices(size):
-                members = _with(parent.members, name)
+                members = with_member(parent.members, name)
                 if name not in parent.members and members not in planned:
                     planned.add(members)
                     work.append((parent.members, name))
@@ -269,7 +266,7 @@ class Search:
         do what that does, and the way there from nothing may lead over what derivatives do not see.
         """
         best, members = self._explanations[item[0]], less(item[0], item[1])
-        fitter, laws = _fitter_of(best, members)
+        fitter, laws = part_fitter(best, members)
         fit = fitter.at(fitter.ordered(members), best.fit.values, near=best.fit)
         without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
         law, least = self._laws.get(item[2]), self._least(best, len(best.members))
@@ -296,11 +293,11 @@ class Search:
 
     def with_effect(self, parent: Explanation, name: str, *, least: float = -np.inf) -> Explanation:
         """Fit one more effect beside a fitted set, as long as the posterior density may come to what matters."""
-        hopes = _hopes(parent, least)
-        fit = parent.fitter.extend(parent.fit, name, from_means=self._pulled(parent) > SETTLED, hopes=hopes)
+        hopes = may_reach(parent, least)
+        fit = parent.fitter.extend(parent.fit, name, from_means=parent.pulled > SETTLED, hopes=hopes)
         if fit.cost > parent.cost - WORTH or not hopes(fit):
             # Where nothing is gained the residual is the parent's, and worth the same.
-            evidence = log_evidence(parent.fitter, fit, parent.likelihood) + _banks(parent.laws)
+            evidence = log_evidence(parent.fitter, fit, parent.likelihood) + family_evidence(parent.laws)
             return replace(parent, fit=fit, log_evidence=evidence)
         return self._settled(parent.fitter.problem, fit, parent.laws)
 
@@ -317,7 +314,7 @@ class Search:
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
         measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood, least=least)
         found = [measure(fit.values, known=known, curve=curve)]
-        if curve is None and self._pulled(parent) > SETTLED:
+        if curve is None and parent.pulled > SETTLED:
             nominal = parent.fitter.nominal
             known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
             found.append(measure({**fit.values, **nominal.values}, known=known))
@@ -341,14 +338,14 @@ class Search:
         """
         extended = problem.with_laws((*problem.forms, measured.form))
         likelihood = under or self._likelihood_at(extended, measured.values, (*members, measured.law.id))
-        fitter = _weighted(likelihood, extended, measured.prediction)
+        fitter = weighted_fitter(likelihood, extended, measured.prediction)
         effects, names = fitter.ordered((*members, measured.law.id)), list(measured.values)
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(measured.values.values()))[place]
         fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
         laws = (*laws, measured)
         if under is not None:
-            evidence = log_evidence(fitter, fit, under) + _banks(laws)
+            evidence = log_evidence(fitter, fit, under) + family_evidence(laws)
             return Explanation(fitter, fit, laws, under, evidence, self._progress)
         return self._settled(extended, fit, laws, likelihood)
 
@@ -381,14 +378,14 @@ class Search:
     def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
         """Return a part of a set, fitted from where the set is; its laws keep their forms."""
         best, members = item
-        fitter, laws = _fitter_of(best, members)
+        fitter, laws = part_fitter(best, members)
         effects = fitter.ordered(members)
         start = {p.name: best.fit.values[p.name] for p in fitter.parameters(effects)}
         return self._settled(fitter.problem, fitter.fit(effects, [start], keep=1), laws)
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
-        if _loss(one, base) < SETTLED:
+        if loss_at(one, base) < SETTLED:
             return one
         values, least = {**one.fit.values, **base}, self._least(one, len(one.members))
         if one.laws and one.laws[-1].law.id in one.members:
@@ -400,7 +397,7 @@ class Search:
             start = {name: value for name, value in values.items() if name not in last.form.names}
             again = measure_law(without, last.law, start, effects=members, likelihood=one.likelihood, least=least)
             return self._explained(without, one.laws[:-1], again, members) if again.hopes else one
-        hopes = _hopes(one, least)
+        hopes = may_reach(one, least)
         fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1, follow=hopes)
         return self._settled(one.fitter.problem, fit, one.laws) if hopes(fit) else one
 
@@ -417,12 +414,12 @@ class Search:
             floor = np.sqrt(np.maximum(one.likelihood.floor**2 - before**2, 0.0) + self._reading**2)
             likelihood = replace(one.likelihood, floor=floor).correlated(self._stretches, self._correlation_samples)
             # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
-            weighted = _weighted(likelihood, one.fitter.problem, one.fit.solution.prediction)
+            weighted = weighted_fitter(likelihood, one.fitter.problem, one.fit.solution.prediction)
             self._explanations[members] = replace(
                 one,
                 fitter=weighted if members else one.fitter,
                 likelihood=likelihood,
-                log_evidence=log_evidence(weighted, one.fit, likelihood) + _banks(one.laws),
+                log_evidence=log_evidence(weighted, one.fit, likelihood) + family_evidence(one.laws),
             )
 
     def _keep(self, found: list[Explanation]) -> None:
@@ -442,46 +439,3 @@ class Search:
             self._explanations.values(),
             key=lambda one: (one.log_evidence - self.needed * len(one.members), one.members),
         )
-
-
-def _with(members: EffectSet, name: str) -> EffectSet:
-    """Return a set with one more member."""
-    return tuple(sorted((*members, name)))
-
-
-def _fitter_of(best: Explanation, members: EffectSet) -> tuple[Fitter, tuple[Measured, ...]]:
-    """Return what fits a part of a set, and the part's laws, which keep their forms."""
-    laws = tuple(one for one in best.laws if one.law.id in members)
-    return Fitter(best.fitter.problem.with_laws([one.form for one in laws]), best.fitter.weight), laws
-
-
-def _weighted(likelihood: Likelihood, problem: Problem, prediction: Floats) -> Fitter:
-    """Return a fitter with the weights that what a prediction leaves has under a likelihood."""
-    return Fitter(problem, likelihood.weight(_left(problem, prediction)))
-
-
-def _banks(laws: Sequence[Measured]) -> float:
-    """Return by how much the evidence of laws' families differs from that of the forms that were fitted."""
-    return sum(law.bank for law in laws)
-
-
-def _hopes(beside: Explanation, least: float) -> Callable[[Fit], bool]:
-    """Return the question whether a fit may come to a posterior density of ``least`` under a set's likelihood."""
-    return lambda fit: least == -np.inf or far_ahead(beside.fitter, fit, beside.likelihood) > least
-
-
-def _loss(one: Explanation, base: Mapping[str, float]) -> float:
-    """Return what a set would lose with other base values, in log units, as its curvature has it."""
-    places = [i for i, p in enumerate(one.fit.parameters) if p.name in base]
-    off = one.fit.solution.x[places] - np.array([base[one.fit.parameters[i].name] for i in places])
-    return 0.5 * float(off @ np.linalg.solve(curvature_spread(one)[np.ix_(places, places)], off))
-
-
-def _value(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
-    """Return the posterior density's logarithm at a fit."""
-    return likelihood.log(_left(problem, fit.solution.prediction)) - 0.5 * prior_cost(problem, fit)
-
-
-def _left(problem: Problem, prediction: Floats) -> Floats:
-    """Return measured less predicted (n,), zero where a sample does not count."""
-    return np.where(problem.valid, problem.observed - prediction, 0.0)

@@ -129,7 +129,7 @@ def _proposed_at_means(search: Search, found: Explanation, name: str) -> Explana
         return found
     points = candidate.starting_points(fitter.problem.time_s, fitter.residual(means))
     scouted = fitter.fit(effects, [{**found.fit.values, **means.values, **point} for point in points])
-    return max(found, search.fit_from(scouted.values, effects), key=search.value_of)
+    return max(found, search.fit_from(scouted.values, effects), key=lambda one: one.log_posterior)
 
 
 def _added(notes: list[str], one: str | None) -> tuple[str, ...]:

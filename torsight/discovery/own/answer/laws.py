@@ -1,20 +1,19 @@
 """Laws of one's own models: functions of one variable that the engine measures through the model.
 
-A declared law enters where ``predict`` calls it; its range is the one in which the plain model asks for it. Beside the
-declared ones each output may lack a law over each driver: so something without a name shows on what it depends.
+The range of a declared law is the one in which the plain model asks for it, where none is given with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.law import Kernel, Law, slope, smooth_kernels
+from torsight.core.law import Law
 from torsight.core.series import rms
 from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown
@@ -23,20 +22,16 @@ from torsight.discovery.inference.explanation import Explanation, covariance
 from torsight.discovery.inference.fitting import AtPoint, Fit
 from torsight.discovery.inference.measure import Measured, measure_law
 from torsight.discovery.interface import Candidate
-from torsight.discovery.linear_problem import LAW_SHARE, law_over
-from torsight.discovery.own.model.declare import MOST_NODES, LawPort
-from torsight.discovery.own.model.layout import Layout
+from torsight.discovery.linear_problem import LAW_SHARE
+from torsight.discovery.own.model.declare import MOST_NODES
+from torsight.discovery.own.model.evaluate import Called
+from torsight.discovery.own.model.law_ports import nodes_of, port_law
+from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
 
-if TYPE_CHECKING:
-    from torsight.discovery.own.model.evaluate import Called
-    from torsight.discovery.own.model.problem import ModelProblem
-
-
-_LENGTHS: Final = (0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
-"""Lengths of its smooth functions, as shares of its range, down to where two nodes are one apart: each is half the
-one before, so that a law with more nodes may bend within shorter ones."""
+COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2", "neutral": "#7f7f7f"}
+"""Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
 _STEP: Final = 1e-3
 """Share of the measured spread by which a law moves the prediction while its effect on it is worked out."""
 _FORM_SHARE: Final = Settings().form_share
@@ -101,9 +96,12 @@ class MeasuredCurve(Shown):
         return self.table()
 
     def _draw(self, axes: Any) -> None:
-        from torsight.discovery.own.answer.pictures import draw_law
-
-        draw_law(axes, self)
+        known = self.covered
+        axes.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
+        low, high = self.values - 2 * self.sigma, self.values + 2 * self.sigma
+        axes.fill_between(self.nodes[known], low[known], high[known], alpha=0.25)
+        axes.plot(self.nodes[known], self.values[known], "-", color=COLOURS["after"])
+        axes.set(title=self.id, xlabel=f"{self.driver} {self.driver_unit}".strip(), ylabel=self.unit)
 
     def told(self) -> str:
         """Return one sentence."""
@@ -116,34 +114,6 @@ class MeasuredCurve(Shown):
             f"a law of {self.driver}, from {number(self.values[low])}{unit} at {number(self.nodes[low])} to "
             f"{number(self.values[high])}{unit} at {number(self.nodes[high])}"
         )
-
-
-def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Floats:
-    """Return the nodes of a law, over the range given with it or else this one."""
-    return np.linspace(low if port.low is None else port.low, high if port.high is None else port.high, port.nodes)
-
-
-def port_law(port: LawPort, nodes: Floats, scale: float) -> Law:
-    """Return a declared law as the engine measures it: a slope, or smooth functions of several lengths."""
-    smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True) if len(nodes) > 2 else ()
-    kernels = (Kernel("slope", slope(nodes), smooth=False), *smooth)
-    title = f"{port.name} over {port.driver}"
-    return Law(port.name, port.name, port.driver, port.unit, title, nodes, scale, kernels)
-
-
-def added_laws(layout: Layout, drivers: Mapping[str, Floats], observed: Floats) -> dict[str, tuple[Law, int]]:
-    """Return the laws over drivers (n,) that each output may lack, by id; ``observed`` (n,) is NaN where unknown."""
-    found = {}
-    for k, output in enumerate(layout.outputs):
-        rows = np.concatenate([np.arange(place.start, place.stop) for _, own, place in layout.places if own == k])
-        rows = rows[np.isfinite(observed[rows])]
-        size = float(np.std(observed[rows])) * layout.scale[k] or 1.0
-        for name, values in drivers.items():
-            law = law_over(name, values[rows], size)
-            if law is not None:
-                own_id = f"{output}({name})"
-                found[own_id] = (replace(law, id=own_id, port=output, title=f"{output} over {name}"), k)
-    return found
 
 
 def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProblem:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
-from torsight.discovery.own.answer.laws import MeasuredCurve
+from torsight.discovery.own.answer.laws import COLOURS
 from torsight.discovery.own.model.problem import ModelProblem
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
 
 
-COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2", "neutral": "#7f7f7f"}
-"""Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
 _DPI: Final = 90
 """Resolution of the picture in a notebook."""
 _MOST_PANELS: Final = 6
@@ -111,17 +109,6 @@ def overview(found: Findings) -> Figure:
         draw_gains(axes[-1][0], found)
         draw_by_driver(axes[-1][1], found)
     return figure
-
-
-def draw_law(axis: Any, law: MeasuredCurve) -> None:
-    """Draw a measured law with twice its standard deviation, grey where the record did not reach."""
-    known = law.covered
-    axis.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
-    axis.fill_between(
-        law.nodes[known], (law.values - 2 * law.sigma)[known], (law.values + 2 * law.sigma)[known], alpha=0.25
-    )
-    axis.plot(law.nodes[known], law.values[known], "-", color=COLOURS["after"])
-    axis.set(title=law.id, xlabel=f"{law.driver} {law.driver_unit}".strip(), ylabel=law.unit)
 
 
 def draw_motion(axis: Any, one: Series) -> None:

@@ -22,11 +22,11 @@ from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import space_of
 from torsight.discovery.inference.solver import jacobian, solve
 from torsight.discovery.inference.weight import Weight
-from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.answer.own_prediction import PredictedOutputs
 from torsight.discovery.own.model.declare import RESERVED, name_in
-from torsight.discovery.own.model.evaluate import Called, CompiledPredict, Model, Predict, call
+from torsight.discovery.own.model.evaluate import Called, Model, call
+from torsight.discovery.own.model.model_file import Declared, declared_in, declared_of
 from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
@@ -38,22 +38,6 @@ _FIRST_SHARE: Final = 0.1
 """Share of a record at its beginning to which initial states are fitted, at least 32 rows: later rows tell less and
 less of them, and are what is to be predicted."""
 _FIRST_ROWS: Final = 32
-
-
-@dataclass(frozen=True, slots=True)
-class Declared:
-    """What a model file declares, as far as a prediction needs it: the function and what it is called with."""
-
-    predict: Predict
-    parameters: tuple[Parameter, ...]
-    candidates: tuple[Candidate, ...]
-    outputs: tuple[str, ...]
-    time: str | None
-
-    @property
-    def every_parameter(self) -> list[Parameter]:
-        """The model's own parameters, and those of its candidates."""
-        return [*self.parameters, *(p for one in self.candidates for p in one.parameters)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -357,13 +341,6 @@ class SavedModel:
         return made
 
 
-def declared_in(problem: ModelProblem) -> Declared:
-    """Return what a problem was declared with; its function as its author wrote it."""
-    predict = problem.model.predict
-    plain = predict.plain if isinstance(predict, CompiledPredict) else predict
-    return Declared(plain, problem.declared, problem.candidates, problem.model.outputs, problem.time_name)
-
-
 def write_model(path: Path, model: SavedModel, *, model_file: Path) -> None:
     """Write ``model.json``; it names the model file, which holds the function, by its place and its content's hash."""
     beside = os.path.relpath(model_file.resolve(), path.parent.resolve())
@@ -383,8 +360,6 @@ def read_model(path: Path, record: Path) -> SavedModel:
     InputError
         When either file is missing or damaged, or the model file has changed since.
     """
-    from torsight.discovery.own.model.model_file import declared_of
-
     content = read_json(path)
     file = path.parent / str(content.get("model_file"))
     if file_hash(file) != content.get("sha256"):

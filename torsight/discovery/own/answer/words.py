@@ -13,6 +13,7 @@ from torsight.core.series import rms
 from torsight.core.words.wording import estimate, number
 from torsight.discovery.inference.engine import law_shares
 from torsight.discovery.inference.fitting import less
+from torsight.discovery.own.answer.pictures import as_image, overview
 from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 
@@ -189,8 +190,6 @@ def summary(found: Findings) -> str:
 
 def html(found: Findings) -> str:
     """Return the findings for a notebook: the summary, the parameters and a picture."""
-    from torsight.discovery.own.answer.pictures import as_image, overview
-
     rows = "".join(
         f"<tr><th style='text-align:left'>{escape(title)}</th><td style='text-align:left'>{escape(text)}</td></tr>"
         for title, text in lines(found)

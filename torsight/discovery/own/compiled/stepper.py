@@ -25,7 +25,7 @@ from torsight.core.compiled import compiled as kept
 from torsight.core.compiled import copy_to, njit, shared
 from torsight.core.units import Floats
 from torsight.discovery.own.compiled.functions import compiled, curve_at, fill, inside
-from torsight.discovery.own.model.ode import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
+from torsight.discovery.own.compiled.integration import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model.values import Curve, kind_of
 
 _LEAST_SHARE: Final = 0.02

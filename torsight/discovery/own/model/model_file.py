@@ -13,16 +13,17 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, Final
 
 from torsight.core.errors import InputError
 from torsight.core.files.paths import missing_file, require_ordinary
+from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate
-from torsight.discovery.own.answer.saved import Declared, declared_in
 from torsight.discovery.own.model.declare import candidates_of, parameters_of
+from torsight.discovery.own.model.evaluate import CompiledPredict, Predict
 from torsight.discovery.own.model.layout import Reading
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.own.model.quiet import heard
@@ -33,6 +34,29 @@ NEEDED: Final = ("predict", "parameters", "output")
 READING: Final = tuple(one.name for one in fields(Reading))
 OPTIONS: Final = ("candidates", "laws", "initial", "drivers", *READING)
 """Names that it may define beside them: what ``model_problem`` and ``Reading`` take; laws may stand by themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What a model file declares, as far as a prediction needs it: the function and what it is called with."""
+
+    predict: Predict
+    parameters: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    outputs: tuple[str, ...]
+    time: str | None
+
+    @property
+    def every_parameter(self) -> list[Parameter]:
+        """The model's own parameters, and those of its candidates."""
+        return [*self.parameters, *(p for one in self.candidates for p in one.parameters)]
+
+
+def declared_in(problem: ModelProblem) -> Declared:
+    """Return what a problem was declared with; its function as its author wrote it."""
+    predict = problem.model.predict
+    plain = predict.plain if isinstance(predict, CompiledPredict) else predict
+    return Declared(plain, problem.declared, problem.candidates, problem.model.outputs, problem.time_name)
 
 
 def load_model_file(path: Path) -> ModuleType:

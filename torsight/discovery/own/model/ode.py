@@ -17,6 +17,7 @@ import numpy as np
 
 from torsight.core.errors import InputError
 from torsight.core.units import Floats
+from torsight.discovery.own.compiled.integration import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model.values import ByName
 from torsight.discovery.own.own_records import Record, column_of, time_of
@@ -24,14 +25,9 @@ from torsight.discovery.own.own_records import Record, column_of, time_of
 if TYPE_CHECKING:
     from torsight.discovery.own.compiled.stepper import Stepper
 
-
 RTOL: Final = 1e-7
 """Relative tolerance: derivatives are differences over 2 % of a parameter's scale, which an error of 1e-7 leaves good
 to four digits; SciPy's own default of 1e-3 would drown them."""
-ATOL_SHARE: Final = 1e-2
-"""Absolute tolerance as a multiple of the relative one: states of the order of 0.01 are still followed."""
-MOMENT: Final = 1e-9
-"""Share of the time by which an integration goes on after an event, so that the same one does not end the next step."""
 LINES: Final = "lines"
 HELD: Final = "held"
 """How an input goes on between two rows."""
@@ -40,18 +36,8 @@ _MOST_EVENTS: Final = 10_000
 _MOST_STEPS: Final = 5_000
 """Steps that an integration may take from row to row, calls of a right-hand side in plain Python: one that goes well
 takes 5 to 30 (tests/discovery/test_own_ode.py counts them), one that diverges or jumps to and fro would not end."""
-TOO_MANY: Final = (
-    "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges, or where its "
-    "events follow one another ever faster"
-)
-
-
 METHODS: Final = ("LSODA", "RK23", "RK45", "DOP853", "Radau", "BDF")
 """Of SciPy's ``solve_ivp``."""
-
-
-class TooManyStepsError(ArithmeticError):
-    """An integration that would not end."""
 
 
 @dataclass(frozen=True)

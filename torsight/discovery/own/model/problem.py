@@ -20,7 +20,6 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
 from torsight.core.words.wording import counted
 from torsight.discovery.interface import OVER_ESTIMATED, OVER_GIVEN, Candidate, GivenProblem
-from torsight.discovery.own.answer.laws import added_laws, nodes_of, port_law
 from torsight.discovery.own.model import given
 from torsight.discovery.own.model import layout as lay
 from torsight.discovery.own.model.declare import (
@@ -32,6 +31,7 @@ from torsight.discovery.own.model.declare import (
     per_record,
 )
 from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
+from torsight.discovery.own.model.law_ports import added_laws, nodes_of, port_law
 from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
