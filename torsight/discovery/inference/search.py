@@ -86,7 +86,8 @@ class Search:
             if self._best().log_evidence < smaller + self.needed:
                 break
         self._follow_best(longest=np.inf)
-        self._keep(in_parallel(self._in_reach(), self._sharpened, step="how well it is known", progress=self._progress))
+        found = in_parallel(self._in_reach(), self._sharpened, step="how well it is known", progress=self._progress)
+        self._explanations.update((one.members, one) for one in found)
         return Field(self._best().likelihood, self._stretches, self._explanations, first)
 
     def _in_reach(self) -> list[Explanation]:
@@ -97,7 +98,7 @@ class Search:
     def _sharpened(self, one: Explanation) -> Explanation:
         """Return a set with derivatives that are right where they say least: they decide how much it says there."""
         fit = one.fitter.sharpened(one.fit)
-        evidence = log_evidence(one.fitter, fit, one.likelihood) + _banks(one.laws)
+        evidence = log_evidence(one.fitter, fit, one.likelihood) + family_evidence(one.laws)
         return replace(one, fit=fit, log_evidence=evidence)
 
     @property
