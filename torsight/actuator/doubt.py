@@ -1,4 +1,4 @@
-"""How far a fitted model may be wrong, as its file keeps it: for predictions that say how far to trust them."""
+"""The uncertainty of a fitted model as its file keeps it: predictions take their standard deviations from it."""
 
 from __future__ import annotations
 

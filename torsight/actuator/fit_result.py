@@ -1,4 +1,4 @@
-"""What a fit of the actuator to a record says, and what a record needs for one.
+"""The result of a fit of the actuator to a record, and what a record needs for a fit.
 
 The fit itself, :func:`torsight.actuator.fit_model`, is the discovery's (:mod:`torsight.discovery.model_fit`).
 

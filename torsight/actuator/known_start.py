@@ -1,4 +1,4 @@
-"""Whether a record begins within a transformation: in, a drive and what the model says of it; out, rows of it.
+"""Whether a record begins within a transformation, and the rows that this spoils.
 
 Every half-cycle of the model begins with both springs as martensite. A film that is switched on when a spring is hot
 shows the rest of a transformation whose beginning nobody has seen, and what came of it stays in the angle until the

@@ -1,4 +1,4 @@
-"""What a model says: the compiled rule run on ports, and the record of angles, fractions and torques it gives."""
+"""A simulation of the model: the compiled rule run on ports, and the angles, fractions and torques that it gives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A law that a record was asked for without a form in mind: values over what they depend on, with their uncertainty."""
+"""A law that was measured without a form given beforehand: values over their driver, with their uncertainty."""
 
 from __future__ import annotations
 

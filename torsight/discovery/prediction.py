@@ -1,4 +1,4 @@
-"""Predictions of a discovered model with how far to trust them."""
+"""Predictions of a discovered model with their standard deviations."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class PredictedAngle(Prediction):
     def facts(self) -> dict[str, str]:
         """Return rows, time, angle and its standard deviation."""
         known = np.isfinite(self.sigma_rad).any() or not np.isfinite(self.angle_rad).any()
-        told = span(self.sigma_rad / DEG, "°") if known else "not known: give fitted_model doubt=fit.doubt"
-        return {**super().facts(), "standard deviation": told}
+        note = span(self.sigma_rad / DEG, "°") if known else "not known: give fitted_model doubt=fit.doubt"
+        return {**super().facts(), "standard deviation": note}
 
     def _columns(self) -> dict[str, Any]:
         return {**super()._columns(), "angle_sigma_deg": self.sigma_rad / DEG}

@@ -1,4 +1,4 @@
-"""What the discovery hands on: the content of ``discovery.json`` and ``curves.csv``."""
+"""The result of the discovery: the content of ``discovery.json`` and ``curves.csv``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The discovery on several records of one rig: one answer, and what it says on each of the records."""
+"""The discovery on several records of one rig: one answer, with its errors on each of the records."""
 
 from __future__ import annotations
 
@@ -131,16 +131,16 @@ def discover_together(
     InputError, NoResultError
         When a record cannot drive the model.
     """
-    told = tuple(names or (f"record {k + 1}" for k in range(len(tables))))
-    _require_different(tables, told)
+    labels = tuple(names or (f"record {k + 1}" for k in range(len(tables))))
+    _require_different(tables, labels)
     model, drives = ActuatorModel(spec), []
-    for table, name in zip(tables, told, strict=True):
+    for table, name in zip(tables, labels, strict=True):
         drive = model.prepare(table, where=name)
         require_motion(model, drive, where=name)
         drives.append(drive)
     problem = SeveralRecords.of(drives, spec, seed=seed)
     findings = find_missing(problem, seed=seed, progress=progress).found
-    return _report(problem, findings, told, seed=seed, progress=progress)
+    return _report(problem, findings, labels, seed=seed, progress=progress)
 
 
 def _require_different(tables: Sequence[SyncedTable], names: Sequence[str]) -> None:

@@ -1,1 +1,1 @@
-"""Characterisation: four tests of one spring as logs in, its values with intervals (public units) and figures out."""
+"""Characterisation: from the logs of four tests of a spring to its values with intervals (public units) and figures."""

@@ -1,4 +1,4 @@
-"""What characterisation hands on: the steps of one spring, and the values that they give."""
+"""The result of a characterisation: the steps of one spring, and the values that they give."""
 
 from __future__ import annotations
 

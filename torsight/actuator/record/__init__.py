@@ -1,4 +1,4 @@
 """A record made ready to drive the model.
 
-Noisy temperatures (°C) in, conditioned ones, half-cycles, turns and row weights out.
+In: noisy temperatures (°C). Out: conditioned ones, half-cycles, turns and row weights.
 """

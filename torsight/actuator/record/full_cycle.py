@@ -1,4 +1,4 @@
-"""A temperature log that takes an actuator once through all that it can do: A heated and cooled completely, then B."""
+"""A temperature log of one full cycle of an actuator: A is heated and cooled completely, then B."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from torsight.core.units import Floats
 # what half and twice of these constants do: temperatures hardly change, tops err 1.5 times as much with twice the rows
 # or half of the share of the noise.
 _REACH_S: Final = 20.0
-_LEAST_S: Final = 4.0
+LEAST_HOLD_S: Final = 4.0
 _LEAST_ROWS: Final = 12
 # Slope or bow of so many sigmas: the window is not level.
 _REJECTED: Final = 1.5
@@ -54,7 +54,7 @@ def level_holds(
         value[rows], rate[rows] = level[inside], slope[inside]
         left_over[rows] = np.minimum(left_over[rows], sigma[inside])
         # What bows above the level beside it does so for the same reason, unless the log is sure of it.
-        beside = slice(*np.searchsorted(time_s, [time_s[first] - _LEAST_S, time_s[last] + _LEAST_S]))
+        beside = slice(*np.searchsorted(time_s, [time_s[first] - LEAST_HOLD_S, time_s[last] + LEAST_HOLD_S]))
         above = value[beside] - level.max()
         value[beside] -= np.where((above > 0.0) & (above <= REACH * left_over[beside]), above, 0.0)
 
@@ -87,7 +87,7 @@ def _longest_level(time_s: Floats, temp_c: Floats, noise_c: float, edge: int) ->
     """Return the longest window around or before a top's end in which the log is level; None where there is none."""
     interval_s = usual_step(time_s[max(0, edge - 200) : edge + 200])
     reach = int(_REACH_S / interval_s)
-    least = max(_LEAST_ROWS, math.ceil(_LEAST_S / interval_s))
+    least = max(_LEAST_ROWS, math.ceil(LEAST_HOLD_S / interval_s))
     low, high = max(0, edge - reach), min(len(temp_c) - 1, edge + reach)
     step = max(1, least // 8)
     best: tuple[int, int] | None = None

@@ -1,4 +1,4 @@
-"""A temperature log for simulation and prediction: every one of its rows is answered, in its order and clock."""
+"""A temperature log for simulation and prediction: each of its rows gets a result, in its order and on its clock."""
 
 from __future__ import annotations
 

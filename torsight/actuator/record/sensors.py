@@ -1,4 +1,4 @@
-"""Both sensors' readings as logged, for effects that go back to them: in, a log; out, the wires behind slow sensors."""
+"""The readings of both sensors as logged, and the temperatures of the wires behind slow sensors."""
 
 from __future__ import annotations
 

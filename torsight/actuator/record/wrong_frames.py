@@ -1,4 +1,4 @@
-"""Angles that no stick can have shown: single frames in which something else was followed."""
+"""Angles that no stick can have had: single frames in which something else was tracked."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The stepping rule: temperatures (°C), scalars and tables (SI) in, θ^A (rad), ξ and torques (N·m) out; compiled."""
+"""The stepping rule: from temperatures (°C), scalars and tables (SI) to θ^A (rad), ξ and torques (N·m); compiled."""

@@ -1,6 +1,6 @@
 # ruff: noqa: FBT001
 # Compiled functions call each other by position, flags too.
-"""What drives the springs, sample by sample: in, both wires' temperatures; out, what the stepping rule goes through."""
+"""The samples that the stepping rule goes through, from both wires' temperatures."""
 
 from __future__ import annotations
 

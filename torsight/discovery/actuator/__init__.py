@@ -1,5 +1,5 @@
 """The actuator's side of discovery.
 
-Records (angles in degrees, temperatures in °C) in; rows, rests, drivers, errors of the temperatures, curves and laws
-for people out.
+In: records (angles in degrees, temperatures in °C). Out: rows, rests, drivers, errors of the temperatures, and curves
+and laws in the units of files.
 """

@@ -1,4 +1,4 @@
-"""Which rows of a record a fit looks at, and where the angle rests: in, a conditioned record; out, rows of it."""
+"""Which rows of a record a fit looks at, and where the angle rests."""
 
 from __future__ import annotations
 

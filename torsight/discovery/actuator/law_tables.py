@@ -1,4 +1,4 @@
-"""The measured laws of an answer as people read them: files' units, a curve with its uncertainty, one sentence."""
+"""The measured laws of an answer in the units of files: a curve with its uncertainty, and one sentence."""
 
 from __future__ import annotations
 

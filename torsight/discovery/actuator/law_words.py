@@ -1,6 +1,6 @@
-"""A measured law of the actuator in one sentence: what its curve does, as far as its own uncertainty carries it.
+"""A measured law of the actuator in one sentence: what its curve does, as far as that is certain.
 
-Whether a curve rises, falls, alternates or has a highest place is asked of its values on the nodes and of their joint
+Whether a curve rises, falls, alternates or has a highest place follows from its values on the nodes and their joint
 covariance: errors that all values share (an offset that other parameters could take) do not hide a slope that is known.
 """
 
@@ -29,7 +29,7 @@ _WHAT: Final = {
 _CLOCK: Final = "the lead of the temperature log's clock"
 _USUAL: Final = "temp_active_c"
 """The driver that is meant where a sentence names none: its unit says it."""
-_WRONG: Final = 0.05
+_WRONG: Final = 2.0 * NormalDist().cdf(-REACH)
 """Probability with which a change that is reported may be none: the other side of a 95 % interval."""
 _ROUNDING: Final = float(np.sqrt(np.finfo(np.float64).eps))
 """Share of a curve's range that linear algebra may have made: differences below it are none."""
@@ -171,14 +171,14 @@ def _alternating(law: MeasuredLaw, known: OnNodes, whole: float | None) -> str:
     """Return the two values of a law that alternates, and where each stands."""
     starts = sorted((0, 1), key=lambda start: float(np.mean(known.values[start::2])))
     added = whole if law.port == "friction" and whole is not None else 0.0
-    told = []
+    levels = []
     for start in starts:
         places = range(start, len(known.values), 2)
         weights = 1.0 / np.maximum(np.diag(known.covariance)[start::2], np.finfo(np.float64).tiny)
         mean = float(np.average(known.values[start::2], weights=weights))
-        told.append(number(0.0 if added == 0.0 and _nothing(mean, known, places) else added + mean))
+        levels.append(number(0.0 if added == 0.0 and _nothing(mean, known, places) else added + mean))
     unit = _spaced(law.unit)
-    ends = f"alternates between {told[0]} and {told[1]}{unit} from one {known.counted} to the next"
+    ends = f"alternates between {levels[0]} and {levels[1]}{unit} from one {known.counted} to the next"
     high = [round(float(x)) for x in known.places[starts[1] :: 2]]
     where = f"higher in {known.counted}s {listed([str(x) for x in high])}"
     driven = {known.springs[x - 1] for x in high if 0 < x <= len(known.springs)}

@@ -2,7 +2,7 @@
 
 Values, effects and laws are those of the rig, one for all records. What belongs to a record is its own: how the springs
 were wound when it began (effects of the family ``start``), the zero of its sticks, the offset of its clocks, and what
-happened to its camera or markers. The names of record 2, 3, … end in ``_2``, ``_3``, …; those of the first are as ever.
+happened to its camera or markers. Names of record 2, 3, … end in ``_2``, ``_3``, …; those of record 1 have no ending.
 
 Records stand in the order in which they were made: the springs' cycles, on which effects and laws of fatigue depend,
 are counted on from each to the next. A law of time is left out: no two records share a time, and one that runs through

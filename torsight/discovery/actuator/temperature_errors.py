@@ -2,8 +2,8 @@
 
 Where the transformation is incomplete, the error of a half-cycle's top decides how far the spring has changed, and it
 stays in the angle until the next heating. A top is known as well as the smoother says: less well where a ramp ends in
-it than where it is held. Level and course are off independently: what looks level over the last seconds may still rise
-within its noise. The errors of tops on clean records have a mean square of 0.7 with that
+it than where it is held. Errors of level and slope are independent: what looks level over the last seconds may still
+rise within its noise. In units of the sigma that follows, errors of tops on clean records have a mean square of 0.7
 (benchmarks/discovery/tops.py).
 """
 
@@ -17,6 +17,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.drive import Drive
+from torsight.actuator.record.holds import LEAST_HOLD_S
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.ripple import UNSURE
 from torsight.core.series import usual_step
@@ -24,9 +25,6 @@ from torsight.core.units import Floats
 
 _ALIKE_S: Final = 3.0
 _TOP_C: Final = 1.0
-_HOLD_S: Final = 4.0
-"""The shortest stretch that the conditioning takes for a hold. Over that, noise leaves as much doubt of a rise as of
-the level: 0.4 of one sample's at four rows a second (the slope of 17 samples, at their end)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +93,9 @@ def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
         turn = len(rows) - 1 - int(np.argmax(driven_c[::-1]))
         turn_s, size_c = time_s[turn], drive.temp_sigma_c[rows[turn]]
         level[rows] = size_c * below
-        rise[rows] = size_c * below * np.clip((time_s - turn_s) / _HOLD_S + 1.0, 0.0, 1.0)
+        # Over the shortest hold noise leaves as much doubt of a rise as of the level: 0.4 of one sample's at four rows
+        # a second (the slope of 17 samples, at their end).
+        rise[rows] = size_c * below * np.clip((time_s - turn_s) / LEAST_HOLD_S + 1.0, 0.0, 1.0)
         yield spring, level
         yield spring, rise
 

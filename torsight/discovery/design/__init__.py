@@ -1,4 +1,4 @@
 """The next experiment.
 
-Explanations that a record cannot tell apart in, a temperature programme (s, °C) that can out.
+In: explanations that one record cannot distinguish. Out: a temperature programme (s, °C) that can.
 """

@@ -1,10 +1,10 @@
-"""The experiment that would tell rivals apart: a search over temperature programmes.
+"""The experiment that would distinguish rival explanations: a search over temperature programmes.
 
-Every programme is played on the record's own wires, each rival predicts the angle it would give, and the worst case of
-all pairs after a refit (:mod:`.separation`) is the programme's worth. The search takes every kind of half-cycle alone,
-then mixes the best with every other; the last few are weighed by true refits. Where even the best promises little more
-than is needed, the last few are tried twice over: a promise holds for the rig as it was fitted. Beyond what is surely
-enough more separation counts little, and so does being shorter.
+Every programme is simulated with the record's own wires, and each rival predicts the angle. A programme is worth the
+least gain over all pairs of rivals after a refit (:mod:`.separation`). The search first tries every kind of half-cycle
+alone, then mixes the best one with every other; for the last few the gains are found by refits. Where even the best
+promises little more than is needed, the last few are also tried at twice their length, because a promise holds for the
+rig as it was fitted. Separation beyond what is surely enough counts little, and so does a shorter duration.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ _SURE: Final = 30.0
 NEEDED_GAIN: Final = Settings().apart
 """Gain at which rivals cease to be rivals."""
 _LEAST_DURATION_S: Final = 3600.0
-"""Time that an experimenter always has: an hour ..."""
+"""Programmes may always last this long, an hour ..."""
 _DURATION_FACTOR: Final = 1.5
-"""... and for a record that lasted longer than two thirds of that, so many times its own length."""
+"""... or so many times as long as the record, where that is longer."""
 _FINALISTS: Final = 3
-"""Programmes of which the gains are found by fits, after all were weighed linearly."""
+"""Programmes of which the gains are found by refits, after the gains of all were found linearly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

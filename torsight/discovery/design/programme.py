@@ -1,4 +1,4 @@
-"""Temperature programmes for the actuator: what can be asked of an experimenter, and the log that it would give.
+"""Temperature programmes for the actuator: what an experimenter can be asked to do, and the log that it would give.
 
 A programme is a chain of half-cycles. In each one spring is led through legs (a temperature, the rate to get there, a
 hold) and then cools by itself; how fast it cools, and how far the other spring follows, is taken from the record at

@@ -1,4 +1,4 @@
-"""What programmes are made of: half-cycles within reach of what the record at hand did, and how to say them."""
+"""The half-cycles of which programmes are made: within the range of the given record, and in words."""
 
 from __future__ import annotations
 

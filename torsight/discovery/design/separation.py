@@ -1,4 +1,4 @@
-"""How far apart a planned record would keep explanations that a given record cannot tell apart.
+"""How well a planned record would separate explanations that a given record cannot distinguish.
 
 Each explanation in turn is taken as true and predicts what the planned record would show. Every other one is then
 refitted to that: all its free parameters, within their priors, take up what they can, and what is left is weighed

@@ -1,4 +1,4 @@
-"""From a problem to findings: checks, starts, the engine's search, and what a person should know of it."""
+"""From a problem to findings: checks, starts, the engine's search, and warnings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from torsight.discovery.settings import Settings
 _MOST_TRACES: Final = 20
 """Failures of which the traceback is kept."""
 _MISJUDGED: Final = 1.5
-"""Ratio of the noise that is found to the one that was given, either way, that is told: with it an interval of 95 %
+"""Ratio of the noise that is found to the one that was given, either way, that is reported: with it an interval of 95 %
 holds 81 %, or 99.7 %."""
 _ROWS: Final = 64
 """Rows from which that ratio is known to a tenth, one over the root of twice their number."""
@@ -68,7 +68,7 @@ def find_missing(
     InputError
         When the problem cannot be searched: a missing member, a wrong shape, a model that fails; before any fit.
     """
-    told = aloud(progress)
+    loud = aloud(progress)
     given.function(progress, "find_missing, progress")
     if settings is not None:
         given.one_of(settings, Settings, "find_missing, settings", do="give settings=Settings(…)")
@@ -77,20 +77,20 @@ def find_missing(
     with heard() as stream, one_thread():
         if not isinstance(problem, ModelProblem):
             notes = list(check_problem(problem))
-            found = engine.find_missing(problem, settings=settings, seed=seed, progress=told)
-            return Findings(problem, found, _added(notes, stream.told()), settings=settings or Settings())
+            found = engine.find_missing(problem, settings=settings, seed=seed, progress=loud)
+            return Findings(problem, found, _added(notes, stream.note()), settings=settings or Settings())
         asked = quickened(problem) if processes is None else problem
         notes = list(check_problem(asked))
         here = processes is None and is_compiled(asked.model.predict)
         with problem.evaluator.processes(wanted=False if here else processes):
             try:
-                made = _search(asked, settings=settings, seed=seed, progress=told, notes=notes)
+                made = _search(asked, settings=settings, seed=seed, progress=loud, notes=notes)
             except np.linalg.LinAlgError as error:
                 # A model that gives nothing from some call on leaves nothing to solve for: its own error is the cause.
                 if not problem.evaluator.failures:
                     raise
                 raise problem.evaluator.failures[-1].error("predict") from error
-        printed = stream.told(elsewhere=problem.evaluator.printed)
+        printed = stream.note(elsewhere=problem.evaluator.printed)
         return replace(made, warnings=_added(list(made.warnings), printed))
 
 
@@ -164,11 +164,11 @@ def _search(
     if failures:
         notes.append(
             f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
-            f"first: {failures[0].told()}"
+            f"first: {failures[0].sentence()}"
         )
     # A model may keep something from call to call that shows only after many of them.
     check_same(problem, start, begun)
-    traces = tuple(f"{one.told()}\n{one.trace}" for one in failures[:_MOST_TRACES])
+    traces = tuple(f"{one.sentence()}\n{one.trace}" for one in failures[:_MOST_TRACES])
     return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
 
 
@@ -190,7 +190,7 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
         return []
     left = np.full(len(problem.observed), np.nan)
     left[problem.valid] = (found.decision.chosen.residual / np.where(problem.valid, problem.sigma, 1.0))[problem.valid]
-    told = []
+    notes = []
     for k, output in enumerate(problem.model.outputs):
         pieces = [left[place][np.isfinite(left[place])] for _, own, place in problem.layout.places if own == k]
         rows = np.concatenate(pieces)
@@ -198,16 +198,16 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
             continue
         between, whole = scatter(*pieces), rms(rows)
         if between > _MISJUDGED:
-            told.append(
+            notes.append(
                 f"neighbouring rows of what is left of '{output}' scatter by {between:.2g} times the sigma that was "
                 "given: it is too small, or something fast is missing; without sigma it is measured"
             )
         elif whole < 1.0 / _MISJUDGED:
-            told.append(
+            notes.append(
                 f"what is left of '{output}' is {whole:.2g} times the sigma that was given: it is too large, and hides "
                 "what is smaller; without sigma it is measured"
             )
-    return told
+    return notes
 
 
 def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float) -> list[str]:
@@ -218,7 +218,7 @@ def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float)
     ode, base = problem.model.predict, found.field.base
     if not isinstance(ode, Ode):
         return []
-    fit, told = base.fit, []
+    fit, notes = base.fit, []
     lines = base.fitter.known(fit.effects, fit.solution.x, fit.solution.prediction, fit.solution.jacobian)
     for name in ode.inputs:
         if name in ode.held or not any(_stands_and_jumps(record[name]) for record in problem.model.records):
@@ -227,12 +227,12 @@ def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float)
         prediction = replace(problem, model=model, evaluator=Evaluator(model)).predict(fit.values, fit.effects)
         held = base.fitter.known(fit.effects, fit.solution.x, prediction, fit.solution.jacobian)
         if lines.cost - held.cost > 2.0 * price:
-            told.append(
+            notes.append(
                 f"'{name}' stands still and jumps between rows, where the model draws lines; with values that hold "
                 f"until the next row {(held.cost / lines.cost) ** 0.5:.2g} times as much is left: if it is a command "
                 f"or a switch, say ode(…, inputs={{'{name}': 'held'}})"
             )
-    return told
+    return notes
 
 
 def _stands_and_jumps(column: Floats) -> bool:
@@ -259,7 +259,7 @@ def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
     at = chosen.fit.solution
     # The weights have been taken anew since it was fitted.
     cost = chosen.fitter.known(chosen.fit.effects, at.x, at.prediction, at.jacobian).cost
-    told = []
+    notes = []
     for name in chosen.effects:
         candidate = next(one for one in declared.candidates if one.id == name)
         if len(chosen.fitter.candidates[name].starts) == len(candidate.starts):
@@ -272,9 +272,9 @@ def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
             given = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
             ended = ", ".join(f"{key} {alone.values[key]:.4g}" for key in own)
             ends = "does not leave it" if given == ended else f"ends elsewhere ({ended})"
-            told.append(
+            notes.append(
                 f"the fit of '{name}' from its declared start ({given}) {ends} and leaves "
                 f"{(alone.cost / cost) ** 0.5:.3g} times more: another start was needed, so look whether "
                 "the fitted values make sense"
             )
-    return told
+    return notes

@@ -1,4 +1,4 @@
-"""Before the search: where its fits begin, and which values only one block can tell.
+"""Before the search: the starts of its fits, and the values that only one block determines.
 
 A fit that begins far from its goal may end in another valley. The plain model is fitted from several points over its
 bounds; for every candidate points are laid out over its bounds, and those go into the search from which, with the base
@@ -42,7 +42,7 @@ MUCH_BETTER: Final = 0.8
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value that lies in one block where no other block can tell it."""
 _NEAR: Final = 0.004
-"""Step, in parameter scales, of the central differences by which parameters are told apart ..."""
+"""Step, in parameter scales, of the central differences by which parameters are distinguished ..."""
 _ALIKE: Final = 1e-3
 """... and share of its size that is left of a parameter's effect by the other ones where they can do the same. A value
 at a tenth of its start moves by 1 % in that step, which bends the difference by 1e-4; a solver's tolerance of 1e-6 does
@@ -77,11 +77,11 @@ def prepare(problem: ModelProblem) -> Prepared:
             )
             return replace(again, warnings=(note, *again.warnings))
     problem, left_out = without_readings(problem, base)
-    problem, told = _once(problem, fitter, base)
-    told += left_out
-    told += _apart(problem, fitter, base)
+    problem, notes = _once(problem, fitter, base)
+    notes += left_out
+    notes += _apart(problem, fitter, base)
     each_its_own = _each_its_own(problem, fitter, base)
-    told += each_its_own
+    notes += each_its_own
     started = _started(problem, base)
     candidates = tuple(_with_starts(problem, one, fitter, base) for one in problem.candidates)
     if problem.ports:
@@ -90,7 +90,7 @@ def prepare(problem: ModelProblem) -> Prepared:
     # What is missing may have pulled the values off: laws are measured from where they were declared, too.
     elsewhere = ({p.name: p.value for p in problem.parameters if p.sigma is None},)
     problem = replace(problem, parameters=started, candidates=candidates, elsewhere=elsewhere, alike=not each_its_own)
-    return Prepared(problem, (*warnings, *told))
+    return Prepared(problem, (*warnings, *notes))
 
 
 def _floor(problem: ModelProblem) -> Floats:
@@ -99,7 +99,7 @@ def _floor(problem: ModelProblem) -> Floats:
 
 
 def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretched | None]:
-    """Fit the plain model from its start, from the best of several points, and from what stretches have told."""
+    """Fit the plain model from its start, from the best of several points, and from the fit of its stretches."""
     own = fitter.base()
     free = [p for p in problem.parameters if p.sigma is None and (math.isfinite(p.upper - p.lower) or p.value != 0.0)]
     if not free:
@@ -118,11 +118,11 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
     away = [p for p in free if abs(best.values[p.name] - own.values[p.name]) > 0.5 * _scale(p)]
     listed = ", ".join(f"{p.name} {own.values[p.name]:.4g} → {best.values[p.name]:.4g}" for p in away)
     root = math.sqrt(own.cost / best.cost)
-    told = (
+    note = (
         f"the fit of the model from its start leaves {root:.3g} times more than one from elsewhere"
         f"{f' ({listed})' if listed else ''}: the better one is gone on with; starts nearer to it make the answer surer"
     )
-    return best, [told], stretched
+    return best, [note], stretched
 
 
 def _elsewhere(problem: ModelProblem, fitter: Fitter, own: Fit, free: list[Parameter]) -> list[dict[str, float]]:
@@ -216,17 +216,17 @@ def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProble
     squares = base.solution.jacobian**2 * fitter.weight.each[:, None]
     shares = np.array([squares[problem.block == label].sum(axis=0) for label in labels])
     total = shares.sum(axis=0)
-    told, found = [], list(problem.once)
+    notes, found = [], list(problem.once)
     for j, p in enumerate(base.parameters):
         if p.name in found or p.sigma is not None or total[j] <= 0.0:
             continue
         if shares[:, j].max() > _ONE_BLOCK * total[j]:
             found.append(p.name)
-            told.append(
+            notes.append(
                 f"only block {labels[shares[:, j].argmax()]} tells '{p.name}': it is taken as an initial state, whose "
                 "value the other blocks need not predict; say so with initial=… (one for each record), or fix it"
             )
-    return replace(problem, once=tuple(found)), told
+    return replace(problem, once=tuple(found)), notes
 
 
 def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
@@ -250,11 +250,11 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
         return []
     part = np.abs(directions[-1])
     alike = [names[j] for j, share in zip(free, part, strict=True) if share > _PART * part.max()]
-    told = (
+    note = (
         f"the record tells only combinations of {', '.join(alike)}: they can change together and the prediction stays "
         "as it is, which hides what is missing; give one of them fixed=True, or a sigma if it was measured"
     )
-    return [told]
+    return [note]
 
 
 def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
@@ -275,11 +275,11 @@ def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]
     if costs[best] >= 0.5 * before:
         return []
     name = base.parameters[free[best]].name
-    told = (
+    note = (
         f"with a value of '{name}' for each record the model would leave {number(math.sqrt(costs[best] / before))} "
         f"times what it leaves with one for all: if it says how a record begins, say so with initial='{name}'"
     )
-    return [told]
+    return [note]
 
 
 def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
@@ -314,7 +314,7 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
         afar = fitter.fit((one.id,), scouts, keep=1, follow=lambda scout: scout.ahead < _BETTER * least)
         starts = [afar.values] * (afar.cost < _BETTER * least) + starts
     first = starts[0] if starts else points[0]
-    # A value that is nearer to its null than one step of the declared scale cannot be told from it.
+    # A value that is nearer to its null than one step of the declared scale cannot be distinguished from it.
     scales = {
         p.name: float(np.clip(_scale(p.at(first[p.name])), STEP_SHARE * _scale(p), _scale(p)))
         for p in one.parameters

@@ -224,12 +224,12 @@ def _go_together(driver: Pieces, function: Pieces) -> bool:
 def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, list[str]]:
     """Return a problem without the drivers that hold an output's reading error, and what a person should know of that.
 
-    ``base`` is the fit of the plain model. A declared law over such a column cannot be left out: it is told alone.
+    ``base`` is the fit of the plain model. A declared law over such a column cannot be left out: it is only reported.
     """
     predicted = problem.layout.native(base.solution.prediction)
     records = problem.model.records
     declared = {port.driver for port in problem.ports} - {*problem.drivers, *problem.model.outputs}
-    told, kept = [], dict(problem.drivers)
+    notes, kept = [], dict(problem.drivers)
     for name in (*problem.drivers, *sorted(declared)):
         if not all(name in record and np.isfinite(record[name]).all() for record in records):
             continue
@@ -242,11 +242,11 @@ def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, li
             continue
         out = "it was left out of the drivers, because it" if left_out else "it"
         beside = "".join(f"; the law '{law}' over it explains noise, too" for law in laws)
-        told.append(
+        notes.append(
             f"'{name}' is made of '{output}' as it was read, noise included: {out} would explain the residual by "
             f"itself{beside}; give what the model computes, or the variable from another sensor"
         )
-    return replace(problem, drivers=kept), told
+    return replace(problem, drivers=kept), notes
 
 
 def _made_of(column: Pieces, problem: ModelProblem, predicted: Pieces) -> str | None:

@@ -75,7 +75,7 @@ def before_and_after(one: Series, count: int, *, floor: float | None) -> Figure:
 def law_drawn(law: MeasuredCurve) -> Figure:
     """Draw a measured law with its 95 % interval, shaded where the record reached its driver."""
     named = "No candidate has this form." if law.effect is None else f"The candidate is {law.effect}."
-    told = law.told()
+    sentence = law.sentence
     shown = MeasuredLaw(
         effect=law.effect,
         port=law.id,
@@ -87,13 +87,13 @@ def law_drawn(law: MeasuredCurve) -> Figure:
         value=law.values,
         sigma=law.sigma,
         covered=law.covered,
-        sentence=told,
+        sentence=sentence,
     )
     across = f"{law.driver} ({law.driver_unit})" if law.driver_unit else law.driver
     return Figure(
         law.csv_name.removesuffix(".csv"),
         f"The law {law.id} over {law.driver}",
-        f"{capital(told)}. {named}",
+        f"{capital(sentence)}. {named}",
         (law_panel(shown, across=across),),
         source=law.csv_name,
     )

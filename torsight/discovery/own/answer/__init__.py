@@ -1,1 +1,1 @@
-"""What was found on a model of one's own: findings of the engine in, words, pictures, tables and files out."""
+"""What was found on a model of one's own: from the engine's findings to words, pictures, tables and files."""

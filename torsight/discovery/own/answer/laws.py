@@ -90,7 +90,7 @@ class MeasuredCurve(Shown):
 
     def facts(self) -> dict[str, str]:
         """Return its range, and the name that it carries."""
-        return {self.id: self.told()} | ({} if self.effect is None else {"effect": self.effect})
+        return {self.id: self.sentence} | ({} if self.effect is None else {"effect": self.effect})
 
     def _columns(self) -> dict[str, NDArray[np.generic]]:
         return self.table()
@@ -103,8 +103,9 @@ class MeasuredCurve(Shown):
         axes.plot(self.nodes[known], self.values[known], "-", color=COLOURS["after"])
         axes.set(title=self.id, xlabel=f"{self.driver} {self.driver_unit}".strip(), ylabel=self.unit)
 
-    def told(self) -> str:
-        """Return one sentence."""
+    @property
+    def sentence(self) -> str:
+        """The law in one sentence: its range and where it is reached."""
         known = np.flatnonzero(self.covered)
         if not len(known):
             return f"a law of {self.driver} that the record does not reach"
@@ -170,7 +171,7 @@ def bend_within(problem: ModelProblem, chosen: Explanation, price: float) -> lis
     Beside what is declared: a law that was added to an output may stand for what the nodes miss. ``price`` is the gain
     in log evidence that pays for one more law.
     """
-    told, ports = [], {port.name: port for port in problem.ports}
+    notes, ports = [], {port.name: port for port in problem.ports}
     declared = [item for item in chosen.laws if item.law.id in ports]
     for item in declared:
         name, nodes = item.law.id, item.law.nodes
@@ -186,11 +187,11 @@ def bend_within(problem: ModelProblem, chosen: Explanation, price: float) -> lis
             for law in (item.law, finer)
         )
         if fine > coarse + price:
-            told.append(
+            notes.append(
                 f"the law '{name}' bends between its {len(nodes)} nodes, and what it misses there may pass for "
                 f"something else: with nodes={count} it explains more (log evidence +{number(fine - coarse)})"
             )
-    return told
+    return notes
 
 
 def _far(called: Sequence[Called], curves: Mapping[str, Curve]) -> dict[str, tuple[float, float, Floats]]:

@@ -33,7 +33,7 @@ from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
 
 KIND: Final = "own model"
-"""By which ``model.json`` of a model of one's own is told from the actuator's."""
+"""By which ``model.json`` of a model of one's own is distinguished from the actuator's."""
 _FIRST_SHARE: Final = 0.1
 """Share of a record at its beginning to which initial states are fitted, at least 32 rows: later rows tell less and
 less of them, and are what is to be predicted."""
@@ -179,8 +179,8 @@ class SavedModel:
         for k, name in enumerate(self.outputs):
             made[name] = middle[:, k]
             made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)
-        told = [*beyond([done], self._curves(values)), *self._alone(own), *taken]
-        return PredictedOutputs(made, self.outputs, own.label_, tuple(told))
+        notes = [*beyond([done], self._curves(values)), *self._alone(own), *taken]
+        return PredictedOutputs(made, self.outputs, own.label_, tuple(notes))
 
     def _alone(self, record: Record) -> list[str]:
         """Return a warning where states that were to begin anew cannot, because the record does not hold them."""
@@ -188,11 +188,11 @@ class SavedModel:
         lacking = [name for name in ode.measured if name not in record] if isinstance(ode, Ode) else []
         if length_s is None or not lacking:
             return []
-        told = (
+        note = (
             f"small errors grow in this model, and the record holds no {', '.join(lacking)} that could begin anew "
             f"every {length_s:.3g}: after some times this long it is no more than a possible course"
         )
-        return [told]
+        return [note]
 
     def _beyond(self, model: Model, values: Mapping[str, float], done: Called) -> Floats:
         """Return the variance (rows, outputs) of what laws do where they were never measured.
@@ -261,19 +261,19 @@ class SavedModel:
         free = [p for p in free if not p.fixed]
         if not free:
             return values, ()
-        told = (
+        note = (
             f"how the record begins is not known ({', '.join(p.name for p in free)}), and it holds no "
             f"{', '.join(self.outputs)} to fit that to: the first record's values stand there, and sigma does not hold "
             f"that; give them (--initial {free[0].name}=…, in Python initial={{…}})"
         )
         if any(name not in record for name in self.outputs):
-            return values, (told,)
+            return values, (note,)
         rows = min(record.rows_, max(_FIRST_ROWS, round(_FIRST_SHARE * record.rows_)))
         observed = np.column_stack([record[name] for name in self.outputs])
         each = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
         each[rows:] = 0.0
         if not each.any():
-            return values, (told,)
+            return values, (note,)
 
         def at(x: Floats) -> Floats:
             own = dict(zip([p.name for p in free], x.tolist(), strict=True))

@@ -74,7 +74,7 @@ def lines(found: Findings) -> list[tuple[str, str]]:
     for name in found.effects:
         own = found.field.base.fitter.candidates[name].parameters
         made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
-    made += [(curve.id, curve.told()) for curve in found.laws if curve.chosen]
+    made += [(curve.id, curve.sentence) for curve in found.laws if curve.chosen]
     if found.verdict == "unknown":
         made.append(("Laws offered over", ", ".join(found.drivers_offered) or "nothing"))
     if found.verdict == "unknown" or found.predicts_better:
@@ -112,14 +112,14 @@ def not_predicted(found: Findings) -> list[str]:
     chosen = found.decision.chosen
     if not chosen.members:
         return []
-    told = [
+    notes = [
         f"of {name}, {' and '.join(chosen.members)} describes what was recorded, but predicts held-out "
         "blocks no better: something changes there, and what it changes with is not known"
         for name, (before, after) in found.errors.items()
         if after.rmse_held_out >= before.rmse_held_out
     ]
-    if told or found.before is None:
-        return told
+    if notes or found.before is None:
+        return notes
     beside = [item.law.id for item in chosen.laws if item.law.time_like and len(chosen.members) > 1]
     parts = {name: found.field.explanations.get(less(chosen.members, name)) for name in beside}
     return [
@@ -160,13 +160,13 @@ def what_next(found: Findings) -> list[str]:
     if found.verdict == "ambiguous":
         told_apart = (found.decision.chosen.members, *found.alternatives)
         sets = " from ".join(" and ".join(one) for one in told_apart)
-        told = (
+        note = (
             f"This record cannot tell {sets}. Predict planned records with each of them; make the one in which they "
             "differ most: other speeds, holds between moves, the other direction. Or offer only what the rig can have."
         )
-        return [told]
+        return [note]
     if found.verdict == "unknown":
-        told = (
+        note = (
             "Look at the measured law over the variable on which it depends, and offer a candidate that has such a "
             "form, or a law at the place where it acts; the best fits are listed."
             if found.drivers
@@ -175,11 +175,11 @@ def what_next(found: Findings) -> list[str]:
         ode = found.problem.model.predict if isinstance(found.problem, ModelProblem) else None
         far = found.decision.over_floor > found.problem.over_floor
         if far and isinstance(ode, Ode) and not ode.measured:
-            told += (
+            note += (
                 " If small errors grow over a record, name a state that is measured itself as the output: it can then "
                 "begin anew on the way."
             )
-        return [told]
+        return [note]
     return []
 
 

@@ -1,4 +1,4 @@
 """Models of one's own as machine code.
 
-A function or a right-hand side in plain Python in, the same compiled by numba out, where it gives the same.
+In: a function or a right-hand side in plain Python. Out: the same compiled by numba, where its results agree.
 """

@@ -39,12 +39,12 @@ class CannotCompileError(Exception):
     """What stands in the way, in one line."""
 
 
-def reason_in(told: str) -> str:
+def reason_in(message: str) -> str:
     """Return why numba could not compile, out of what it says, and the line if it names one."""
     # One "Failed in …" per function on the way; the reason comes after them, and may go on below a colon.
-    lines = [line.strip() for line in told.splitlines() if line.strip() and not line.startswith("Failed in")]
-    reason = " ".join(lines[:2]) if lines and lines[0].endswith(":") else "".join(lines[:1]) or told
-    places = re.findall(r"line (\d+)", told)
+    lines = [line.strip() for line in message.splitlines() if line.strip() and not line.startswith("Failed in")]
+    reason = " ".join(lines[:2]) if lines and lines[0].endswith(":") else "".join(lines[:1]) or message
+    places = re.findall(r"line (\d+)", message)
     return f"{reason} (line {places[-1]})" if places else reason
 
 

@@ -1,4 +1,4 @@
-"""A model in plain Python made quick: compiled where numba can, where it pays, and where it then gives the same."""
+"""A model in plain Python, compiled where numba can do so, where it saves time, and where the results agree."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def quickened(problem: ModelProblem) -> ModelProblem:
         return problem
     quick, why_not = _compiled(problem.model.predict)
     if quick is None:
-        return _told(problem, why_not)
+        return _with_reason(problem, why_not)
     model = replace(problem.model, predict=quick)
     everything = {p.name: p.value for one in problem.candidates for p in one.parameters}
     names = [one.id for one in problem.candidates]
@@ -44,12 +44,12 @@ def quickened(problem: ModelProblem) -> ModelProblem:
         short_s = shortest_s(problem)
         usable, why_not = _gives_the_same(anew(problem.model, short_s), anew(model, short_s), asked)
     if not usable:
-        return _told(problem, why_not)
+        return _with_reason(problem, why_not)
     evaluator.change(model)
     return replace(problem, model=model)
 
 
-def _told(problem: ModelProblem, why_not: str) -> ModelProblem:
+def _with_reason(problem: ModelProblem, why_not: str) -> ModelProblem:
     """Return a problem whose model stays plain, with a note of why where something can be done about it."""
     if not why_not:
         return problem

@@ -1,4 +1,4 @@
-"""Checks of a problem before the search: what would be accepted silently and answered wrongly."""
+"""Checks of a problem before the search: for mistakes that would give a wrong answer without an error."""
 
 from __future__ import annotations
 
@@ -94,14 +94,14 @@ def _check_model(problem: ModelProblem) -> list[str]:
     plain = problem.outputs(start, (), where=place)
     _check_unchanged(problem, before)
     least = np.asarray(_NULL_SHARE * np.nanstd(np.concatenate(problem.measured()), axis=0))
-    told = []
+    notes = []
     for one in problem.candidates:
-        told += _check_candidate(problem, one, start, plain, least)
+        notes += _check_candidate(problem, one, start, plain, least)
     _check_unchanged(problem, before)
     check_same(problem, start, plain)
     _check_laws(problem, start)
-    told += _unheard(problem, start, plain, least)
-    return told
+    notes += _unheard(problem, start, plain, least)
+    return notes
 
 
 def check_same(problem: ModelProblem, values: dict[str, float], before: list[Floats]) -> None:
@@ -154,10 +154,10 @@ def _check_candidate(
         raise InputError("is no law", where=f"{where}, laws", value=unknown[0], limit=", ".join(laws) or "none", do=do)
     own = {p.name: p.value for p in one.parameters}
     on = problem.outputs({**start, **own}, (one.id,), where=f"{where} at its start")
-    told = []
+    notes = []
     if not _apart(on, plain, least) and not one.starts:
         at = ", ".join(f"{p.name} {p.value:g}" for p in one.parameters)
-        told.append(
+        notes.append(
             f"{where} changes nothing at its start ({at}): it is only found if another start shows it; does predict "
             "use it?"
         )
@@ -173,7 +173,7 @@ def _check_candidate(
                 where=where,
                 do=f"give '{p.name}' a null value of its own, or mend predict",
             )
-    return told
+    return notes
 
 
 def _moved(value: float, lower: float, upper: float) -> float:
@@ -187,11 +187,11 @@ def _apart(one: list[Floats], other: list[Floats], least: Floats) -> bool:
 
 def _unheard(problem: ModelProblem, start: dict[str, float], plain: list[Floats], least: Floats) -> list[str]:
     """Return a warning for every base parameter that changes nothing."""
-    told = []
+    notes = []
     for p in problem.parameters:
         moved = {**start, p.name: _moved(p.value, p.lower, p.upper)}
         called = problem.evaluator(problem.given(moved, ()), {})
         outputs = [one.outputs for one in called if one.outputs is not None]
         if len(outputs) == len(plain) and not _apart(outputs, plain, least):
-            told.append(f"'{p.name}' changes nothing in what predict gives: is it used?")
-    return told
+            notes.append(f"'{p.name}' changes nothing in what predict gives: is it used?")
+    return notes

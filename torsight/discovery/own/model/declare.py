@@ -87,7 +87,7 @@ def candidate(
         Further points from which its fit is to begin (parameter name to value); others are looked for
         within the bounds.
     laws : sequence of str
-        Laws of which it is a usual form: where one of them explains no more, it is told by the candidate's name. A
+        Laws of which it is a usual form: where one of them explains no more, it carries the candidate's name. A
         law's name, or ``output(driver)`` for what is missing from an output over a driver.
     """
     where = f"candidate '{given.text(name, 'candidate, name')}'"
@@ -219,14 +219,14 @@ def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
             value=f"{one.lower:g} to {one.upper:g}",
             do="give fixed=True for a value that is known exactly, or wider bounds",
         )
-    for told, value in (("start", one.value), ("null value", one.null)):
+    for what, value in (("start", one.value), ("null value", one.null)):
         if value is not None and not (one.lower <= value <= one.upper and math.isfinite(value)):
             raise InputError(
-                f"its {told} lies outside its bounds",
+                f"its {what} lies outside its bounds",
                 where=where,
                 value=f"{value:g}",
                 limit=f"{one.lower:g} to {one.upper:g}",
-                do=f"change the {told} or the bounds",
+                do=f"change the {what} or the bounds",
             )
 
 

@@ -1,4 +1,4 @@
-"""Calls of one's own model: each point once, in processes where that pays, and failures kept with where they happened.
+"""Calls of one's own model: each point once, in processes where that saves time; failures are kept with their places.
 
 A model in plain Python holds the interpreter, so that threads do not make it faster; processes do, where the model can
 be sent to them. Every point that has been asked for is kept: sets of effects share most of theirs, because an effect
@@ -98,11 +98,11 @@ class Failure:
     values: Mapping[str, float]
     record: str
 
-    def told(self) -> str:
+    def sentence(self) -> str:
         """Return one sentence: what, where, for which values."""
-        return self._told(self.place)
+        return self._sentence(self.place)
 
-    def _told(self, *places: str) -> str:
+    def _sentence(self, *places: str) -> str:
         """Return the sentence with the places that are not said elsewhere; the message may name the record itself."""
         record = [f"record '{self.record}'"]
         given = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
@@ -116,11 +116,11 @@ class Failure:
         copy = "; what predict is given stays as it is: work on a copy" if changes else ""
         # An error of ours has its own words.
         fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
-        told = self.told()
+        what_failed = self.sentence()
         if self.trace and self.place.partition(", line ")[0] in where:
             # The line that raised says more than that of the function; the file is named once.
-            told, where = self._told(), self.place
-        error = ModelError(f"{fails}{told}{copy}", where=where, do=f"mend {what}")
+            what_failed, where = self._sentence(), self.place
+        error = ModelError(f"{fails}{what_failed}{copy}", where=where, do=f"mend {what}")
         if self.trace:
             error.add_note(f"The model's own traceback:\n{self.trace}")
         return error
@@ -146,7 +146,7 @@ def call(model: Model, record: int, values: Mapping[str, float], curves: Curves)
     laws = {name: curves[name].afresh() if name in curves else Curve() for name in model.laws}
     begun = time.thread_time()
     try:
-        with np.errstate(all="ignore"):  # what is no number is told
+        with np.errstate(all="ignore"):  # values that are no numbers are reported as a failure
             given = model.predict(Values({**values, **laws}), of)
         outputs = outputs_of(given, of, model.outputs)
         failure = None if np.isfinite(outputs).all() else _not_finite(outputs, of, model, values)

@@ -1,4 +1,4 @@
-"""What a person hands over, as it is meant.
+"""Checks of the arguments that a person gives.
 
 Everything here raises an InputError that says what was given where, what is allowed and what to do.
 """

@@ -115,10 +115,10 @@ def _failed(path: Path, error: BaseException) -> InputError:
     words = error.msg if isinstance(error, SyntaxError) else str(error)  # its text would name file and line once more
     what = words if isinstance(error, InputError) else f"cannot be imported: {type(error).__name__}: {words}"
     where = str(path) if line is None else f"{path}, line {line}"
-    told = InputError(what, where=where, do="mend it; --debug shows its own traceback")
+    failed = InputError(what, where=where, do="mend it; --debug shows its own traceback")
     own = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
-    told.add_note(f"The model file's own traceback:\n{own}")
-    return told
+    failed.add_note(f"The model file's own traceback:\n{own}")
+    return failed
 
 
 def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProblem:

@@ -414,8 +414,8 @@ def ode(
     unknown = [] if callable(wanted) else [name for name in wanted if name not in named]
     unknown += [name for name in begin if name not in named]
     if not named or unknown:
-        told = f"'{', '.join(unknown)}' is no state" if named else "has no state"
-        raise InputError(told, where="ode", limit=", ".join(named) or "one or more", do="name it among states=[…]")
+        note = f"'{', '.join(unknown)}' is no state" if named else "has no state"
+        raise InputError(note, where="ode", limit=", ".join(named) or "one or more", do="name it among states=[…]")
     if callable(wanted) and np.isfinite(solver.restart_s):
         do = "name the states that are measured as output=[…]"
         raise InputError("has no state that is measured itself", where="ode, solver, restart_s", do=do)

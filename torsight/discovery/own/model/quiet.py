@@ -1,4 +1,4 @@
-"""What a model prints: told once, and kept from the terminal that often hears of thousands of calls."""
+"""What a model prints: reported once, and not written to the terminal at each of thousands of calls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Final
 from torsight.core.progress import Progress
 
 _KEPT: Final = 500
-"""Characters of it that are told."""
+"""Characters of it that are reported: a line or two."""
 
 
 _progress = threading.local()
@@ -36,8 +36,8 @@ class Heard(io.TextIOBase):
             self.beginning += text[: _KEPT - len(self.beginning)]
         return len(text)
 
-    def told(self, *, elsewhere: str = "") -> str | None:
-        """Return what a person should know, None where nothing was printed."""
+    def note(self, *, elsewhere: str = "") -> str | None:
+        """Return a warning with the first line that was printed, None where nothing was."""
         text = self.beginning.strip() or elsewhere.strip()
         if not text:
             return None
@@ -56,7 +56,7 @@ def heard() -> Iterator[Heard]:
 def aloud(progress: Progress) -> Progress:
     """Return a progress callable that prints where printing went before."""
 
-    def told(step: str, done: float, total: float | None) -> None:
+    def reported(step: str, done: float, total: float | None) -> None:
         # Of this thread alone: the model may print in others meanwhile.
         _progress.tells = True
         try:
@@ -64,4 +64,4 @@ def aloud(progress: Progress) -> Progress:
         finally:
             _progress.tells = False
 
-    return told
+    return reported

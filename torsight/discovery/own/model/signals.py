@@ -1,4 +1,4 @@
-"""Signals of a record that are no outputs: what effects may depend on, and where everything stands still."""
+"""Signals of a record beside its outputs: the drivers on which effects may depend, and where everything is at rest."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def rest_of(
     share = float(np.mean(np.concatenate(found)))
     if given == "still":
         return found, []
-    told = []
+    notes = []
     if share > _MUCH_STILL:
-        told.append(
+        notes.append(
             f"{100 * share:.0f} % of the record stands still, and every sample of it counts: rest='still' makes each "
             "such stretch count as one piece of information"
         )
-    return [np.zeros(record.rows_, bool) for record in records], told
+    return [np.zeros(record.rows_, bool) for record in records], notes
 
 
 def drivers_of(
@@ -55,12 +55,12 @@ def drivers_of(
         else list(given)
     )
     found: dict[str, list[Floats]] = {}
-    told: list[str] = []
+    notes: list[str] = []
     for name in names:
         own = [column_of(record, name) for record in records]
         twin = name if name in outputs else _twin(own, records, outputs)
         if twin is not None:
-            told.append(
+            notes.append(
                 f"'{name}' is what is measured ({twin}), noise included: it was left out of the drivers, because it "
                 "would explain the residual by itself; give the variable from another sensor, or a law's driver"
             )
@@ -70,7 +70,7 @@ def drivers_of(
             raise InputError("is not known in every row", where=f"driver '{name}'", do="fill its gaps, or leave it out")
     if given is None or "time_s" in given:
         found["time_s"] = [own - own[0] for own in times]
-    return found, told
+    return found, notes
 
 
 def _twin(own: Sequence[Floats], records: Sequence[Record], outputs: Sequence[str]) -> str | None:
