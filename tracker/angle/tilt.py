@@ -35,7 +35,7 @@ import numpy as np
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
-from torsight.core.series import rms, robust_sigma
+from torsight.core.series import BY_CHANCE, rms, robust_sigma
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning, way_round
 from tracker.stick_direction import Points, stick_direction
@@ -148,7 +148,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
         found.append(_Found(_evidence(covariance, chi_squared, prior), values[:7], covariance[:7, :7]))
         start = values
-    across = max(1.0, robust_sigma(paths.misfit(start)[:, 2]))
+    left = np.abs(paths.misfit(start)[:, 2])
+    across = max(1.0, rms(left[left < BY_CHANCE * robust_sigma(left)]))
     return _told_of(replace(_best_readout(found, turned), across=across), known=known)
 
 

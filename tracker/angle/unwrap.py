@@ -91,16 +91,16 @@ def _most_off(time_s: Floats, runs: list[Ints], angles: list[Floats], frames: in
     told = min(frames, max(map(len, runs)) // 2)
     if told < 1:
         return math.inf
-    off = [
-        float(np.abs(_off(time_s[run], angle, told, side)).max())
-        for run, angle in zip(runs, angles, strict=True)
-        if len(run) > told + 2
-    ]
-    return max(off) * (frames / told) ** 2 if off else math.inf
+    off = [np.abs(_off(time_s[run], angle, told, side)) for run, angle in zip(runs, angles, strict=True)]
+    most = max((float(part.max()) for part in off if len(part)), default=math.inf)
+    return most * (frames / told) ** 2
 
 
 def _off(time_s: Floats, angle_rad: Floats, frames: int, side: int) -> Floats:
     """Return how far a motion (n,) goes in some frames beyond what the speeds before and after say."""
+    # Two frames with one timestamp tell no speed.
+    told = np.diff(time_s, prepend=-np.inf) > 0.0
+    time_s, angle_rad = time_s[told], angle_rad[told]
     index = np.arange(1, len(time_s) - frames - 1)
     first, last = np.maximum(index - side, 0), np.minimum(index + frames + side, len(time_s) - 1)
 
