@@ -192,8 +192,21 @@ class Weighing:
         return _weighed(self._luma, self._couples, self._motion(every))
 
     def stands(self, couple: Couple) -> bool:
-        """Return whether a couple's base stands."""
-        return _base_stands(couple, self._pairs, self._motion(1))
+        """Return whether a couple's base keeps its dots' distance and direction, wherever the camera goes.
+
+        No dot of either stick lies on the axis then: of such a one nothing says that it stands or turns.
+        """
+        motion = self._motion(1)
+        still, moving = (
+            next(motion[key] for key, pair in self._pairs.items() if pair.is_of(stick))
+            for stick in (couple.base, couple.moving)
+        )
+        radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
+        if moving.variance_px2 < radius_px**2 and _any_lies_at(couple.base, couple.moving, moving.axis):
+            return False
+        places = _apart(still, moving, radius_px)
+        # Both dots are off by STANDS_PX each.
+        return passes(0.5 * float(_stands(places[:, 1] - places[:, 0])), 2)
 
     def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
         """Return what was read of a couple's markers in the frames since the picture, or in every so-many-th.
@@ -256,22 +269,6 @@ def weigh_couples(
     else:
         found = weighing.weighed()
     return found, weighing.stands(found[0])
-
-
-def _base_stands(couple: Couple, pairs: Mapping[int, Stick], motion: Mapping[int, _Motion]) -> bool:
-    """Return whether the base's dots keep their distance and direction in a usual frame, wherever the camera goes.
-
-    No dot of either stick lies on the axis then: of such a one nothing says that it stands or turns.
-    """
-    still, moving = (
-        next(motion[key] for key, pair in pairs.items() if pair.is_of(stick)) for stick in (couple.base, couple.moving)
-    )
-    radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
-    if moving.variance_px2 < radius_px**2 and _any_lies_at(couple.base, couple.moving, moving.axis):
-        return False
-    places = _apart(still, moving, radius_px)
-    # Both dots are off by STANDS_PX each.
-    return passes(0.5 * float(_stands(places[:, 1] - places[:, 0])), 2)
 
 
 def _weighed(

@@ -140,7 +140,9 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     pace = rate[rows] / max(rms(rate[rows]), 1e-12)
     carried = usual * np.column_stack([way, pace, pace**2])
     paths = _Paths(points, spread, direction[rows], lead[rows], carried, alike)
-    start = np.concatenate([np.zeros(10), _first_circles(points)])
+    (centre, *arms), _ = circles(points, direction[rows])
+    between = np.angle(arms[1]) - np.angle(arms[0])
+    start = np.array([*np.zeros(10), centre.real, centre.imag, *np.abs(arms), between])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
     weigh = paths.weighing(start, usual=usual)
@@ -387,14 +389,6 @@ def _mapped(x: Floats, y: Floats, values: Floats) -> tuple[tuple[Floats, Floats]
     u_x, both, v_y = bend + 2.0 * k * x * x, 2.0 * k * x * y, bend + 2.0 * k * y * y
     slopes = (x_u * u_x + x_v * both, x_u * both + x_v * v_y, y_u * u_x + y_v * both, y_u * both + y_v * v_y)
     return (flat_x, flat_y), slopes
-
-
-def _first_circles(points: Floats) -> Floats:
-    """Return a first guess of centre, radii, and the angle between both markers, for circles as they are seen."""
-    stick = points[:, 1] - points[:, 0]
-    (centre, *arms), _ = circles(points, np.arctan2(stick[:, 1], stick[:, 0]))
-    between = np.angle(arms[1]) - np.angle(arms[0])
-    return np.array([centre.real, centre.imag, *np.abs(arms), between])
 
 
 def _turned(direction_rad: Floats) -> float:
