@@ -192,8 +192,21 @@ class Weighing:
         return _weighed(self._luma, self._couples, self._motion(every))
 
     def stands(self, couple: Couple) -> bool:
-        """Return whether a couple's base stands."""
-        return _base_stands(couple, self._pairs, self._motion(1))
+        """Return whether a couple's base keeps its dots' distance and direction, wherever the camera goes.
+
+        No dot of either stick lies on the axis then: of such a one nothing says that it stands or turns.
+        """
+        motion = self._motion(1)
+        still, moving = (
+            next(motion[key] for key, pair in self._pairs.items() if pair.is_of(stick))
+            for stick in (couple.base, couple.moving)
+        )
+        radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
+        if moving.variance_px2 < radius_px**2 and _any_lies_at(couple.base, couple.moving, moving.axis):
+            return False
+        places = _apart(still, moving, radius_px)
+        # Both dots are off by STANDS_PX each.
+        return passes(0.5 * float(_stands(places[:, 1] - places[:, 0])), 2)
 
     def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
         """Return what was read of a couple's markers in the frames since the picture, or in every so-many-th.
@@ -245,7 +258,9 @@ def weigh_couples(
         weighing.add(frame)
         if number == due:
             before, found = found, weighing.weighed()
-            if number >= LOOKED_AT[-1] and _settled(found):
+            # Which two pairs are the sticks is settled, whichever of them is the base.
+            alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
+            if number >= LOOKED_AT[-1] and alike > SURE:
                 break
             # Twice, the second time on twice as many frames: what fits a short stretch may not fit a longer one.
             if found[0].probability > SURE and before and before[0].probability > SURE:
@@ -254,21 +269,6 @@ def weigh_couples(
     else:
         found = weighing.weighed()
     return found, weighing.stands(found[0])
-
-
-def _settled(found: Sequence[Couple]) -> bool:
-    """Return whether it is settled which two pairs are the sticks, whichever of them is the base."""
-    return sum(one.probability for one in found if one is found[0] or one.swaps(found[0])) > SURE
-
-
-def _base_stands(couple: Couple, pairs: Mapping[int, Stick], motion: Mapping[int, _Motion]) -> bool:
-    """Return whether the base's dots keep their distance and direction in a usual frame, wherever the camera goes."""
-    still, moving = (
-        next(motion[key] for key, pair in pairs.items() if pair.is_of(stick)) for stick in (couple.base, couple.moving)
-    )
-    places = _apart(still, moving, max(couple.base.inner.radius_px, couple.base.outer.radius_px))
-    # Both dots are off by STANDS_PX each.
-    return passes(0.5 * float(_stands(places[:, 1] - places[:, 0])), 2)
 
 
 def _weighed(
@@ -364,7 +364,7 @@ def _score(
         share = (of_bright + 1.0) / (of_bright + of_dark + 2.0)
         goes_on = bright * math.log(share) + dark * math.log(1.0 - share)
         goes_on += math.log(1.0 - SURE) * (_holds(base, x, y) != _holds(turning, x, y))
-        goes_on += math.log(1.0 - SURE) * any(_lies_at(stick, x, y) for stick in (base, turning))
+        goes_on += math.log(1.0 - SURE) * _any_lies_at(base, turning, moving.axis)
     return float(goes_on - 0.5 * (misfit + math.log(spread)))
 
 
@@ -385,9 +385,10 @@ def _holds(stick: Stick, x_px: float, y_px: float) -> bool:
     return all((b.x_px - a.x_px) * (x_px - a.x_px) + (b.y_px - a.y_px) * (y_px - a.y_px) > 0.0 for a, b in ends)
 
 
-def _lies_at(stick: Stick, x_px: float, y_px: float) -> bool:
-    """Return whether a dot of a stick lies at a place."""
-    return any(math.hypot(dot.x_px - x_px, dot.y_px - y_px) < dot.radius_px for dot in (stick.inner, stick.outer))
+def _any_lies_at(base: Stick, moving: Stick, place: Floats) -> bool:
+    """Return whether a dot of two sticks lies at a place (2,)."""
+    dots = (base.inner, base.outer, moving.inner, moving.outer)
+    return any(math.hypot(dot.x_px - place[0], dot.y_px - place[1]) < dot.radius_px for dot in dots)
 
 
 def _unlike(one: Stick, two: Stick) -> float:

@@ -97,8 +97,8 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if last < 0:
-        raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
-    where = f"{getattr(source, 'name', 'film')}, frames 0 to {last}"
+        raise InputError("holds no frame that can be decoded", where=source.name)
+    where = f"{source.name}, frames 0 to {last}"
     family, numbers = tags.pair
     if by_tags and numbers:
         return _start_at_tags(family, numbers, where=where)

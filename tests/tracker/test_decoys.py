@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -124,6 +125,27 @@ def test_a_screw_on_the_axis_is_not_taken_for_a_marker(hand_px: float, tmp_path:
     assert start.choice is not None
     places = np.array(start.choice.taken.moving.places_px) - film.shake_px[start.frame]
     np.testing.assert_allclose(places, film.at(start.frame).dots_px, atol=1.0)
+
+
+class GlaringFilm(DecoyFilm):
+    """A film in which light glares where the moving stick's inner dot is at first."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        y, x = np.mgrid[: self.size[1], : self.size[0]]
+        away = np.hypot(x - self.at(0).dots_px[0, 0], y - self.at(0).dots_px[0, 1])
+        share = 0.6 * np.exp(-0.5 * (away / 20.0) ** 2)
+        for picture in super().pictures():
+            yield np.rint(picture + share * (240.0 - picture)).astype(np.uint8)
+
+
+def test_a_screw_is_not_taken_where_light_glares_on_the_marker_beside_it(tmp_path: Path) -> None:
+    film = DecoyFilm.of(1, frames=90, size=(640, 480), decoys=0)
+    made = {"dots": (60.0, 150.0), "ends": (-14.0, 165.0), "radius": 7.0, "level": 190.0, "dot_level": 40.0}
+    base, stick = (replace(bar, across=(2.0, -2.0), **made) for bar in (film.base, film.moving))
+    angle_deg = 130.0 - 60.0 * np.cos(2.0 * np.arange(90) / 30.0)
+    film = GlaringFilm(**vars(replace(film, base=base, moving=stick, shake_px=np.zeros((90, 2)), angle_deg=angle_deg)))
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
 
 
 def test_couples_of_which_the_film_tells_nothing_are_as_the_picture_has_them(tmp_path: Path) -> None:

@@ -165,8 +165,7 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
     known = np.isfinite(place[:, 0])
     if not known.any():
         return None
-    scale = _base_scale(base, covariance)
-    noise = _noise(base, covariance) * max(scale, 1.0) ** 2
+    noise = _noise(base, covariance) * max(_lengths(base, covariance, 0).scale, 1.0) ** 2
     start = _at_the_start(place[known])
     step, variance = np.zeros_like(place), np.zeros(len(place))
     for axis in range(2):
@@ -205,11 +204,10 @@ def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tupl
     known, nothing = _seen(offset), np.zeros(len(position))
     if not known.any():
         return position, nothing
-    scale = _base_scale(position, covariance)
     usual = np.median(offset[known], axis=0)
     along, across = offset @ usual, offset @ np.array([-usual[1], usual[0]])
     noise = 0.5 * np.trace(covariance[:, 0] + covariance[:, 1], axis1=1, axis2=2) / float(usual @ usual)
-    noise *= max(scale, 1.0) ** 2
+    noise *= max(_lengths(position, covariance, 0).scale, 1.0) ** 2
     turn, variance = _followed(np.arctan2(across, along), noise)
     felt = (_FELT_PX * pixel) ** 2 / float(usual @ usual)
     if not np.var(turn[known]) > max(_MOVED**2 * float(np.median(noise[known])), felt):
@@ -250,11 +248,6 @@ def _at_the_start(place: Floats) -> Floats:
             break
         count *= 2
     return np.asarray(np.median(place[:count], axis=0))
-
-
-def _base_scale(base: Floats, covariance: Floats) -> float:
-    """Return by how much the length of the base stick errs more than the fits say, in all frames alike."""
-    return _lengths(base, covariance, 0).scale
 
 
 def _noise(base: Floats, covariance: Floats) -> Floats:

@@ -51,7 +51,14 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         plane, position_mm = in_planes(tracks, camera.intrinsics, camera.pose)
         plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
         method = "camera file: rays met with each stick's plane"
-        found = from_plane(tracks, plane, position_mm=position_mm, method=method, systematic_rad2=rolling.variance)
+        found = from_plane(
+            tracks,
+            plane,
+            position_mm=position_mm,
+            method=method,
+            across=rolling.across,
+            systematic_rad2=rolling.variance,
+        )
         tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
         return found.with_report(tilt=tilt, rolling_shutter=rolling.report)
     still = unmoved(tracks, camera.intrinsics)
@@ -65,7 +72,14 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
     open_rad2 = _axis_variance(tracks, camera.intrinsics, axis)
     method = "lens file, axis from the markers' own ellipses"
-    found = from_plane(tracks, plane, position_mm=None, method=method, systematic_rad2=open_rad2 + rolling.variance)
+    found = from_plane(
+        tracks,
+        plane,
+        position_mm=None,
+        method=method,
+        across=rolling.across,
+        systematic_rad2=open_rad2 + rolling.variance,
+    )
     error = float(np.sqrt(np.nanmean(open_rad2))) if np.isfinite(open_rad2).any() else np.nan
     tilt = {
         "known": error < KNOWN,
@@ -114,6 +128,7 @@ def _without_camera(
         method="no camera file: the picture's plane, corrected for tilt"
         if tilt.known
         else "no camera file: the picture's plane, its tilt unknown",
+        across=tilt.across,
         systematic_rad2=_variance(flat, tilt, readout),
     )
     return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
@@ -127,10 +142,14 @@ def _from_above(flat: list[Points], values: Floats, readout: Readout, along: int
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rolling:
-    """Variance (n,) of the angle by what is not known of the read-out, and what ``track.json`` says of it."""
+    """Variance (n,) of the angle by what is not known of the read-out, and what ``track.json`` says of it.
+
+    ``across`` see :class:`tracker.angle.tilt.Tilt`.
+    """
 
     variance: Floats
     report: dict[str, Any]
+    across: float = 1.0
 
 
 def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[list[Points], Rolling]:
@@ -146,7 +165,7 @@ def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[l
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * readout.size_px[0], known=True)
     moving = readout.at_timestamps([plane[2][0], plane[3][0]], float(tilt.values[5]), tilt.along)
     found = [*plane[:2], *((at, own[1]) for at, own in zip(moving, plane[2:], strict=True))]
-    return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout))
+    return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout), tilt.across)
 
 
 def _length(offset: Floats, size: tuple[float, float] = (1.0, 1.0)) -> Floats:

@@ -76,13 +76,15 @@ def from_plane(
     *,
     position_mm: Floats | None,
     method: str,
+    across: float = 1.0,
     systematic_rad2: Floats | None = None,
 ) -> Orientation:
     """Return the angle from the markers' positions in planes across the axis.
 
-    ``systematic_rad2`` (n,) is variance of the angle that positions do not show, such as by an unknown tilt.
+    ``across`` are the errors across the moving stick over those that its length shows; ``systematic_rad2`` (n,) is
+    variance of the angle that positions do not show, such as by an unknown tilt.
     """
-    errors = stick_errors(tracks, plane)
+    errors = stick_errors(tracks, plane, across=across)
     base_scale, scale = errors.scale.T
     base_rad, base_variance = stick_direction(plane[0], plane[1])
     base_rad[errors.base.outlier] = np.nan
@@ -103,7 +105,7 @@ def from_plane(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StickErrors:
-    """What the lengths of both sticks say of a film's errors.
+    """What the lengths of both sticks, and the moving one's circles, say of a film's errors.
 
     ``scale`` (n, 2) are the errors of base and moving markers over those that their covariances from the fits say.
     """
@@ -126,15 +128,16 @@ class Moving:
     bound_rad2: float
 
 
-def stick_errors(tracks: MarkerTracks, plane: list[Points]) -> StickErrors:
-    """Return what the sticks' lengths say, from positions in planes across the axis."""
+def stick_errors(tracks: MarkerTracks, plane: list[Points], *, across: float = 1.0) -> StickErrors:
+    """Return what the sticks' lengths say, from positions in planes across the axis; ``across`` see above."""
     base_moves, moves = in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
     base = stick_witness(plane[:2], base_moves, seen_px=tracks.position_px[:, :2])
     moving = stick_witness(plane[2:], moves, seen_px=tracks.position_px[:, 2:])
     # The base's noise is frozen longest of all: the other stick tells what it hides.
     hidden = _FROZEN * moving.still
     of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, hidden))
-    return StickErrors(base, moving, np.stack([of_base, np.where(moves, moving.scale, moving.still)], axis=1))
+    of_moving = across * np.where(moves, moving.scale, moving.still)
+    return StickErrors(base, moving, np.stack([of_base, of_moving], axis=1))
 
 
 def moving_direction(plane: list[Points], scale: Floats, *, outlier: Flags | None = None) -> Moving:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from torsight.core.parameter import REACH
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Floats
+from tracker.innovation import SIGMAS
 
 Complex = NDArray[np.complex128]
 
@@ -110,6 +111,22 @@ def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
     rate = np.concatenate([[first], inside, [last]])
     index = np.arange(len(time_s))
     return np.interp(index, known, rate), np.interp(index, known, change)
+
+
+def way_round(direction_rad: Floats, sigma_rad: float) -> Floats:
+    """Return which way round a stick came to where it is (n,): 1 counter-clockwise, −1 clockwise, between as it turns.
+
+    It is another one once the direction has gone back by more than its noise ``sigma_rad`` alone may make of it, like a
+    drive with as much play; where it rests it is that of the last motion, before the first one that of this.
+    """
+    way, now = np.zeros(len(direction_rad)), 0.0
+    known = np.flatnonzero(np.isfinite(direction_rad))
+    steps = np.diff(np.unwrap(direction_rad[known])) / max(SIGMAS * sigma_rad, 1e-12)
+    for index, step in zip(known[1:].tolist(), steps.tolist(), strict=True):
+        way[index] = now = min(max(now + step, -1.0), 1.0)
+    first = int(np.argmax(np.abs(way) == 1.0))
+    way[:first] = way[first]
+    return way
 
 
 def circles(points: Floats, direction_rad: Floats) -> tuple[Complex, Complex]:

@@ -14,10 +14,12 @@ Nothing is taken out but what the motion tells: a tilt that is no larger than wh
 the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
 
 A rolling shutter (:mod:`tracker.angle.row_time`) is fitted along: pictures that are read along x, along y, or at once
-are three models, weighed by their evidence as well. So is what a codec makes of motion: it carries a marker on, by as
-much as its other errors are large, and changes the angle between both markers with the speed as well, but not with
-where they are in the picture. Smear does so, too, alike both ways round: what a marker is taken for, a bent tag most of
-all, lies a little beside the middle of what is smeared.
+are three models, weighed by their evidence as well. So is what a codec makes of motion, or a camera that averages noise
+over frames: both keep to the last picture as long as a pixel changes little, so that a marker lags behind, by about as
+much at any speed or in proportion to it, and the angle between both markers is another one each way round, wherever
+they are in the picture. Smear changes it with the speed, alike both ways round: what a marker is taken for, a bent tag
+most of all, lies a little beside the middle of what is smeared. Such errors lie along the circles, where the stick's
+length does not show them: what the fit leaves of the angle between both markers is in the angle's uncertainty.
 """
 
 from __future__ import annotations
@@ -33,11 +35,10 @@ import numpy as np
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
-from torsight.core.series import rms
+from torsight.core.series import BY_CHANCE, rms, robust_sigma
 from torsight.core.units import Flags, Floats, Ints
-from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning
-
-Points = tuple[Floats, Floats]
+from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning, way_round
+from tracker.stick_direction import Points, stick_direction
 
 _STRETCHES: Final = (0.003, 0.03)
 _BELIEF: Final = (0.3, 0.7)
@@ -48,6 +49,9 @@ _PERSPECTIVE: Final = 0.8
 """Change of scale across half the picture, over the root of the stretch: both come from one tilt."""
 _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
+_LAG: Final = 10.0
+"""Prior: lag behind the motion over the usual size of a marker's errors. A camera that averages noise over frames keeps
+dots back by 0.2 px (drawn films in little light), a codec alone by a tenth of that."""
 _FEWEST: Final = 12
 KNOWN: Final = np.deg2rad(0.2)
 """A tilt of which no more is left than can make this error of an angle is taken out, be it none. A plane that is known
@@ -70,7 +74,8 @@ class Tilt:
     time between two frames in which a picture is read, negative for backwards, along an axis of the picture, ``along``;
     ``covariance`` is with the priors. ``arc_rad`` is how much of a turn the paths cover, ``share`` how much of the tilt
     that explains the paths best is in ``values`` (1 where they tell it, 0 where they do not), ``rolling`` how far the
-    paths show that the picture is not read at once (0 to 1).
+    paths show that the picture is not read at once (0 to 1); ``across`` are the errors across the stick over those
+    that its length shows, where they are larger.
     """
 
     values: Floats
@@ -79,6 +84,7 @@ class Tilt:
     share: float
     along: int = 0
     rolling: float = 0.0
+    across: float = 1.0
 
     @property
     def known(self) -> bool:
@@ -130,10 +136,13 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     # Frames of one direction, one way round, tell the same.
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
     usual = USUAL_PX / half_px
+    way = way_round(direction, float(np.sqrt(np.nanmedian(stick_direction(inner, outer)[1]))))[rows]
     pace = rate[rows] / max(rms(rate[rows]), 1e-12)
-    carried = usual * np.column_stack([pace, pace**2])
+    carried = usual * np.column_stack([way, pace, pace**2])
     paths = _Paths(points, spread, direction[rows], lead[rows], carried, alike)
-    start = np.concatenate([np.zeros(9), _first_circles(points)])
+    (centre, *arms), _ = circles(points, direction[rows])
+    between = np.angle(arms[1]) - np.angle(arms[0])
+    start = np.array([*np.zeros(10), centre.real, centre.imag, *np.abs(arms), between])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
     weigh = paths.weighing(start, usual=usual)
@@ -141,7 +150,9 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
         found.append(_Found(_evidence(covariance, chi_squared, prior), values[:7], covariance[:7, :7]))
         start = values
-    return _told_of(_best_readout(found, _arc(direction[rows])), known=known)
+    left = np.abs(paths.misfit(start)[:, 2])
+    across = max(1.0, rms(left[left < BY_CHANCE * robust_sigma(left)]))
+    return _told_of(replace(_best_readout(found, turned), across=across), known=known)
 
 
 def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
@@ -157,9 +168,9 @@ class _Paths:
     """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
 
     For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. A codec and smear usually carry a marker
-    on by ``carried`` (n, 2), in the unit of the positions. Frames with one number ``alike`` (n,) are
-    averaged: what is left of them scatters, more along the motion than across it, and over a short arc a map that
-    exchanges both would gain by that alone.
+    on by ``carried`` (n, 3), in the unit of the positions: by the way round, by the speed, and by its square. Frames
+    with one number ``alike`` (n,) are averaged: what is left of them scatters, more along the motion than across it,
+    and over a short arc a map that exchanges both would gain by that alone.
     """
 
     points: Floats
@@ -192,7 +203,7 @@ class _Paths:
         The noise is that of the picture, carried along: a map that shrinks must not gain by making all errors smaller.
         """
         (x, y), (xx, xy, yx, yy) = _mapped(*self._places, values)
-        away_x, away_y = x - values[9], y - values[10]
+        away_x, away_y = x - values[10], y - values[11]
         radius, angle = np.hypot(away_x, away_y), np.arctan2(away_y, away_x)
         out_x, out_y = away_x / radius, away_y / radius
         deep = self._variance(out_x * xx + out_y * yx, out_x * xy + out_y * yy)
@@ -200,11 +211,11 @@ class _Paths:
         # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
         determinant = 0.25 * (xx.sum(axis=1) * yy.sum(axis=1) - xy.sum(axis=1) * yx.sum(axis=1))
         faster = determinant * self._square / _square(x, y)
-        ahead = faster * (self.lead_rad @ values[5:7]) + self.carried @ values[7:9] * np.hypot(*(1.0 / values[11:13]))
-        apart = angle[:, 1] - angle[:, 0] - values[13] - ahead
+        ahead = faster * (self.lead_rad @ values[5:7]) + self.carried @ values[7:10] * np.hypot(*(1.0 / values[12:14]))
+        apart = angle[:, 1] - angle[:, 0] - values[14] - ahead
         apart -= 2.0 * np.pi * np.rint(apart / (2.0 * np.pi))
         across = np.sqrt(np.sum(wide / radius**2, axis=1))
-        return np.column_stack([(radius - values[11:13]) / np.sqrt(deep), apart / across])
+        return np.column_stack([(radius - values[12:14]) / np.sqrt(deep), apart / across])
 
     def _variance(self, by_x: Floats, by_y: Floats) -> Floats:
         """Return the variances (n, 2) of a sum of a marker's coordinates, each times something."""
@@ -228,7 +239,7 @@ class _Paths:
         """Return what makes the misfits independent."""
         # Frames whose place is hardly known, since the base was hidden, tell little, and count as little here.
         white = float(np.sqrt(0.5 / np.mean(1.0 / np.trace(self.covariance, axis1=2, axis2=3))))
-        whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white)
+        whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white, way=self.carried[:, 0] / usual)
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
         factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))
         return lambda left: np.asarray(factor @ left)
@@ -255,14 +266,15 @@ def _fit(
     paths: _Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats, float]:
     def residuals(values: Floats) -> Floats:
-        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:9] / prior])
+        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:10] / prior])
 
     return least_squares(residuals, start, enough=_ENOUGH)
 
 
 def _prior(stretch: float) -> Floats:
     perspective = _PERSPECTIVE * np.sqrt(stretch)
-    return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR, 1.0, 1.0])
+    carried = (_LAG, 1.0, 1.0)
+    return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR, *carried])
 
 
 def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:
@@ -379,23 +391,9 @@ def _mapped(x: Floats, y: Floats, values: Floats) -> tuple[tuple[Floats, Floats]
     return (flat_x, flat_y), slopes
 
 
-def _first_circles(points: Floats) -> Floats:
-    """Return a first guess of centre, radii, and the angle between both markers, for circles as they are seen."""
-    stick = points[:, 1] - points[:, 0]
-    (centre, *arms), _ = circles(points, np.arctan2(stick[:, 1], stick[:, 0]))
-    between = np.angle(arms[1]) - np.angle(arms[0])
-    return np.array([centre.real, centre.imag, *np.abs(arms), between])
-
-
 def _turned(direction_rad: Floats) -> float:
     """Return the arc that holds all directions."""
     if len(direction_rad) == 0:
         return 0.0
     turn = np.sort(direction_rad % (2.0 * np.pi))
     return float(2.0 * np.pi - np.diff(turn, append=turn[0] + 2.0 * np.pi).max())
-
-
-def _arc(direction_rad: Floats) -> float:
-    """Return how much of a turn is seen, in steps of ten degrees."""
-    turn = direction_rad % (2.0 * np.pi)
-    return float(len(np.unique((turn / (2.0 * np.pi) * 36).astype(np.int64))) * np.pi / 18.0)

@@ -1,13 +1,15 @@
 """From angles within one turn to the whole angle, across gaps by the motion on both sides.
 
-Between two instants with known speeds v0 and v1, T apart, a motion whose acceleration never exceeds A covers
-(v0 + v1)/2 · T, give or take A · T²/4. A speed is the mean over a time S on its side, and at the rim of the gap it may
-be another by A · S/2: give or take A · S T/2 more. A is what the film itself shows. Where only one whole number of
-turns lies in that range the turn is certain.
+Between two instants with known speeds v0 and v1, T apart, a motion covers (v0 + v1)/2 · T, more or less. How far it is
+from that the film itself shows, wherever it is known for as long: one that jumps is often off, by no more than it
+jumps, and one that is smooth never is. Where only one whole number of turns lies within twice the most that is shown,
+the turn is certain. Over a gap that is longer than what is known the most grows as by an acceleration, with the square
+of the time.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Final
 
@@ -15,13 +17,9 @@ import numpy as np
 
 from torsight.core.units import Flags, Floats, Ints
 
-_BASE_S: Final = 0.15
-"""Time over which accelerations are looked at: shorter, and noise would be taken for motion."""
-_SIDE_S: Final = 2.0 * _BASE_S
-"""Time on each side of a gap from which the speed is taken: an acceleration's, from end to end."""
+_SIDE_S: Final = 0.3
+"""Time on each side of a gap from which the speed is taken: shorter, and noise would be taken for motion."""
 _SAFETY: Final = 2.0
-_LEAST_RAD_S2: Final = math.radians(2.0)
-"""Acceleration that is always allowed for."""
 _SLACK_RAD: Final = 0.3
 
 
@@ -39,7 +37,10 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
     breaks = np.flatnonzero((np.diff(known) > 1) | (np.diff(time_s[known]) > 1.5 * typical_s)) + 1
     runs = np.split(known, breaks)
     locals_ = [np.unwrap(angle_rad[run]) for run in runs]
-    limit = _acceleration(time_s, runs, locals_, typical_s)
+    gaps_s = [float(time_s[run[0]] - time_s[before[-1]]) for before, run in itertools.pairwise(runs)]
+    gaps = [max(1, round(gap_s / typical_s)) for gap_s in gaps_s]
+    side = max(1, round(_SIDE_S / typical_s))
+    most_rad = {gap: _most_off(time_s, runs, locals_, gap, side=side) for gap in set(gaps)}
     sure = True
     for number, run in enumerate(runs):
         local = locals_[number]
@@ -51,11 +52,11 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
             ahead = _speed_ahead(time_s, runs, locals_, number)
             behind = _speed_behind(time_s, whole, int(before))
             turns, clear = _turns(
-                gap_s=float(time_s[run[0]] - time_s[before]),
+                gap_s=gaps_s[number - 1],
                 step_rad=float(local[0] - whole[before]),
                 behind=behind,
                 ahead=ahead,
-                limit=limit,
+                most_rad=most_rad[gaps[number - 1]],
             )
             local = local + 2.0 * np.pi * turns
             sure = sure and clear
@@ -67,36 +68,48 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
 
 
 def _turns(
-    *, gap_s: float, step_rad: float, behind: float | None, ahead: float | None, limit: float
+    *, gap_s: float, step_rad: float, behind: float | None, ahead: float | None, most_rad: float
 ) -> tuple[float, bool]:
     """Return how many turns to add after a gap, and whether no other number is possible."""
     speeds = [speed for speed in (behind, ahead) if speed is not None]
     expected = gap_s * sum(speeds) / len(speeds) if speeds else 0.0
     turns = float(np.round((expected - step_rad) / (2.0 * np.pi)))
-    if len(speeds) == 2:
-        spread = limit * gap_s**2 / 4.0
-    elif speeds:
-        spread = limit * gap_s**2 / 2.0
-    else:
+    if not speeds:
         return turns, False
-    spread += limit * _SIDE_S * gap_s / 2.0
+    # An acceleration takes a motion twice as far from one speed alone as from the mean of both.
+    spread = _SAFETY * most_rad * (2.0 if len(speeds) == 1 else 1.0) + _SLACK_RAD
     miss = abs(step_rad + 2.0 * np.pi * turns - expected)
-    spread += _SLACK_RAD
     return turns, miss <= spread < 2.0 * np.pi - miss
 
 
-def _acceleration(time_s: Floats, runs: list[Ints], angles: list[Floats], typical_s: float) -> float:
-    """Return the largest acceleration that the film shows, with a margin; infinite where it shows none."""
-    found: list[float] = []
-    for lag in {max(1, round(_BASE_S / typical_s)), max(1, round(2.0 * _BASE_S / typical_s))}:
-        for run, angle in zip(runs, angles, strict=True):
-            if len(run) <= 2 * lag:
-                continue
-            t = time_s[run]
-            first = (angle[lag:-lag] - angle[: -2 * lag]) / (t[lag:-lag] - t[: -2 * lag])
-            second = (angle[2 * lag :] - angle[lag:-lag]) / (t[2 * lag :] - t[lag:-lag])
-            found.append(float(np.max(np.abs(second - first) / (0.5 * (t[2 * lag :] - t[: -2 * lag])))))
-    return max(_SAFETY * max(found), _LEAST_RAD_S2) if found else math.inf
+def _most_off(time_s: Floats, runs: list[Ints], angles: list[Floats], frames: int, *, side: int) -> float:
+    """Return how far the motion goes at most in some frames beyond what the speeds before and after say.
+
+    The speeds are those over ``side`` frames; infinite where too little is known.
+    """
+    # Of what is known half is enough to tell the speeds at its ends.
+    told = min(frames, max(map(len, runs)) // 2)
+    if told < 1:
+        return math.inf
+    off = [np.abs(_off(time_s[run], angle, told, side)) for run, angle in zip(runs, angles, strict=True)]
+    most = max((float(part.max()) for part in off if len(part)), default=math.inf)
+    return most * (frames / told) ** 2
+
+
+def _off(time_s: Floats, angle_rad: Floats, frames: int, side: int) -> Floats:
+    """Return how far a motion (n,) goes in some frames beyond what the speeds before and after say."""
+    # Two frames with one timestamp tell no speed.
+    told = np.diff(time_s, prepend=-np.inf) > 0.0
+    time_s, angle_rad = time_s[told], angle_rad[told]
+    index = np.arange(1, len(time_s) - frames - 1)
+    first, last = np.maximum(index - side, 0), np.minimum(index + frames + side, len(time_s) - 1)
+
+    def speed(one: Ints, other: Ints) -> Floats:
+        return np.asarray((angle_rad[other] - angle_rad[one]) / (time_s[other] - time_s[one]))
+
+    after = index + frames
+    mean = 0.5 * (speed(first, index) + speed(after, last))
+    return np.asarray(angle_rad[after] - angle_rad[index] - mean * (time_s[after] - time_s[index]))
 
 
 def _speed_behind(time_s: Floats, whole: Floats, last: int) -> float | None:

@@ -43,7 +43,7 @@ def first_frame(source: FrameSource) -> Frame:
     """Return the first frame that was decoded whole (else :class:`InputError`): given positions are positions in it."""
     frame = next(decoded(source), None)
     if frame is None:
-        raise InputError("holds no frame that can be decoded", where=str(getattr(source, "name", "film")))
+        raise InputError("holds no frame that can be decoded", where=source.name)
     return frame
 
 

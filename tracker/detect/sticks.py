@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Flags, Floats
-from tracker.appearance.dot_fit import Dot
+from tracker.appearance.dot_fit import EDGE_PX, Dot
 from tracker.detect.dots import find_and_refuse
 
 CLEAR: Final = 2.0
@@ -202,6 +202,8 @@ def _edges(luma: NDArray[np.uint8], stick: Stick, along: Floats) -> tuple[float,
     ux, uy = (bx - ax) / stick.length_px, (by - ay) / stick.length_px
     radius = max(stick.inner.radius_px, stick.outer.radius_px)
     reach = np.arange(0.0, 3.0 * radius + 4.0, 0.5)
+    # Two standard deviations of the blur to both sides, that of a good lens at least, in half pixels.
+    wide = round(8.0 * max(stick.inner.edge_px, stick.outer.edge_px, EDGE_PX))
     found = [math.inf, math.inf]
     for number, side in enumerate((1.0, -1.0)):
         x = (ax + along[:, None] * ux - side * reach * uy).astype(np.float32)
@@ -210,14 +212,14 @@ def _edges(luma: NDArray[np.uint8], stick: Stick, along: Floats) -> tuple[float,
             continue
         profile = np.median(cv2.remap(luma, x, y, cv2.INTER_LINEAR), axis=0).astype(np.float64)
         middle = float(np.median(profile[reach < radius]))
-        # Half way to the level two pixels on: the far background may have any brightness.
-        steps = np.abs(profile[4:] - profile[:-4])
-        first = np.flatnonzero((steps > 0.25 * stick.inner.step) & (reach[2:-2] > radius))
+        # Half way to the level where the blur ends: the far background may have any brightness.
+        steps = np.abs(profile[wide:] - profile[:-wide])
+        first = np.flatnonzero((steps > 0.25 * stick.inner.step) & (reach[wide // 2 : wide // 2 - wide] > radius))
         if len(first):
-            top = first[0] + int(np.argmax(steps[first[0] : first[0] + 5]))
+            top = first[0] + int(np.argmax(steps[first[0] : first[0] + wide + 1]))
             if abs(profile[top] - middle) < 0.5 * steps[top]:
-                rise = (profile[top : top + 5] - profile[top]) / (profile[top + 4] - profile[top])
-                found[number] = float(np.interp(0.5, np.maximum.accumulate(rise), reach[top : top + 5]))
+                rise = (profile[top : top + wide + 1] - profile[top]) / (profile[top + wide] - profile[top])
+                found[number] = float(np.interp(0.5, np.maximum.accumulate(rise), reach[top : top + wide + 1]))
     return found[0], found[1]
 
 

@@ -239,10 +239,10 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Po
     """
     out = np.zeros(len(places), READING)
     out["predicted"], expected = scene.readings["predicted"][index], scene.readings["path"][index].copy()
-    own, shift, moves = scene.sticks[index // 2], scene.rig["shift_now"][0], scene.rig["moving"][0] >= 0
+    own, shift, both = scene.sticks[index // 2], scene.rig["shift_now"][0], len(scene.sticks) > 1
     found = []
     for one, place in zip(out, places, strict=True):
-        goes = moves and circle_misfit(own, shift, place, index % 2) <= SIGMAS
+        goes = both and circle_misfit(own, shift, place, index % 2) <= SIGMAS
         for path in [expected, _path_to(scene, index, place)] if goes else [expected]:
             scene.readings["path"][index] = one["path"] = path
             if read_at(scene, luma, index, place, _SLACK, one) == SEEN:

@@ -63,7 +63,7 @@ class Decoder:
                 self.hidden += 1
             elif packet.pts is not None and packet.size:
                 heapq.heappush(self._waiting, packet.pts)
-            if getattr(packet, "is_corrupt", False):
+            if packet.is_corrupt:
                 self._errors += 1
                 self.message = "a packet is marked as corrupt"
             try:

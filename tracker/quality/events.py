@@ -35,7 +35,11 @@ def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[s
     events += [event(angles, run, "light", "the light is off") for run in _runs(dark)]
     for marker, name in enumerate(MARKERS):
         events += _of_marker(rows["state"][:, marker], angles, name.replace("_", " "))
-    events += _bumps(rows, angles)
+    base = np.where((rows["state"][:, :2] == CODE["seen"])[..., None], rows["position_px"][:, :2], np.nan)
+    events += [
+        event(angles, np.array([frame]), "bump", f"the camera was moved: {size_px:.1f} px in the picture")
+        for frame, size_px in bumps(base)
+    ]
     events += _angle_events(angles)
     return sorted(events, key=lambda one: (one["frame"], one["kind"]))
 
@@ -75,15 +79,6 @@ def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list
             back = run[-1] + 1
             events.append(event(angles, np.array([back]), "found", f"{name} is found again"))
     return events
-
-
-def _bumps(rows: NDArray[np.void], angles: StickAngles) -> list[dict[str, Any]]:
-    """Return where the camera was moved for good."""
-    base = np.where((rows["state"][:, :2] == CODE["seen"])[..., None], rows["position_px"][:, :2], np.nan)
-    return [
-        event(angles, np.array([frame]), "bump", f"the camera was moved: {size_px:.1f} px in the picture")
-        for frame, size_px in bumps(base)
-    ]
 
 
 def _angle_events(angles: StickAngles) -> list[dict[str, Any]]:

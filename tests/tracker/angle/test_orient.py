@@ -194,6 +194,26 @@ def test_an_axis_that_points_away_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
+def test_markers_that_lag_behind_are_no_tilt(seed: int) -> None:
+    """A camera that averages noise over frames keeps back what moves, by about as much at any speed."""
+    rng, n = np.random.default_rng(seed), 300
+    # Heated and cooled: fast at first, slower and slower, so that each end is reached one way round only.
+    stroke, heats = np.exp(-(np.arange(n) % 100) / 30.0), np.arange(n) // 100 % 2 == 0
+    turn = 90.0 * seed + 100.0 * np.where(heats, 1.0 - stroke, stroke)
+    rig = replace(TILTED, frames=n, angle_deg=lambda _: turn, tilt_deg=(0.0, 0.0), k1=0.0)
+    tracks = tracks_of(rig, seed=seed)
+    way = np.where(heats, 1.0, -1.0)[:, None] * rng.uniform(0.5, 1.0, (n, 2))
+    heading = np.deg2rad(rig.base_deg + rig.truth_deg)
+    back = 0.2 * way[..., None] * np.stack([np.sin(heading), np.cos(heading)], axis=1)[:, None]
+    position = tracks.position_px.copy()
+    position[:, 2:] += back
+    found = orient(replace(tracks, position_px=position), None)
+    error = np.rad2deg(found.angles.angle_rad) - rig.truth_deg
+    error -= 360.0 * np.round(np.median(error) / 360.0)
+    assert np.sqrt(np.mean((error / np.rad2deg(found.angles.sigma_rad)) ** 2)) < 1.4
+
+
+@pytest.mark.parametrize("seed", range(4))
 def test_errors_along_the_motion_are_no_tilt(seed: int) -> None:
     """A codec's errors are larger along the motion than across it: over a short arc a map could exchange both."""
     rig = replace(TILTED, angle_deg=lambda t: 60.0 - 40.0 * seed + 2.0 * t, tilt_deg=(0.0, 0.0), k1=0.0)

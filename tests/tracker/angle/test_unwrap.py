@@ -77,6 +77,33 @@ def test_a_frame_that_is_lost_as_the_stick_starts_costs_no_turn(lost: int) -> No
     np.testing.assert_allclose(whole, seen)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_motion_that_jumps_by_less_than_a_quarter_turn_keeps_its_turns(seed: int) -> None:
+    rng, time_s = np.random.default_rng(seed), np.arange(300) / 30.0
+    jumps = np.where(rng.random(300) < 0.06, rng.uniform(-70.0, 70.0, 300), 0.0)
+    true = np.deg2rad(40.0 * time_s + np.cumsum(jumps))
+    seen = folded(true)
+    for first in (60, 140, 220):
+        seen[first : first + 5] = np.nan
+    whole, certain = unwrap(time_s, seen)
+    known = np.isfinite(seen)
+    assert certain.all()
+    np.testing.assert_allclose((whole - true)[known], np.round((whole[0] - true[0]) / np.pi) * np.pi, atol=1e-9)
+
+
+def test_a_fast_stroke_that_is_not_seen_is_not_certain_where_the_turn_is_wrong() -> None:
+    # What is lost is what is fast: the slow ends alone show no great acceleration.
+    time_s = np.arange(300) / 30.0
+    for range_deg in np.linspace(90.0, 400.0, 63):
+        share = 1.0 - np.exp(-(time_s % 2.5) / 0.4)
+        true = np.deg2rad(range_deg * np.where(time_s // 2.5 % 2 == 0, share, share.max() - share))
+        rate = np.abs(np.gradient(true))
+        seen = np.where(rate > np.quantile(rate, 0.85), np.nan, folded(true))
+        whole, certain = unwrap(time_s, seen)
+        off = whole - true - (whole - true)[np.isfinite(seen)][0]
+        assert not ((np.abs(off) > 1.0) & certain).any()
+
+
 def test_nothing_known_is_nothing() -> None:
     whole, certain = unwrap(np.arange(5.0), np.full(5, np.nan))
     assert np.isnan(whole).all()

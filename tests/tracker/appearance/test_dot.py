@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, uniform_filter1d
@@ -189,6 +190,19 @@ def test_the_blur_of_a_lens_is_not_taken_for_an_open_shutter(blur_px: float, sha
 def test_what_was_never_looked_at_is_not_known() -> None:
     assert shutter_limits(np.zeros(len(SHARES))) == (0.0, 1.0)
     assert shutter_limits(2.0 * np.abs(SHARES - 0.6)) == (pytest.approx(0.45), pytest.approx(0.75))
+
+
+@pytest.mark.parametrize("blur_px", [0.5, 1.0, 2.0, 3.0])
+def test_a_sticks_edges_are_found_however_soft_the_picture_is(blur_px: float) -> None:
+    y, x = np.mgrid[:181, :421].astype(float)
+    sharp = np.where(np.abs(y - 92.0) < 40.0, 190.0, 90.0)
+    for middle in (100.0, 320.0):
+        sharp[np.hypot(x - middle, y - 90.0) < 16.0] = 50.0
+    luma = np.rint(cv2.GaussianBlur(sharp, (0, 0), blur_px)).astype(np.uint8)
+    dots = [fit_dot(luma, middle, 90.0, radius_px=16.0, light_dot=False) for middle in (100.0, 320.0)]
+    assert dots[0] is not None
+    assert dots[1] is not None
+    assert edges_beside(luma, Stick(dots[0], dots[1], 0.0)) == pytest.approx((41.5, 37.5), abs=0.75)
 
 
 @pytest.mark.parametrize("beside_px", [0.0, 1.5, -1.5])

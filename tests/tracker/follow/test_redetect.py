@@ -156,6 +156,16 @@ def test_a_stick_that_starts_fast_is_found_by_its_smear() -> None:
     assert follower.report()["shutter_share_of_frame"] == pytest.approx(0.9, abs=0.15)
 
 
+def test_a_stick_that_starts_fast_is_found_by_its_smear_before_it_is_known_to_move() -> None:
+    turn = 40.0 + np.cumsum([0.0] * 10 + [9.0] * 12)
+    follower = follower_of([*BASE, *moving(40.0)], moving=None)
+    rows = [
+        follower.step(Frame(number, number / 30.0, luma)).copy() for number, luma in enumerate(exposed(turn, share=0.5))
+    ]
+    assert follower.moving == 1
+    assert sum((row["state"] != CODE["seen"]).any() for row in rows) <= 2
+
+
 @pytest.mark.parametrize("jump", [6.0 - 5.0j, -11.0 + 9.0j, -60.0 - 45.0j])
 def test_a_picture_that_jumps(jump: complex) -> None:
     # The last one is beyond what is searched in the first frame: 3 × 15 px.

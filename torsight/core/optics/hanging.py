@@ -4,16 +4,19 @@ Compression, the pixels' own pattern, uneven light and the edge of a stick next 
 hundredths of a pixel, alike wherever the stick points nearly the same way. A fit that takes them for white noise is
 certain of a tilt that is not there. So the residuals z of a first fit, in units of white noise, are taken as::
 
-    cov(z_i, z_j) = a² · (δ_ij + κ² · exp(−|ψ_i − ψ_j| / ℓ))
+    cov(z_i, z_j) = a² · (δ_ij + κ² · exp(−|ψ_i − ψ_j| / ℓ) · (1 − p |w_i − w_j| / 2))
 
-with ψ the stick's direction. κ and ℓ are judged by the restricted likelihood (Patterson and Thompson, 1971: what the
-fit itself took out of the residuals is allowed for) under a weak prior of how large such errors usually are. Among the
+with ψ the stick's direction and w, from −1 to 1, which way round it came there: what a codec, or a camera that averages
+noise over frames, leaves of the last picture is not the same both ways (p = 1). κ, ℓ and p (0 or 1) are judged
+by the restricted likelihood (Patterson and Thompson, 1971: what the fit itself took out of the residuals is allowed
+for) under a weak prior of how large such errors usually are. Among the
 values that are about as likely as the best, those with the strongest correlation are taken: short arcs hold few
 independent errors.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Final
 
@@ -39,11 +42,19 @@ _MOST_ROWS: Final = 160
 _BIN_RAD: Final = np.deg2rad(2.0)
 
 
-def whitening(direction_rad: Floats, misfit: Callable[[Floats], Floats], values: Floats, *, usual: float) -> Floats:
+def whitening(
+    direction_rad: Floats,
+    misfit: Callable[[Floats], Floats],
+    values: Floats,
+    *,
+    usual: float,
+    way: Floats | None = None,
+) -> Floats:
     """Return the matrix (n, n) that takes a fit's residuals, in units of white noise, to independent ones of unit size.
 
     ``misfit`` gives what values (p,) leave, (n, q), at the stick's directions (n,); ``usual`` is the usual size of
-    correlated errors, both in units of white noise.
+    correlated errors, both in units of white noise; ``way`` (n,) which way round the stick came, None where it is not
+    asked.
     """
     error = misfit(values)
     n, q = error.shape
@@ -51,10 +62,13 @@ def whitening(direction_rad: Floats, misfit: Callable[[Floats], Floats], values:
     # Columns of equal length: what is fitted may be in any unit.
     slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=(0, 1)), 1e-300)
     apart = np.abs(np.angle(np.exp(1j * (direction_rad[:, None] - direction_rad[None, :]))))
+    alike = [np.ones_like(apart)]
+    if way is not None:
+        alike.append(1.0 - 0.5 * np.abs(way[:, None] - way[None, :]))
     found: list[tuple[float, float, Floats]] = []
-    for length in _LENGTHS_RAD:
+    for length, part in itertools.product(_LENGTHS_RAD, alike):
         # In its own directions the covariance is diagonal for every ratio.
-        share, ways = np.linalg.eigh(np.exp(-apart / length))
+        share, ways = np.linalg.eigh(np.exp(-apart / length) * part)
         error_along, slopes_along = ways.T @ error, (ways.T @ slopes.reshape(n, -1)).reshape(slopes.shape)
         for ratio in _RATIOS:
             variance = 1.0 + (ratio * usual) ** 2 * np.maximum(share, 0.0)
