@@ -46,7 +46,7 @@ def wound(nodes: Floats) -> tuple[Kernel, ...]:
 def plain(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a slope, a bow and smooth functions, all without a mean: that is another value of the model."""
     middle = nodes - 0.5 * (nodes[0] + nodes[-1])
-    smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12), line=True)
+    smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True)
     return (
         *usual_kernels([("slope", middle), ("bow", middle**2 - np.mean(middle**2))]),
         *(Kernel(kernel.name, _centred(kernel.matrix), smooth=True) for kernel in smooth),
