@@ -13,11 +13,10 @@ from torsight.actuator.record.segments import by_role
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
-_ANGLE_NODES: Final = 37
-"""A wave five times per turn over the paper's range of 466° needs five nodes a period."""
-_NODES: Final = 19
-"""Over temperatures, rates and times: a cubic spline through so many misses a random function whose length is a tenth of
-the range by 0.3 % of its size; through 13 by 3 %, and a degree of temperature is up to 15° of angle."""
+_NODES: Final = 37
+"""A wave five times per turn over the paper's range of 466° needs five nodes a period. Over temperatures, a cubic spline
+through so many misses a random function whose length is a tenth of the range by 0.01 % of its size; through 19 by 0.3 %,
+and one of 4 °C is up to 60° of angle."""
 _BEYOND: Final = (0.12, 0.3)
 """Nodes beyond the range that a record covers, in shares of it: there a law goes back to its prior. Nobody has reason
 to trust a model of this record further out."""
@@ -48,13 +47,13 @@ def _over(low: float, high: float, count: int) -> Nodes | None:
 def angle_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the angles as read, degrees."""
     angle_deg = drive.angle_rad[np.isfinite(drive.angle_rad)] / DEG
-    return _over(float(angle_deg.min()), float(angle_deg.max()), _ANGLE_NODES)
+    return _over(float(angle_deg.min()), float(angle_deg.max()), _NODES)
 
 
 def winding_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the windings of both springs, from the middle of both outwards."""
     angle_deg = np.abs(drive.angle_rad[np.isfinite(drive.angle_rad)] / DEG)
-    return _over(-float(angle_deg.max()), float(angle_deg.max()), _ANGLE_NODES)
+    return _over(-float(angle_deg.max()), float(angle_deg.max()), _NODES)
 
 
 def active_nodes(drive: Drive) -> Nodes | None:
