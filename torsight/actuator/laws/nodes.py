@@ -14,9 +14,9 @@ from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
 _NODES: Final = 37
-"""A wave five times per turn over the paper's range of 466° needs five nodes a period. Over temperatures, a cubic spline
-through so many misses a random function whose length is a tenth of the range by 0.01 % of its size; through 19 by 0.3 %,
-and one of 4 °C is up to 60° of angle."""
+"""A wave five times per turn over the paper's range of 466° needs five nodes a period. Over temperatures, a cubic
+spline through so many misses a random function whose length is a tenth of the range by 0.01 % of its size; through 19
+by 0.3 %, and one of 4 °C is up to 60° of angle."""
 _BEYOND: Final = (0.12, 0.3)
 """Nodes beyond the range that a record covers, in shares of it: there a law goes back to its prior. Nobody has reason
 to trust a model of this record further out."""
