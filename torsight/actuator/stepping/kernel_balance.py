@@ -257,13 +257,10 @@ def fraction_and_slope(
             xi = 0.0 if heating else 1.0
             if place < 1.0:
                 cosine = np.cos(np.pi * bent(place, ahead))
-                half = 0.5 * (w[1, j] if heating else w[1, j] - 1.0)
-                if p["memory"] > 0.0:
-                    done = 0.5 - 0.5 * cosine
-                    xi = transformed(heating, w[1, j], done, p)
-                    half = np.copysign(0.5 * transforms_slope(2.0 * abs(half), done, p), half)
-                else:
-                    xi += half * (1.0 + cosine)
+                done = 0.5 - 0.5 * cosine
+                xi = transformed(heating, w[1, j], done, p)
+                part, sense = (w[1, j], 0.5) if heating else (1.0 - w[1, j], -0.5)
+                half = sense * transforms_slope(part, done, p)
                 steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * per_torque
                 slope -= sections[0, j] * follows * steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
         w[3, j], w[4, j] = xi, max(place, w[2, j])

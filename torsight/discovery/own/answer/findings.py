@@ -103,8 +103,8 @@ class Findings(Shown):
 
         Where far more than the noise is left, beside a name or without one, that is ``unknown``, too.
         """
-        sure = self.found.verdict in {"none", "identified"}
-        return "unknown" if sure and self.decision.over_floor > self.problem.over_floor else self.found.verdict
+        named = self.found.verdict == "identified"
+        return "unknown" if named and self.decision.over_floor > self.problem.over_floor else self.found.verdict
 
     @property
     def effects(self) -> tuple[str, ...]:
