@@ -127,21 +127,20 @@ def sharpened(function: Callable[[Floats], Floats], solution: Solution, *, weigh
     place.
     """
     derivative = solution.jacobian.copy()
-    unit = np.where(np.isfinite(space.prior_sigma), space.prior_sigma, space.scale)
-    scaled = derivative * unit
+    scaled = derivative * space.scale
     information, axes = np.linalg.eigh(scaled.T @ weight.times(scaled))
     doubtful = information < (_OFF**2) * information[-1]
     ends = [
-        space.clip(solution.x + side * unit * axis / np.sqrt(1.0 + max(known, 0.0)))
+        space.clip(solution.x + side * space.scale * axis / np.sqrt(1.0 + max(known, 0.0)))
         for known, axis in zip(information[doubtful], axes.T[doubtful], strict=True)
         for side in (1.0, -1.0)
     ]
     there = at_all(function, ends)
     for after, before, up, down in zip(ends[::2], ends[1::2], there[::2], there[1::2], strict=True):
-        way = (after - before) / unit
+        way = (after - before) / space.scale
         if way.any():
             missed = up - down - derivative @ (after - before)
-            derivative += np.outer(missed, way / (way @ way) / unit)
+            derivative += np.outer(missed, way / (way @ way) / space.scale)
     return replace(solution, jacobian=derivative)
 
 
