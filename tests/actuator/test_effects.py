@@ -82,6 +82,10 @@ TRUTH = {
         {"heating_scale": 0.85, "cooling_scale": 1.15},
         {"stress_ratio_heating": (0.85, 0.02, 0.0), "stress_ratio_cooling": (1.15, 0.02, 0.0)},
     ),
+    "transformation_drift": (
+        {"heating_c": -0.4, "cooling_c": -0.7},
+        {"drift_heating_c": (-0.4, 0.0, 0.03), "drift_cooling_c": (-0.7, 0.0, 0.05)},
+    ),
     "end_stop": (
         {"angle_deg": 205.0, "stiffness_mnm_per_rad": 10.0, "side": "negative"},
         {"stop_deg": (-205.0, 0.0, 0.5), "stop_mnm_per_rad": (10.0, 0.15, 0.0)},
@@ -192,6 +196,27 @@ def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
     # The rig shifts the progress by b sin(π u)/π, at mid-window b/π; the effect by b/4.
     for name in ("heating_bend", "cooling_bend"):
         assert found.estimates[name].value == pytest.approx(4.0 * 0.03 / math.pi, abs=0.012)
+
+
+def test_a_disk_that_turns_before_it_slides_is_seen_to():
+    made = made_with({}, seed=11, mechanics={"presliding_deg": 3.0})
+    without, found = fitted_to(made, ()), fitted_to(made, ("presliding",))
+    assert found.estimates["presliding_deg"].value == pytest.approx(3.0, rel=0.05)
+    assert found.rmse_deg < 0.35 * without.rmse_deg
+
+
+def test_friction_with_a_seat_holds_no_more_than_without():
+    log, _ = programme([(0, [(75.0, 0.3)]), (1, [(80.0, 0.4)]), (0, [(62.0, 0.3)])])
+    model = ActuatorModel(reference_spec(), ("presliding",))
+    drive = model.prepare_log(log, start_angle_rad=2.9)
+    hard, soft, softer = (model.simulate(drive, {"presliding_deg": turn}) for turn in (1e-6, 2.0, 4.0))
+    tau_c = reference_spec().values["tau_c_mnm"] * 1e-3
+    for found in (hard, soft, softer):
+        assert np.abs(found.friction_nm).max() < tau_c * (1.0 + 1e-9)
+    # Nothing gives way where friction is exhausted: as far as it slides, the sliding disk is where it was.
+    assert np.abs(hard.angle_rad - model.simulate(drive, {"presliding_deg": 0.0}).angle_rad).max() < 1e-5
+    first = np.abs(soft.angle_rad - hard.angle_rad).max()
+    assert DEG < first < np.abs(softer.angle_rad - hard.angle_rad).max() < 2.2 * first
 
 
 def test_a_disk_that_inertia_carries_past_its_balance_is_seen_to():

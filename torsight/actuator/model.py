@@ -313,5 +313,7 @@ def _begin(drive: Drive, history: History, rig: Rig) -> Ports:
         history=history,
         theta_l_scale=np.ones(len(counts)),
         theta_l_loss_rad=np.zeros(len(counts)),
+        warmer_heating_c=np.zeros(len(counts)),
+        warmer_cooling_c=np.zeros(len(counts)),
         friction_scale=np.ones(len(drive)),
     )

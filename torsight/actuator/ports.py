@@ -120,6 +120,8 @@ class Ports:
         Share of the passive spring that transforms at its own temperature and stress.
     theta_l_scale, theta_l_loss_rad : (halves,) float64
         Factor on the recoverable angle, and what is lost of it whatever the winding.
+    warmer_heating_c, warmer_cooling_c : (halves,) float64
+        By how much warmer the driven spring transforms than its values say.
     friction_scale : (n,) float64
         Factor on the friction torque.
     passive_scale : (n,) float64 or None
@@ -144,6 +146,8 @@ class Ports:
         Friction torque at 1 rad/s, and the power of the speed with which it grows.
     dwell_factor : (g,) float64 or None
         Factor on the friction that has to be overcome after a rest, over :data:`DWELL_DECADES`; None: one.
+    seat_rad : float
+        By how far what friction acts on gives way before it slides, elastically, at τ_c; 0: not at all.
     swing : float
         By which part of a jump after a rest inertia carries the disk past its balance, from 0 to 1.
     speed_friction_nm : (g,) float64 or None
@@ -184,6 +188,8 @@ class Ports:
     passive_share: float = 0.0
     theta_l_scale: Floats = field(default_factory=lambda: np.ones(1))
     theta_l_loss_rad: Floats = field(default_factory=lambda: np.zeros(1))
+    warmer_heating_c: Floats = field(default_factory=lambda: np.zeros(1))
+    warmer_cooling_c: Floats = field(default_factory=lambda: np.zeros(1))
     friction_scale: Floats = field(default_factory=lambda: np.ones(1))
     passive_scale: Floats | None = None
     side_a_nm: Floats | None = None
@@ -198,6 +204,7 @@ class Ports:
     viscous_nms: float = 0.0
     viscous_power: float = 1.0
     dwell_factor: Floats | None = None
+    seat_rad: float = 0.0
     swing: float = 0.0
     speed_friction_nm: Floats | None = None
     friction_down_nm: Floats | None = None

@@ -181,7 +181,9 @@ def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg:
     per_s, temps, directions = sampled(*courses, ports.passive_share > 0.0)
     return kernel.run(
         Samples(per_s, temps, ports.active, ports.half, directions, ports.friction_scale, ports.load_change()),
-        np.array((ports.theta_l_scale, ports.theta_l_loss_rad)).T.copy(),
+        np.array(
+            (ports.theta_l_scale, ports.theta_l_loss_rad, ports.warmer_heating_c, ports.warmer_cooling_c)
+        ).T.copy(),
         scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
         _tables(ports),
         np.array((ports.section_weight, ports.section_drop_c, ports.section_drop_share)),
@@ -217,6 +219,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "dwell_step": 0.0 if ports.dwell_factor is None else DWELL_DECADES[1],
         "swing": ports.swing,
         "memory": ports.loop_memory,
+        "seat": rig.tau_c_nm / ports.seat_rad if ports.seat_rad > 0.0 else 0.0,
         "place_step": 0.0 if ports.lead is None else PLACES[1] - PLACES[0],
         "passive_share": ports.passive_share,
         "tanaka": tanaka,

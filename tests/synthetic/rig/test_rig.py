@@ -178,6 +178,7 @@ NULLS = {
     "local_torque": {"height_mnm": 0.0},
     "room_drift": {"rate_c_h": 0.0},
     "latent_heat": {"latent_c_s": 0.0},
+    "transformation_drift": {"heating_c": 0.0, "cooling_c": 0.0},
     "kinetics_shape": {"bend": 0.0},
 }
 

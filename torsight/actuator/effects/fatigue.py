@@ -25,11 +25,15 @@ _WOUND: Final = 2.0 / 3.0
 """Share of θ_P to which a spring is wound in a complete cycle: 718° of the reference rig's 1080° (its θ_1)."""
 
 
+def settling(cycle: Ints, persistence: float) -> Floats:
+    """Return 1 + q + … + q^(n−1) for numbers n (halves,) of earlier cycles."""
+    count = cycle.astype(np.float64)
+    return count if persistence == 1.0 else np.asarray((1.0 - persistence**count) / (1.0 - persistence), np.float64)
+
+
 def recoverable_share(cycle: Ints, *, loss: float, persistence: float) -> Floats:
     """Return (1 − r)^(1 + q + … + q^(n−1))."""
-    count = cycle.astype(np.float64)
-    settled = count if persistence == 1.0 else (1.0 - persistence**count) / (1.0 - persistence)
-    return np.asarray((1.0 - loss) ** settled, np.float64)
+    return np.asarray((1.0 - loss) ** settling(cycle, persistence), np.float64)
 
 
 def apply(ports: Ports, values: Values) -> Ports:

@@ -119,6 +119,13 @@ def temperature_time(ports: Ports, law: Curve) -> Ports:
     return ports.with_temperatures(lambda temp, rate: (temp + off_c, rate))
 
 
+def temperature_cycle(ports: Ports, law: Curve) -> Ports:
+    """Let the driven wire transform warmer over its own cycles, °C."""
+    warmer_c = law(ports.cycle.astype(np.float64))
+    heating_c, cooling_c = ports.warmer_heating_c + warmer_c, ports.warmer_cooling_c + warmer_c
+    return ports.changed(warmer_heating_c=heating_c, warmer_cooling_c=cooling_c)
+
+
 def clock(ports: Ports, law: Curve) -> Ports:
     """Let the temperature log's clock be ahead of the film's by so many seconds over film time; not in later records.
 

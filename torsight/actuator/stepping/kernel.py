@@ -39,6 +39,7 @@ from torsight.actuator.stepping.kernel_balance import (
     FACTOR,
     FLOOR,
     HEATING,
+    HELD,
     JUMP,
     LET_GO,
     MOVE,
@@ -70,13 +71,16 @@ from torsight.actuator.stepping.kernel_balance import (
     XI_P,
     XI_REF,
     advance,
+    bare_load,
     beside,
     excess,
     load_torque,
     made_torque,
     passive_torque,
     section_temp,
+    solid_friction,
     wire_fraction,
+    yields_at,
 )
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
@@ -96,6 +100,7 @@ from torsight.actuator.stepping.kernel_roots import (
     SLIP_TOLERANCE,
     TORQUE_TOLERANCE,
     crosstalk,
+    give_way,
     glide,
     slide,
     slide_anew,
@@ -258,10 +263,12 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         hold *= max(1.0, held_table(np.log10(1.0 + g[REST_S]), DWELL, p["dwell_step"], tables)[0])
     for attempt in range(2):
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
-        limit = load_torque(x, sense, hold, c, p, o, tables)
+        at = yields_at(sense, hold, state, p, tables)
+        limit = load_torque(at, sense, hold, c, p, o, tables)
         reached = wire_fraction(limit, c, p, tables, sections, w) if attempt == 0 else g[XI_NOW]
-        over = sense * (limit - made_torque(x, reached, c, q, p, tables))
+        over = sense * (limit - made_torque(at, reached, c, q, p, tables))
         if over > SLIP_TOLERANCE:
+            g[X_NOW] = at
             begins = q[SLIDING] != sense
             if begins or q[AT_REST] > 0.0:
                 slide_anew(sense, limit, reached if attempt == 0 else g[XI_NOW], state, p, tables)
@@ -271,7 +278,8 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
                 c[SCALE] = hold
                 held = _slid(sense, excess(x, sense, state, p, o, tables, sections), state, p, o, tables, sections)
                 c[SCALE] = scale
-            first = excess(x, sense, state, p, o, tables, sections) if begins or hold > scale else over
+            anew = begins or hold > scale or at != x
+            first = excess(x, sense, state, p, o, tables, sections) if anew else over
             g[X_NOW] = _slid(sense, first, state, p, o, tables, sections)
             g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
             g[XI_NOW] = advance(g[TAU_NOW], c, p, tables, sections, w)
@@ -288,7 +296,10 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
             g[SHORT], g[SHORT + 1] = 0.0, 0.0
             return True
         g[SHORT + attempt] = max(0.0, -over)
-        if attempt == 0:
+        if attempt == 0 and p["seat"] > 0.0:
+            other = yields_at(-sense, hold, state, p, tables)
+            give_way(min(at, other), max(at, other), state, p, o, tables, sections)
+        elif attempt == 0:
             transform_at_rest(state, p, tables, sections)
     return False
 
@@ -330,10 +341,32 @@ def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w
     c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
 
 
+@inlined
+def _load(k: int, samples: Samples, wound: float, c: Floats, g: Floats, p: Scalars, o: Scalars, tables: Floats) -> None:
+    """Take from a sample what the active spring has to carry; ``wound`` is the passive spring's θ_max."""
+    c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], samples.per_s[k], wound, samples.friction_scale[k]
+    c[SIGN] = 1.0 if g[WHO] == 0.0 else -1.0
+    c[TEMP_PASSIVE], c[CROSS] = samples.temps[1, k], 0.0
+    c[TURN_NOW] = samples.directions[1, k]
+    if p["passive_share"] > 0.0:
+        c[CROSS] = crosstalk(p["theta_p"] - g[X_NOW], c, g, o, tables)
+    change = samples.load_change
+    if change.shape[1] > 0:
+        c[FACTOR], c[OWN], c[OTHER] = change[0, k], change[1, k], change[2, k]
+
+
+@inlined
+def _seat(slid: bool, c: Floats, q: Floats, g: Floats, p: Scalars, o: Scalars, tables: Floats) -> None:
+    """Keep what friction holds after a slide, where it has an elastic seat."""
+    if slid and p["seat"] > 0.0:
+        most = c[SCALE] * solid_friction(g[X_NOW], q[SLIDING], c, p, tables)
+        g[HELD] = min(max(bare_load(g[X_NOW], c, p, o, tables) - g[TAU_NOW], -most), most)
+
+
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with so many sections of the wire, not yet wound."""
-    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(15), np.ones((7, sections))
+    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(16), np.ones((7, sections))
     c[FACTOR] = 1.0
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
     return State(c, q, g, w, q.copy(), w.copy(), np.empty(2))
@@ -341,12 +374,12 @@ def _new_state(sections: int) -> State:
 
 @shared
 def step_through(
-    out: Floats, state: State, samples: Samples, recoverable: Floats, springs: NDArray[np.void], tables: Floats,
+    out: Floats, state: State, samples: Samples, cycling: Floats, springs: NDArray[np.void], tables: Floats,
     sections: Floats, theta_start: float
 ) -> None:  # fmt: skip
     """Fill ``out`` as :func:`run` returns it; in the end ``state.wound`` holds by how much both are unwound."""
     per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
-    directions, friction_scale, load_change = samples.directions, samples.friction_scale, samples.load_change
+    directions, friction_scale = samples.directions, samples.friction_scale
     c, q, g, w, wound = state.c, state.q, state.g, state.w, state.wound
     theta_a, theta_p, p, o = theta_start, springs[0]["theta_p"], springs[0], springs[1]
     _wind_home(wound, theta_start, active[0], friction_scale[0], springs, tables)
@@ -354,7 +387,7 @@ def step_through(
         starts = k == 0 or half[k] != half[k - 1]
         turns = not starts and directions[0, k] != directions[0, k - 1]
         if starts or turns:
-            own, left = beside(g[X_NOW], c, p, tables), recoverable[half[k]]
+            own, left = beside(g[X_NOW], c, p, tables), cycling[half[k]]
             if starts:
                 _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, state, springs, tables)
                 p, o = springs[active[k]], springs[1 - active[k]]
@@ -362,21 +395,17 @@ def step_through(
                 _turn(directions[0, k] > 0, left, own, state, p, tables)
         fresh = starts or turns
         who = int(g[WHO])
-        c[TEMP], c[HEATING] = temps[0, k], directions[0, k]
+        c[TEMP], c[HEATING] = temps[0, k] - cycling[half[k], 2 if directions[0, k] > 0 else 3], directions[0, k]
         if not fresh and _nothing_to_do(c, g, w, p, tables, sections):
             for i in range(5):
                 out[i, k] = out[i, k - 1]
             _pass_over(per_s[k], c, g)
             continue
         _keep_rates(per_s[k], starts, turns, c, g, w)
-        c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], per_s[k], wound[1 - who], friction_scale[k]
-        c[SIGN] = 1.0 if who == 0 else -1.0
-        c[TEMP_PASSIVE], c[CROSS] = temps[1, k], 0.0
-        c[TURN_NOW] = directions[1, k]
-        if p["passive_share"] > 0.0:
-            c[CROSS] = crosstalk(theta_p - g[X_NOW], c, g, o, tables)
-        if load_change.shape[1] > 0:
-            c[FACTOR], c[OWN], c[OTHER] = load_change[0, k], load_change[1, k], load_change[2, k]
+        _load(k, samples, wound[1 - who], c, g, p, o, tables)
+        if starts:
+            # The same hold in the mirror image; at the record's start what the springs' difference is.
+            g[HELD] = -g[HELD] if k > 0 else bare_load(g[X_NOW], c, p, o, tables) - g[TAU_NOW]
         total = g[XI_NOW]
         # Only after a sample that slid.
         easy = not fresh and p["tanaka"] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
@@ -384,6 +413,7 @@ def step_through(
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
+        _seat(slid, c, q, g, p, o, tables)
         # How long it rested before the record nobody knows: longer than any law over the rest goes on.
         g[REST_S] = 0.0 if slid else g[REST_S] + (np.inf if k == 0 else 1.0 / per_s[k])
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
@@ -405,7 +435,7 @@ def step_through(
 @compiled
 def run(
     samples: Samples,
-    recoverable: Floats,
+    cycling: Floats,
     springs: NDArray[np.void],
     tables: Floats,
     sections: Floats,
@@ -417,8 +447,9 @@ def run(
     ----------
     samples : Samples
         Temperatures and what changes with them.
-    recoverable : (halves, 2) float64
-        In each half-cycle: factor on the recoverable angle, and what is lost of it whatever the winding (rad).
+    cycling : (halves, 4) float64
+        What the cycles before have changed in each half-cycle: factor on the recoverable angle, what is lost of it
+        whatever the winding (rad), and by how much warmer the driven spring transforms on heating and on cooling (°C).
     springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
         Scalars in SI units, with the values of spring A and with those of spring B.
     tables : (11, m) float64
@@ -437,5 +468,5 @@ def run(
         By how much A and B are unwound in the end (rad).
     """
     out, state = np.zeros((7, samples.active.size)), _new_state(sections.shape[1])
-    step_through(out, state, samples, recoverable, springs, tables, sections, theta_start)
+    step_through(out, state, samples, cycling, springs, tables, sections, theta_start)
     return out, state.wound

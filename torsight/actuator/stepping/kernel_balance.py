@@ -45,9 +45,9 @@ TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD = 8, 9, 10, 11, 12, 13, 14
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR, BEGUN, AT_REST = 0, 1, 2, 3, 4, 5, 6, 7
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
-SHORT, JUMP, LET_GO = 11, 13, 14
+SHORT, JUMP, LET_GO, HELD = 11, 13, 14, 15
 """Places of g: what either way was short of sliding by, N·m; by how much a disk that had rested jumped in this sample;
-and the part of the sample after which it let go."""
+the part of the sample after which it let go; and what friction holds, N·m, positive against a growing x."""
 PACE, XI_BEFORE = 5, 6
 """Rows of w: by how much ξ changed per second over the sample before, and ξ at its end."""
 
@@ -147,14 +147,44 @@ def load_torque(x: float, sense: float, scale: float, c: Floats, p: Scalars, o: 
 
     −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ; mirrored for B.
     """
-    theta_a = x if c[SIGN] > 0.0 else p["theta_p"] - x
-    friction = friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables) * scale
+    friction = solid_friction(x, sense, c, p, tables) * scale
     if p["viscous"] > 0.0 or p["speed_step"] > 0.0:
         friction = max(0.0, friction + speed_friction(x, sense, c, p, tables))
-    torque = passive_torque(x, c, o, tables) - sense * friction
+    return bare_load(x, c, p, o, tables) - sense * friction
+
+
+@inlined
+def bare_load(x: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> float:
+    """Return the torque that the active spring would carry without friction."""
+    torque = passive_torque(x, c, o, tables)
     if p["has_stray"] > 0.0:
-        torque += c[SIGN] * from_table(theta_a, STRAY, p, tables)
+        torque += c[SIGN] * from_table(x if c[SIGN] > 0.0 else p["theta_p"] - x, STRAY, p, tables)
     return torque
+
+
+@inlined
+def solid_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats) -> float:
+    """Return the friction at an angle of the active spring for a way of sliding, whatever the speed and the rest."""
+    theta_a = x if c[SIGN] > 0.0 else p["theta_p"] - x
+    return friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables)
+
+
+@inlined
+def yields_at(sense: float, hold: float, state: State, p: Scalars, tables: Floats) -> float:
+    """Return the angle at which the elastic seat of the friction, if it has one, has given way by all that it holds."""
+    x = state.g[X_NOW]
+    if p["seat"] == 0.0:
+        return x
+    most = solid_friction(x, sense, state.c, p, tables) * hold
+    return x + sense * max(0.0, most - sense * state.g[HELD]) / p["seat"]
+
+
+@inlined
+def seated_excess(x: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
+    """Return load less made torque at a trial angle where the friction's elastic seat holds the disk."""
+    c, g = state.c, state.g
+    load = bare_load(x, c, p, o, tables) - g[HELD] - p["seat"] * (x - g[X_NOW])
+    return load - made_torque(x, wire_fraction(load, c, p, tables, sections, state.w), c, state.q, p, tables)
 
 
 @inlined

@@ -190,6 +190,14 @@ class StressInfluence(HiddenEffect):
 
 
 @dataclass(frozen=True, slots=True)
+class TransformationDrift(HiddenEffect):
+    """A spring's transformation temperatures move with each of its cycles."""
+
+    heating_c: float = key(-0.3, "move of A_s and A_f per cycle", lower=-10.0, upper=10.0, constant="drift_heating")
+    cooling_c: float = key(-0.5, "move of M_s and M_f per cycle", lower=-10.0, upper=10.0, constant="drift_cooling")
+
+
+@dataclass(frozen=True, slots=True)
 class KineticsShape(HiddenEffect):
     """A small smooth error of the phase law: the transformation runs ahead or behind within its window."""
 

@@ -105,6 +105,8 @@ class Constants(NamedTuple):
     loop_memory: float = 0.0
     c_a_scale: float = 1.0
     c_m_scale: float = 1.0
+    drift_heating: float = 0.0
+    drift_cooling: float = 0.0
 
 
 _WHOLE: Final = frozenset(name for name, kind in get_type_hints(Constants).items() if kind is int)

@@ -19,7 +19,7 @@ from torsight.synthetic.effects.random_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
 
 # Columns of a spring's state, and how many there are.
-THETA_MAX, MODE, THETA_R, TAU_R, XI_R, THETA_L, TURN_C, WARMING, TAU, XI, FACTOR, COLUMNS = range(12)
+THETA_MAX, MODE, THETA_R, TAU_R, XI_R, THETA_L, TURN_C, WARMING, TAU, XI, FACTOR, CYCLE, COLUMNS = range(13)
 
 COLD, HEATING, COOLING = 0.0, 1.0, 2.0
 """What a spring's mode may be."""
@@ -147,12 +147,14 @@ def progress(c: Constants, share: float) -> float:
 
 
 @lending
-def zone_fraction(c: Constants, warming: int, temp_c: float, tau: float, xi0: float, xi: float) -> float:
-    """Return the martensite fraction of one zone; it only advances."""
+def zone_fraction(c: Constants, s: Floats, temp_c: float, tau: float, xi0: float, xi: float) -> float:
+    """Return the martensite fraction of one zone of a spring in state ``s``; it only advances."""
+    warming = s[WARMING] == 1.0
+    temp_c -= s[CYCLE] * (c.drift_heating if warming else c.drift_cooling)
     stress = c.stress_per_nm * tau
-    free_c = temp_c - stress / (c.c_a * c.c_a_scale if warming == 1 else c.c_m * c.c_m_scale)
+    free_c = temp_c - stress / (c.c_a * c.c_a_scale if warming else c.c_m * c.c_m_scale)
     free_c += law(c, _PHASE, free_c)
-    if warming == 1:
+    if warming:
         done = progress(c, (free_c - c.a_s) / c.a_width)
         scaled, whole = xi0 * (1.0 - done), min(xi0, 1.0 - done)
         return min(xi, scaled + c.loop_memory * (whole - scaled))
@@ -176,7 +178,7 @@ def fraction(c: Constants, spring: Spring, temp_c: float, tau: float) -> float:
     total = 0.0
     for i in range(spring.weight.size):
         zone_c = zone_temperature(c, temp_c, spring.cooler_c[i])
-        done = zone_fraction(c, int(spring.s[WARMING]), zone_c, tau, spring.xi0[i], spring.xi[i])
+        done = zone_fraction(c, spring.s, zone_c, tau, spring.xi0[i], spring.xi[i])
         total += spring.weight[i] * done
     return total
 
@@ -241,7 +243,7 @@ def commit_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> 
         total = 0.0
         for i in range(weight.size):
             zone_c = zone_temperature(c, temp_c, cooler_c[i])
-            xi[i] = zone_fraction(c, int(s[WARMING]), zone_c, tau, xi0[i], xi[i])
+            xi[i] = zone_fraction(c, s, zone_c, tau, xi0[i], xi[i])
             total += weight[i] * xi[i]
         s[XI] = total
     s[TAU] = tau
@@ -308,6 +310,7 @@ def set_martensite(c: Constants, spring: Spring, theta: float, temp_c: float) ->
 def start_heating(c: Constants, spring: Spring, theta: float, temp_c: float, cycle: float, share: float) -> None:
     """Switch a cold spring on: it recovers a share of what its last winding left, less what fatigue took."""
     s = spring.s
+    s[CYCLE] = cycle
     set_martensite(c, spring, theta, temp_c)
     left = (1.0 - c.fatigue) ** cycle
     if c.fatigue_form != 0:

@@ -1,0 +1,63 @@
+r"""The transformation temperatures move from cycle to cycle.
+
+.. math:: A_{s,f}(n) = A_{s,f} + d_A \, l_n, \quad M_{s,f}(n) = M_{s,f} + d_M \, l_n, \quad l_n = 1 + q + … + q^{n−1}
+
+n how often this spring had been heated before, d move in the first cycle on heating and on cooling (°C), q that of each
+further cycle as a share of the one before (1: without end; less: towards a limit).
+Predicted residual: every motion comes earlier or later than in the cycle before, the stroke keeps its length. Later
+records go on counting. Source: defects that cycling leaves, e.g. Miyazaki, Igo and Otsuka, Acta Metall. 34 (1986) 2045.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.effects.fatigue import settling
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Let the driven spring of every half-cycle transform warmer or colder."""
+    moved = settling(ports.cycle, values["drift_persistence"])
+    return ports.changed(
+        warmer_heating_c=ports.warmer_heating_c + values["drift_heating_c"] * moved,
+        warmer_cooling_c=ports.warmer_cooling_c + values["drift_cooling_c"] * moved,
+    )
+
+
+EFFECT: Final = Effect(
+    id="transformation_drift",
+    family="material",
+    acts_on="phase",
+    title="the transformation temperatures move from cycle to cycle",
+    parameters=(
+        *(
+            Parameter(
+                name=f"drift_{way}_c",
+                value=0.2,
+                unit="°C",
+                lower=-20.0,
+                upper=20.0,
+                null=0.0,
+                symbol=symbol,
+                title=f"move in the first cycle on {way}",
+            )
+            for way, symbol in (("heating", "d_A"), ("cooling", "d_M"))
+        ),
+        Parameter(
+            name="drift_persistence",
+            value=1.0,
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sigma=0.3,
+            symbol="q",
+            title="move of a cycle as a share of the one before",
+        ),
+    ),
+    apply=apply,
+    starts=({"drift_heating_c": -0.2, "drift_cooling_c": -0.2},),
+    laws=("temperature_cycle",),
+)
