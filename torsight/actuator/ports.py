@@ -146,8 +146,9 @@ class Ports:
         Friction torque at 1 rad/s, and the power of the speed with which it grows.
     dwell_factor : (g,) float64 or None
         Factor on the friction that has to be overcome after a rest, over :data:`DWELL_DECADES`; None: one.
-    seat_rad : float
-        By how far what friction acts on gives way before it slides, elastically, at τ_c; 0: not at all.
+    seat_rad, seat_spread : float
+        By how far what friction acts on gives way before it slides, elastically, at τ_c, in the mean over its elements,
+        0: not at all; and by which share the first of them yield earlier and the last later.
     swing : float
         By which part of a jump after a rest inertia carries the disk past its balance, from 0 to 1.
     speed_friction_nm : (g,) float64 or None
@@ -205,6 +206,7 @@ class Ports:
     viscous_power: float = 1.0
     dwell_factor: Floats | None = None
     seat_rad: float = 0.0
+    seat_spread: float = 0.0
     swing: float = 0.0
     speed_friction_nm: Floats | None = None
     friction_down_nm: Floats | None = None

@@ -1,11 +1,13 @@
 r"""What friction acts on gives way elastically before it slides.
 
-.. math:: τ_f = \operatorname{clip}(τ_{f,0} + \frac{τ_c}{z} (φ − φ_0), −τ_c, τ_c)
+.. math:: τ_f = \frac{τ_c}{N} \sum_{i=1}^N f_i, \qquad
+          f_i = \operatorname{clip}\Bigl(f_{i,0} + \frac{φ − φ_0}{z_i}, −1, 1\Bigr), \qquad
+          z_i = z \, (1 + s \, (\tfrac{2i − 1}{N} − 1))
 
-z by how far the disk turns under τ_c before it slides (°): asperities, grease, a soft seat of the bearing, the shaft.
+z by how far the disk turns under growing torque before it slides (°), in the mean over N = 5 elements, s spread: 0 all
+yield together, 1 from the start on. Asperities, grease, a soft seat of the bearing, the shaft.
 Predicted residual: where the model has the disk at rest it turns by up to 2z as the torque on it changes, and begins
-to slide later. Source: Dahl, A solid friction model, Aerospace TOR-0158 (1968); one element of Iwan's,
-J. Appl. Mech. 33 (1966) 893.
+to slide later. Source: Iwan, J. Appl. Mech. 33 (1966) 893; presliding friction, Dahl, Aerospace TOR-0158 (1968).
 """
 
 from __future__ import annotations
@@ -19,8 +21,8 @@ from torsight.core.units import DEG
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Give the friction an elastic seat."""
-    return ports.changed(seat_rad=values["presliding_deg"] * DEG)
+    """Give the friction elastic seats."""
+    return ports.changed(seat_rad=values["presliding_deg"] * DEG, seat_spread=values["presliding_spread"])
 
 
 EFFECT: Final = Effect(
@@ -28,7 +30,10 @@ EFFECT: Final = Effect(
     family="friction",
     acts_on="friction",
     title="the disk turns elastically before it slides",
-    parameters=(Parameter("presliding_deg", 0.5, "°", 0.0, 90.0, null=0.0, symbol="z", title="turn before sliding"),),
+    parameters=(
+        Parameter("presliding_deg", 0.5, "°", 0.0, 90.0, null=0.0, symbol="z", title="turn before sliding"),
+        Parameter("presliding_spread", 0.3, "", 0.0, 0.95, sigma=0.4, symbol="s", title="spread of that turn"),
+    ),
     apply=apply,
     starts=({"presliding_deg": 4.0},),
 )

@@ -39,7 +39,6 @@ from torsight.actuator.stepping.kernel_balance import (
     FACTOR,
     FLOOR,
     HEATING,
-    HELD,
     JUMP,
     LET_GO,
     MOVE,
@@ -84,6 +83,7 @@ from torsight.actuator.stepping.kernel_balance import (
 )
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
+    SEATS,
     STRAY,
     Scalars,
     State,
@@ -298,7 +298,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         g[SHORT + attempt] = max(0.0, -over)
         if attempt == 0 and p["seat"] > 0.0:
             other = yields_at(-sense, hold, state, p, tables)
-            give_way(min(at, other), max(at, other), state, p, o, tables, sections)
+            give_way(min(at, other), max(at, other), hold, state, p, o, tables, sections)
         elif attempt == 0:
             transform_at_rest(state, p, tables, sections)
     return False
@@ -356,20 +356,31 @@ def _load(k: int, samples: Samples, wound: float, c: Floats, g: Floats, p: Scala
 
 
 @inlined
-def _seat(slid: bool, c: Floats, q: Floats, g: Floats, p: Scalars, o: Scalars, tables: Floats) -> None:
-    """Keep what friction holds after a slide, where it has an elastic seat."""
+def _seat(slid: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> None:
+    """Keep what friction holds after a slide, where it has elastic seats."""
+    c, q, g = state.c, state.q, state.g
     if slid and p["seat"] > 0.0:
         most = c[SCALE] * solid_friction(g[X_NOW], q[SLIDING], c, p, tables)
-        g[HELD] = min(max(bare_load(g[X_NOW], c, p, o, tables) - g[TAU_NOW], -most), most)
+        hold = min(max(bare_load(g[X_NOW], c, p, o, tables) - g[TAU_NOW], -most), most)
+        for i in range(SEATS):
+            state.held[i] = hold / SEATS
+
+
+@inlined
+def _mirror_hold(first: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> None:
+    """Keep what the seats hold in the other spring's coordinates; at first, what the springs leave to them."""
+    left = bare_load(state.g[X_NOW], state.c, p, o, tables) - state.g[TAU_NOW] if first else 0.0
+    for i in range(SEATS):
+        state.held[i] = left / SEATS if first else -state.held[i]
 
 
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with so many sections of the wire, not yet wound."""
-    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(16), np.ones((7, sections))
+    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(15), np.ones((7, sections))
     c[FACTOR] = 1.0
     g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
-    return State(c, q, g, w, q.copy(), w.copy(), np.empty(2))
+    return State(c, q, g, w, q.copy(), w.copy(), np.empty(2), np.zeros(SEATS))
 
 
 @shared
@@ -404,8 +415,7 @@ def step_through(
         _keep_rates(per_s[k], starts, turns, c, g, w)
         _load(k, samples, wound[1 - who], c, g, p, o, tables)
         if starts:
-            # The same hold in the mirror image; at the record's start what the springs' difference is.
-            g[HELD] = -g[HELD] if k > 0 else bare_load(g[X_NOW], c, p, o, tables) - g[TAU_NOW]
+            _mirror_hold(k == 0, state, p, o, tables)
         total = g[XI_NOW]
         # Only after a sample that slid.
         easy = not fresh and p["tanaka"] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
@@ -413,7 +423,7 @@ def step_through(
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
-        _seat(slid, c, q, g, p, o, tables)
+        _seat(slid, state, p, o, tables)
         # How long it rested before the record nobody knows: longer than any law over the rest goes on.
         g[REST_S] = 0.0 if slid else g[REST_S] + (np.inf if k == 0 else 1.0 / per_s[k])
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:

@@ -17,6 +17,7 @@ import numpy as np
 from torsight.actuator.stepping.kernel_laws import (
     FRICTION_DOWN,
     FRICTION_UP,
+    SEATS,
     SPEED,
     STRAY,
     Scalars,
@@ -45,9 +46,9 @@ TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD = 8, 9, 10, 11, 12, 13, 14
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR, BEGUN, AT_REST = 0, 1, 2, 3, 4, 5, 6, 7
 X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
-SHORT, JUMP, LET_GO, HELD = 11, 13, 14, 15
+SHORT, JUMP, LET_GO = 11, 13, 14
 """Places of g: what either way was short of sliding by, N·m; by how much a disk that had rested jumped in this sample;
-the part of the sample after which it let go; and what friction holds, N·m, positive against a growing x."""
+and the part of the sample after which it let go."""
 PACE, XI_BEFORE = 5, 6
 """Rows of w: by how much ξ changed per second over the sample before, and ξ at its end."""
 
@@ -170,21 +171,50 @@ def solid_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats
 
 
 @inlined
-def yields_at(sense: float, hold: float, state: State, p: Scalars, tables: Floats) -> float:
-    """Return the angle at which the elastic seat of the friction, if it has one, has given way by all that it holds."""
-    x = state.g[X_NOW]
-    if p["seat"] == 0.0:
-        return x
-    most = solid_friction(x, sense, state.c, p, tables) * hold
-    return x + sense * max(0.0, most - sense * state.g[HELD]) / p["seat"]
+def seat_stiffness(element: int, p: Scalars) -> float:
+    """Return the stiffness of one of the friction's seats, N·m/rad; they yield at evenly spread turns."""
+    place = (2.0 * element + 1.0) / SEATS - 1.0
+    return p["tau_c"] / (SEATS * p["seat"] * (1.0 + p["seat_spread"] * place))
 
 
 @inlined
-def seated_excess(x: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
-    """Return load less made torque at a trial angle where the friction's elastic seat holds the disk."""
-    c, g = state.c, state.g
-    load = bare_load(x, c, p, o, tables) - g[HELD] - p["seat"] * (x - g[X_NOW])
-    return load - made_torque(x, wire_fraction(load, c, p, tables, sections, state.w), c, state.q, p, tables)
+def yields_at(sense: float, hold: float, state: State, p: Scalars, tables: Floats) -> float:
+    """Return the angle at which the seats of the friction, if it has any, have given way by all that they hold."""
+    x = state.g[X_NOW]
+    if p["seat"] == 0.0:
+        return x
+    most = solid_friction(x, sense, state.c, p, tables) * hold / SEATS
+    furthest = 0.0
+    for i in range(SEATS):
+        furthest = max(furthest, (most - sense * state.held[i]) / seat_stiffness(i, p))
+    return x + sense * furthest
+
+
+@inlined
+def seat_holds(element: int, turn: float, hold: float, state: State, p: Scalars, tables: Floats) -> float:
+    """Return what one of the seats holds after a further turn, N·m."""
+    held = state.held[element] + seat_stiffness(element, p) * turn
+    sense = 1.0 if held > 0.0 else -1.0
+    return sense * min(sense * held, solid_friction(state.g[X_NOW], sense, state.c, p, tables) * hold / SEATS)
+
+
+@inlined
+def seated_load(x: float, hold: float, state: State, p: Scalars, o: Scalars, tables: Floats) -> float:
+    """Return the torque that the active spring carries at an angle where the friction's seats hold the disk."""
+    load = bare_load(x, state.c, p, o, tables)
+    for i in range(SEATS):
+        load -= seat_holds(i, x - state.g[X_NOW], hold, state, p, tables)
+    return load
+
+
+@inlined
+def seated_excess(
+    x: float, hold: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
+) -> float:
+    """Return load less made torque at a trial angle where the friction's seats hold the disk."""
+    load = seated_load(x, hold, state, p, o, tables)
+    made = made_torque(x, wire_fraction(load, state.c, p, tables, sections, state.w), state.c, state.q, p, tables)
+    return load - made
 
 
 @inlined

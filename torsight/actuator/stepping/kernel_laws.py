@@ -25,6 +25,10 @@ _FIRST_PLACE: Final = float(PLACES[0])
 ROUNDED: Final = 1e-14
 """What a fraction, or an angle in radians, moves by where it has come to rest: fifty times the rounding of a one."""
 
+SEATS: Final = 5
+"""Elements among which friction is shared where it has an elastic seat: the curve to the point where it slides is then
+one of five straight lines, within 2 % of τ_c of a smooth one (a parabola's sagitta over a fifth, 1/8 · 4/25)."""
+
 Scalars = np.void
 """The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
 
@@ -39,7 +43,7 @@ SCALARS: Final = np.dtype(
             "theta_p", "tau_c", "viscous", "viscous_power", "speed_step", "dwell_step", "passive_share", "tanaka",
             "room_c", "grid_start", "grid_step", "fixed_theta_l", "has_friction", "has_stray", "steady", "home_hold",
             "first_share", "heating_bend", "cooling_bend", "unwound_a", "unwound_b", "latent", "swing", "place_step",
-            "memory", "seat",
+            "memory", "seat", "seat_spread",
         )
     ]
 )  # fmt: skip
@@ -52,7 +56,8 @@ LEAD_HEATING, LEAD_COOLING = 9, 10
 class State(NamedTuple):
     """What goes through one run: ``c``, ``q``, ``g`` and ``w``, and of both springs the largest winding so far.
 
-    ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature.
+    ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature. ``held`` is what each
+    of the seats of the friction holds, N·m, positive against a growing x (:data:`SEATS` of them).
     """
 
     c: Floats
@@ -62,6 +67,7 @@ class State(NamedTuple):
     saved_q: Floats
     saved_w: Floats
     wound: Floats
+    held: Floats
 
 
 @inlined

@@ -18,7 +18,6 @@ from torsight.actuator.stepping.kernel_balance import (
     BEGUN,
     FLOOR,
     HEATING,
-    HELD,
     MOVE,
     MOVE_2,
     OWN,
@@ -38,19 +37,21 @@ from torsight.actuator.stepping.kernel_balance import (
     XI_P,
     XI_REF,
     advance,
-    bare_load,
     beside,
     cold_and_slope,
     excess,
     fraction_and_slope,
     load_and_slope,
     made_torque,
+    seat_holds,
     seated_excess,
+    seated_load,
     transformed,
     wire_fraction,
 )
 from torsight.actuator.stepping.kernel_laws import (
     ROUNDED,
+    SEATS,
     Scalars,
     State,
     cold_torque,
@@ -212,26 +213,29 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
 
 
 @lending
-def give_way(low: float, high: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> None:
-    """Let the phase follow its temperature while an elastic seat holds the disk, between the angles where it slides.
+def give_way(
+    low: float, high: float, hold: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
+) -> None:
+    """Let the phase follow its temperature while elastic seats hold the disk, between the angles where it slides.
 
     Load less made torque falls as x grows, as for a slide.
     """
     c, g, w, x = state.c, state.g, state.w, state.g[X_NOW]
     before = g[XI_NOW]
-    a, fa = low, seated_excess(low, state, p, o, tables, sections)
-    b, fb = high, seated_excess(high, state, p, o, tables, sections)
+    a, fa = low, seated_excess(low, hold, state, p, o, tables, sections)
+    b, fb = high, seated_excess(high, hold, state, p, o, tables, sections)
     at = low if fa <= 0.0 else high
     if fa > 0.0 > fb:
         for _ in range(80):
             at = b - fb * (b - a) / (fb - fa)
-            a, fa, b, fb = tightened(a, fa, b, fb, at, seated_excess(at, state, p, o, tables, sections))
+            a, fa, b, fb = tightened(a, fa, b, fb, at, seated_excess(at, hold, state, p, o, tables, sections))
             at = b
             if abs(fb) <= TORQUE_TOLERANCE or abs(b - a) < ROUNDED or fa == fb:
                 break
+    g[TAU_NOW] = seated_load(at, hold, state, p, o, tables)
+    for i in range(SEATS):
+        state.held[i] = seat_holds(i, at - x, hold, state, p, tables)
     g[X_NOW] = at
-    g[HELD] += p["seat"] * (at - x)
-    g[TAU_NOW] = bare_load(at, c, p, o, tables) - g[HELD]
     g[XI_NOW] = advance(g[TAU_NOW], c, p, tables, sections, w)
     state.q[AT_REST] += abs(g[XI_NOW] - before)
 
