@@ -112,11 +112,21 @@ class Search:
         return len(self._problem.candidates) + len(self._problem.laws)
 
     def _parents(self, size: int) -> list[Explanation]:
-        """Return the sets of so many members to extend: the best of each place that is tried."""
+        """Return the sets of so many members to extend: the best of each place that is tried.
+
+        What only says when something differs takes no place from those that say why; the best of it is extended where
+        it is before them.
+        """
         found: dict[Places, Explanation] = {}
         for one in self._ranked(size):
             found.setdefault(places_of(self._problem, one.members), one)
-        return list(found.values())[: self._settings.beam]
+        ranked = list(found.values())
+        why = [one for one in ranked if not self._says_when(one)][: self._settings.beam]
+        return [*why, *(one for one in ranked[:1] if one not in why)]
+
+    def _says_when(self, one: Explanation) -> bool:
+        """Return whether a set has a law of time that is no clock's."""
+        return any(item.law.says_when for item in one.laws)
 
     def _may_lead(self, parent: Explanation) -> bool:
         """Return whether one more member could make a set that is told beside the best one, or instead of it.
@@ -250,7 +260,8 @@ class Search:
         """Return in which of the best sets which member should make room for what."""
         best = [one.members for one in self._promising(size)]
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
-        alone = {single.members[0] for single in self._ranked(1)[: 2 * self._settings.beam]} if size > 1 else set()
+        single = [one.members[0] for one in self._ranked(1) if not self._says_when(one)]
+        alone = set(single[: 2 * self._settings.beam]) if size > 1 else set()
         return [
             (members, one, name)
             for k, members in enumerate(best)
