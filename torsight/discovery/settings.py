@@ -33,7 +33,7 @@ class Settings:
     certain: float = 0.99
     credible: float = 0.95
     form_share: float = 0.97
-    most: int = 3
+    most: int = 4
     beam: int = 2
 
     def __post_init__(self) -> None:
