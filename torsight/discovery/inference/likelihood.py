@@ -114,6 +114,12 @@ class Likelihood:
         left = self.left(residual)
         return np.asarray(left / np.sqrt(self._variance(left)))
 
+    def accounts_for(self, residual: Floats) -> bool:
+        """Return whether a residual in motion is no larger than what the inputs account for, and the least discrepancy."""
+        rows = (self.kind == MOTION) & (self.count > 0.0)
+        scaled = self.left(residual)[rows] ** 2 / (self.floor[rows] ** 2 + self.least**2 + 1e-30)
+        return bool(self.count[rows] @ scaled <= np.sum(self.count[rows]))
+
     def discrepancy(self, residual: Floats) -> Floats:
         """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
         return self._discrepancy(self.left(residual))

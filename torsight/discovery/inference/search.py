@@ -49,8 +49,8 @@ from torsight.discovery.settings import Settings
 _ROUNDS: Final = 6
 """Rounds of weights at most."""
 _FIRST_CORRELATION: Final = 4.0
-"""Correlation time, in samples, that is assumed at most before anything explains the record: what a missing effect
-leaves is correlated over a whole stroke and says nothing of the noise."""
+"""Correlation time, in samples, that is assumed at most before anything explains a record that shows more than noise:
+what a missing effect leaves is correlated over a whole stroke and says nothing of the noise."""
 
 
 class Search:
@@ -165,7 +165,8 @@ class Search:
             scales = residual_scales(residual_of(problem, fit.solution.prediction), stretches, inputs.noise)
             fitter = Fitter(problem, information(stretches, scales, inputs.noise))
             fit = fitter.from_elsewhere(fitter.refit(fit))
-        self._correlation_samples = min(scales.correlation_samples, _FIRST_CORRELATION)
+        noise = inputs.accounts_for(residual_of(problem, fit.solution.prediction))
+        self._correlation_samples = min(scales.correlation_samples, np.inf if noise else _FIRST_CORRELATION)
         first = self._settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
         again = (self.fit_from(start) for start in (first.fit.values, fitter.nominal.values))
@@ -416,9 +417,14 @@ class Search:
     def _follow_best(self, *, longest: float) -> None:
         """Take floor and correlation from the best set's residual, and every set's evidence under that likelihood.
 
-        ``longest`` is the correlation time, in samples, that is assumed at most.
+        ``longest`` is the correlation time, in samples, that is assumed at most. Where the plain model leaves no more
+        than the inputs account for, what it leaves is noise and tells how noise is correlated: a law would smooth it.
         """
-        best = self._best()
+        best = plain = self._explanations[()]
+        if plain.likelihood.accounts_for(plain.residual):
+            longest = np.inf
+        else:
+            best = self._best()
         before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
         said = best.likelihood.in_scales(best.residual)
         self._correlation_samples = min(correlation_samples(said, self._stretches), longest)
