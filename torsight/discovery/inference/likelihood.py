@@ -115,7 +115,7 @@ class Likelihood:
         return np.asarray(left / np.sqrt(self._variance(left)))
 
     def accounts_for(self, residual: Floats) -> bool:
-        """Return whether a residual in motion is no larger than what the inputs account for, and the least discrepancy."""
+        """Return whether a residual in motion is no larger than inputs and the least discrepancy account for."""
         rows = (self.kind == MOTION) & (self.count > 0.0)
         scaled = self.left(residual)[rows] ** 2 / (self.floor[rows] ** 2 + self.least**2 + 1e-30)
         return bool(self.count[rows] @ scaled <= np.sum(self.count[rows]))
