@@ -83,10 +83,13 @@ def reading_angle(ports: Ports, law: Curve) -> Ports:
 
 
 def reading_time(ports: Ports, law: Curve) -> Ports:
-    """Add to the reading over time, degrees; nothing after the record."""
-    if ports.history.after_record:
-        return ports
-    return ports.with_reading(lambda angle_rad, time_s: angle_rad + law(time_s) * DEG)
+    """Add to the reading over time, degrees; after the record what it was in the end: what has moved stays there."""
+    return ports.with_reading(lambda angle_rad, time_s: angle_rad + law(_within_record(ports, time_s)) * DEG)
+
+
+def _within_record(ports: Ports, time_s: Floats) -> Floats:
+    """Return times (n,), all of them the record's end where they come after it."""
+    return np.full_like(time_s, np.inf) if ports.history.after_record else time_s
 
 
 def temperature(spring: str) -> Callable[[Ports, Curve], Ports]:
@@ -112,10 +115,8 @@ def _warmer(spring: str, drivers: Callable[[Ports], tuple[Floats, Floats]]) -> C
 
 
 def temperature_time(ports: Ports, law: Curve) -> Ports:
-    """Add to both wires' temperatures over time, °C; nothing after the record."""
-    if ports.history.after_record:
-        return ports
-    off_c = law(ports.time_s)
+    """Add to both wires' temperatures over time, °C; after the record what it was in the end."""
+    off_c = law(_within_record(ports, ports.time_s))
     return ports.with_temperatures(lambda temp, rate: (temp + off_c, rate))
 
 
