@@ -114,15 +114,14 @@ class Search:
     def _parents(self, size: int) -> list[Explanation]:
         """Return the sets of so many members to extend: the best of each place that is tried.
 
-        What only says when something differs takes no place from those that say why; the best of it is extended where
-        it is before them.
+        What only says when something differs is extended beside those that say why and takes no place from them.
         """
         found: dict[Places, Explanation] = {}
         for one in self._ranked(size):
             found.setdefault(places_of(self._problem, one.members), one)
-        ranked = list(found.values())
-        why = [one for one in ranked if not self._says_when(one)][: self._settings.beam]
-        return [*why, *(one for one in ranked[:1] if one not in why)]
+        ranked, beam = list(found.values()), self._settings.beam
+        why = [one for one in ranked if not self._says_when(one)][:beam]
+        return [*why, *(one for one in ranked[:beam] if one not in why)]
 
     def _says_when(self, one: Explanation) -> bool:
         """Return whether a set has a law of time that is no clock's."""
@@ -165,7 +164,7 @@ class Search:
             scales = residual_scales(residual_of(problem, fit.solution.prediction), stretches, inputs.noise)
             fitter = Fitter(problem, information(stretches, scales, inputs.noise))
             fit = fitter.from_elsewhere(fitter.refit(fit))
-        noise = inputs.accounts_for(residual_of(problem, fit.solution.prediction))
+        noise = self._is_noise(inputs, residual_of(problem, fit.solution.prediction))
         self._correlation_samples = min(scales.correlation_samples, np.inf if noise else _FIRST_CORRELATION)
         first = self._settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
@@ -186,6 +185,10 @@ class Search:
         """Return whether one more fit of a set of effects from its optimum gains nothing that matters."""
         again = self.fit_from(found.fit.values, found.fit.effects)
         return again.log_posterior <= found.log_posterior + SETTLED
+
+    def _is_noise(self, likelihood: Likelihood, residual: Floats) -> bool:
+        """Return whether a residual is no more than what the inputs account for, where it is known what they do."""
+        return bool(self._problem.sigma[self._problem.valid].any()) and likelihood.accounts_for(residual)
 
     def _reading_noise(self, problem: Problem, fit: Fit) -> Floats:
         """Return the reading noise (n,), from what a fit leaves where the problem does not know it."""
@@ -421,7 +424,7 @@ class Search:
         than the inputs account for, what it leaves is noise and tells how noise is correlated: a law would smooth it.
         """
         best = plain = self._explanations[()]
-        if plain.likelihood.accounts_for(plain.residual):
+        if self._is_noise(plain.likelihood, plain.residual):
             longest = np.inf
         else:
             best = self._best()
