@@ -81,6 +81,17 @@ def test_a_clock_that_is_ahead_by_one_value_is_the_clock_offset_and_holds_for_no
     np.testing.assert_allclose(later, plain, rtol=0.0, atol=1e-9)
 
 
+def test_a_wire_does_not_warm_up_by_the_jump_of_its_rate_when_heating_ends(drive, laws):
+    law = laws["temperature_temp_rate_c_s"]
+    found = simulated(drive, law.free(), np.where(law.nodes < 0.0, 1.5, 0.0))
+    plain = ActuatorModel(reference_spec()).simulate(drive)
+    for warm, log in ((found.temp_a_c, plain.temp_a_c), (found.temp_b_c, plain.temp_b_c)):
+        falls = np.diff(log) < -0.05
+        assert np.diff(warm)[falls].max() <= 0.0
+    # Once the log has fallen by as much, the wire is as much warmer as the law says.
+    assert (found.temp_a_c - plain.temp_a_c).max() == pytest.approx(1.5, abs=1e-6)
+
+
 def test_spring_b_with_other_values_is_another_rig_for_b_alone(drive, laws):
     form = laws["values_spring"].free()
     shift = np.array([1.5, 1.5, 1.5, 1.5, 0.0, 0.0, 0.0, 0.0])

@@ -13,6 +13,7 @@ from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, STEEPEST, Ports
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.phase import PLACES
+from torsight.core.compiled import compiled
 from torsight.core.units import DEG, MNM, Floats
 
 Curve = Callable[[Floats], Floats]
@@ -98,8 +99,26 @@ def temperature(spring: str) -> Callable[[Ports, Curve], Ports]:
 
 
 def temperature_rate(spring: str) -> Callable[[Ports, Curve], Ports]:
-    """Return what adds to wires' temperatures over their rate, °C."""
-    return _warmer(spring, lambda ports: (ports.rate_a_c_s, ports.rate_b_c_s))
+    """Return what adds to wires' temperatures over their rate, °C.
+
+    Where a log turns its rate jumps, and a law of the rate with it. A wire does not warm up by that: it is cooling.
+    """
+    warmer = _warmer(spring, lambda ports: (ports.rate_a_c_s, ports.rate_b_c_s))
+
+    def apply(ports: Ports, law: Curve) -> Ports:
+        return warmer(ports, law).with_temperatures(lambda temp, rate: (_no_warmer(temp, rate), rate))
+
+    return apply
+
+
+@compiled
+def _no_warmer(temp_c: Floats, rate_c_s: Floats) -> Floats:
+    """Return temperatures (n,) that do not rise where those of the log fall."""
+    out = temp_c.copy()
+    for i in range(1, out.size):
+        if rate_c_s[i] < 0.0:
+            out[i] = min(out[i], out[i - 1])
+    return out
 
 
 def _warmer(spring: str, drivers: Callable[[Ports], tuple[Floats, Floats]]) -> Callable[[Ports, Curve], Ports]:
