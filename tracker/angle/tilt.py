@@ -19,7 +19,7 @@ over frames: both keep to the last picture as long as a pixel changes little, so
 much at any speed or in proportion to it, and the angle between both markers is another one each way round, wherever
 they are in the picture. Smear changes it with the speed, alike both ways round: what a marker is taken for, a bent tag
 most of all, lies a little beside the middle of what is smeared. Such errors lie along the circles, where the stick's
-length does not show them: what the fit leaves of the angle between both markers is in the angle's uncertainty.
+length does not show them: what the fit leaves across the arms, and not along them, is in the angle's uncertainty.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ import numpy as np
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
-from torsight.core.series import BY_CHANCE, rms, robust_sigma
+from torsight.core.series import correlation_time, rms
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning, way_round
 from tracker.stick_direction import Points, stick_direction
@@ -131,18 +131,19 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     if len(rows) < _FEWEST or turned < _TURNED_RAD:
         nothing = [_Found(0.0, np.zeros(7), np.diag(prior[:7] ** 2)) for prior in priors]
         return _told_of(_blended([item.without(_READ) for item in nothing], turned), known=known)
-    points = np.stack([inner[0][rows], outer[0][rows]], axis=1)
-    spread = np.stack([inner[1][rows], outer[1][rows]], axis=1)
+    points, spread = (np.stack(part, axis=1)[rows] for part in zip(inner, outer, strict=True))
+    (centre, *arms), _ = circles(points, direction[rows])
+    order = np.argsort(np.abs(arms))
+    between = float(np.angle(arms[order[1]]) - np.angle(arms[order[0]]))
     # Frames of one direction, one way round, tell the same.
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
     usual = USUAL_PX / half_px
     way = way_round(direction, float(np.sqrt(np.nanmedian(stick_direction(inner, outer)[1]))))[rows]
     pace = rate[rows] / max(rms(rate[rows]), 1e-12)
     carried = usual * np.column_stack([way, pace, pace**2])
-    paths = _Paths(points, spread, direction[rows], lead[rows], carried, alike)
-    (centre, *arms), _ = circles(points, direction[rows])
-    between = np.angle(arms[1]) - np.angle(arms[0])
-    start = np.array([*np.zeros(10), centre.real, centre.imag, *np.abs(arms), between])
+    ahead = (order[1] - order[0]) * lead[rows]
+    paths = _Paths(points[:, order], spread[:, order], direction[rows], ahead, carried, alike, between)
+    start = np.array([*np.zeros(10), centre.real, centre.imag, *np.sort(np.abs(arms)), 0.0])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
     weigh = paths.weighing(start, usual=usual)
@@ -150,9 +151,12 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
         found.append(_Found(_evidence(covariance, chi_squared, prior), values[:7], covariance[:7, :7]))
         start = values
-    left = np.abs(paths.misfit(start)[:, 2])
-    across = max(1.0, rms(left[left < BY_CHANCE * robust_sigma(left)]))
-    return _told_of(replace(_best_readout(found, turned), across=across), known=known)
+    tilt = _best_readout(found, turned)
+    # Of the read-out what is told: one that the paths leave open is no error of a marker.
+    read = np.array(_READ)
+    off = np.where(read == _READ[tilt.along], tilt.values[5], 0.0) - values[read]
+    told = values + covariance[:, read] @ np.linalg.solve(covariance[np.ix_(read, read)], off)
+    return _told_of(replace(tilt, across=paths.across(told)), known=known)
 
 
 def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
@@ -165,9 +169,10 @@ def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
 
 @dataclass(frozen=True, eq=False)
 class _Paths:
-    """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
+    """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the far one's lead.
 
-    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. A codec and smear usually carry a marker
+    The marker that is nearer to the axis comes first; ``between_rad`` is about the angle from its arm to the far one's.
+    For the lead (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. A codec and smear usually carry a marker
     on by ``carried`` (n, 3), in the unit of the positions: by the way round, by the speed, and by its square. Frames
     with one number ``alike`` (n,) are averaged: what is left of them scatters, more along the motion than across it,
     and over a short arc a map that exchanges both would gain by that alone.
@@ -179,10 +184,11 @@ class _Paths:
     lead_rad: Floats
     carried: Floats
     alike: Ints
+    between_rad: float
 
     def rows(self, kept: Flags) -> _Paths:
         """Return some of the frames."""
-        return _Paths(*(getattr(self, item.name)[kept] for item in fields(self)))
+        return replace(self, **{item.name: getattr(self, item.name)[kept] for item in fields(self)[:-1]})
 
     def averaged(self, left: Floats) -> Floats:
         """Return the sums (m, q) of values (n, q) of frames that are alike over the roots of their numbers."""
@@ -198,24 +204,48 @@ class _Paths:
         return group, np.sqrt(count)[:, None]
 
     def misfit(self, values: Floats) -> Floats:
-        """Return by how much both radii and the angle between are off (n, 3), in units of white noise.
+        """Return by how much the markers are off (n, 3), in units of white noise; see :meth:`off`."""
+        away, variance = self.off(values)
+        return np.asarray(away / np.sqrt(variance))
 
-        The noise is that of the picture, carried along: a map that shrinks must not gain by making all errors smaller.
+    def off(self, values: Floats) -> tuple[Floats, Floats]:
+        """Return by how much the markers are off (n, 3), and the variances of that by white noise.
+
+        The near one along its arm, the far one's radius, and the near one aside, as the far one's direction has it: the
+        angle between both would be no number where the near one lies on the axis. The noise is that of the picture,
+        carried along: a map that shrinks must not gain by making all errors smaller.
         """
         (x, y), (xx, xy, yx, yy) = _mapped(*self._places, values)
-        away_x, away_y = x - values[10], y - values[11]
-        radius, angle = np.hypot(away_x, away_y), np.arctan2(away_y, away_x)
-        out_x, out_y = away_x / radius, away_y / radius
-        deep = self._variance(out_x * xx + out_y * yx, out_x * xy + out_y * yy)
-        wide = self._variance(out_x * yx - out_y * xx, out_x * yy - out_y * xy)
+        away = (x - values[10]) + 1j * (y - values[11])
+        far = np.abs(away[:, 1])
+        out = (away[:, 1] / far)[:, None] * np.exp([-1j * self.between_rad, 0.0])
+        along = self._variance(out.real * xx + out.imag * yx, out.real * xy + out.imag * yy)
+        aside = self._variance(out.real * yx - out.imag * xx, out.real * yy - out.imag * xy)
         # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
         determinant = 0.25 * (xx.sum(axis=1) * yy.sum(axis=1) - xy.sum(axis=1) * yx.sum(axis=1))
-        faster = determinant * self._square / _square(x, y)
-        ahead = faster * (self.lead_rad @ values[5:7]) + self.carried @ values[7:10] * np.hypot(*(1.0 / values[12:14]))
-        apart = angle[:, 1] - angle[:, 0] - values[14] - ahead
-        apart -= 2.0 * np.pi * np.rint(apart / (2.0 * np.pi))
-        across = np.sqrt(np.sum(wide / radius**2, axis=1))
-        return np.column_stack([(radius - values[12:14]) / np.sqrt(deep), apart / across])
+        ahead = determinant * self._square / _square(x, y) * (self.lead_rad @ values[5:7])
+        near = away[:, 0] * np.conj(out[:, 0]) * np.exp(1j * ahead)
+        share = values[12] / values[13]
+        beside = near.imag - values[14] + self.carried @ values[7:10] * np.hypot(1.0, share)
+        return (
+            np.column_stack([near.real - values[12], far - values[13], beside]),
+            np.column_stack([along, aside[:, 0] + share**2 * aside[:, 1]]),
+        )
+
+    def across(self, values: Floats) -> float:
+        """Return the errors across the stick over those that its length shows, where they are larger.
+
+        What moves both markers alike, an axis with play or a camera that trembles, turns no stick. It is as large along
+        the arms as across them, and taken off; there the far marker counts as much as it does across. What is left
+        counts as far as chance does not make it (the positive part of James and Stein's estimate).
+        """
+        away, variance = self.off(values)
+        share = values[12] / values[13]
+        alike = (away[:, 0] - share * away[:, 1]) / np.sqrt(variance[:, 0] + share**2 * variance[:, 1])
+        left = np.column_stack([away[:, 2] / np.sqrt(variance[:, 2]), alike])
+        more = np.square(left[near(left)]) @ np.array([1.0, -1.0])
+        mean, chance = float(more.mean()), float(np.var(more)) * correlation_time([more - more.mean()]) / len(more)
+        return math.sqrt(1.0 + max(mean - chance / mean, 0.0)) if mean > 0.0 else 1.0
 
     def _variance(self, by_x: Floats, by_y: Floats) -> Floats:
         """Return the variances (n, 2) of a sum of a marker's coordinates, each times something."""
