@@ -54,7 +54,8 @@ _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
 _LAG: Final = 10.0
 """Prior: lag behind the motion over the usual size of a marker's errors. A camera that averages noise over frames keeps
-dots back by 0.2 px (drawn films in little light), a codec alone by a tenth of that: a rival prior."""
+dots back by 0.2 px (drawn films in little light, benchmarks/tracking/hardships.py), a codec alone by a tenth of that: a
+rival prior."""
 _PACES: Final = 3.0 ** np.arange(-3.0, 2.0)
 """Speeds over the usual one between which a lag changes evenly with the speed's logarithm; below and above it stays."""
 _CIRCLES: Final = np.s_[7:12]
