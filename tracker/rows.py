@@ -9,6 +9,7 @@ import numpy as np
 ROW: Final = np.dtype(
     [
         ("time_s", "<f8"),
+        ("level", "<f4"),
         ("position_px", "<f8", (4, 2)),
         ("covariance_px2", "<f8", (4, 3)),
         ("light", "<f4", (4,)),
@@ -17,7 +18,8 @@ ROW: Final = np.dtype(
         ("state", "u1", (4,)),
     ]
 )
-"""One frame. ``covariance_px2`` holds xx, xy, yy for white noise of the size of the fit's residual."""
+"""One frame. ``level`` is how bright the picture is, a mean grey level, 0 where it was not read; ``covariance_px2``
+holds xx, xy, yy for white noise of the size of the fit's residual."""
 
 STATES: Final = ("seen", "hidden", "shadowed", "dark", "outside", "lost", "damaged")
 """What a marker can be in a frame; ``state`` holds the index.

@@ -71,6 +71,7 @@ class Film:
     exposure: float = 0.0
     row_s: float = 0.0
     read_along: int = 1
+    averaged_grey: float = 0.0
     flicker: float = 0.0
     shake_px: float = 0.0
     bump_px: tuple[float, float, float] | None = None
@@ -203,6 +204,7 @@ class Film:
         ground = _ground(rng, width + 80, height + 80) * self.texture + self.ground
         y, x = np.mgrid[:height, :width]
         light = 1.0 + self.uneven * (0.9 * x / width - 0.7 * y / height - 0.1)
+        held: np.ndarray | None = None
         for time_s, shift in zip(self.times_s, self.shifts_px(), strict=True):
             ox, oy = np.round(shift).astype(int)
             picture = ground[40 - oy : 40 - oy + height, 40 - ox : 40 - ox + width].astype(np.float32)
@@ -222,7 +224,14 @@ class Film:
             if self.dark_s is not None and self.dark_s[0] <= time_s < self.dark_s[1]:
                 gain = 0.01
             picture = picture * light * gain + rng.normal(0.0, self.noise, picture.shape)
+            if self.averaged_grey:
+                held = picture if held is None else held + self._taken(picture - held) * (picture - held)
+                picture = held
             yield np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+    def _taken(self, change: np.ndarray) -> np.ndarray:
+        """Return the share of a change that a camera lets through which averages frames where they change little."""
+        return np.clip(0.3 + 0.7 * np.abs(cv2.blur(change, (3, 3))) / self.averaged_grey, 0.3, 1.0)
 
     def _exposed(self, picture: np.ndarray, time_s: float, shift: np.ndarray) -> np.ndarray:
         instants = self._instants(time_s)

@@ -33,6 +33,16 @@ def swing(start_deg: float, range_deg: float, period_s: float) -> Callable[[np.n
     return lambda t: start_deg + range_deg * (np.cos(2.0 * np.pi * t / period_s) - 1.0) / 2.0
 
 
+def strokes(start_deg: float, range_deg: float, period_s: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return heating and cooling in turn, fast at first, as long as each other."""
+
+    def angle_deg(t: np.ndarray) -> np.ndarray:
+        left = np.exp(-6.6 * (t % (0.5 * period_s)) / period_s)
+        return start_deg + range_deg * np.where(t % period_s < 0.5 * period_s, 1.0 - left, left)
+
+    return angle_deg
+
+
 OVER_A_TURN = swing(70.0, 440.0, 8.0)
 SLOW = swing(160.0, 130.0, 14.0)
 STANDARD = Film("plain, H.264 CRF 18", OVER_A_TURN)
@@ -43,6 +53,15 @@ def films(seed: int, frames: int) -> list[Film]:
     one = replace(STANDARD, seed=seed, frames=frames)
     slow = replace(one, angle_deg=SLOW)
     dark = {"stick": 52.0, "dot": 205.0, "ground": 118.0}
+    little = {
+        "stick": 120.0,
+        "dot": 40.0,
+        "ground": 70.0,
+        "noise": 4.0,
+        "averaged_grey": 40.0,
+        "crf": 28,
+        "camera": False,
+    }
     hand = Cover(1.6, 3.6, 3, 24.0, 128.0)
     made: list[Film] = [
         replace(one, name="plain, lossless", crf=None),
@@ -108,6 +127,8 @@ def films(seed: int, frames: int) -> list[Film]:
         replace(one, name="uneven light 0.8", uneven=0.8, given=False),
         replace(one, name="rough background", texture=32.0, ground=110.0, given=False),
         replace(one, name="noise 6", noise=6.0),
+        replace(one, name="little light, frames averaged", **little),
+        replace(one, name="the same, heated and cooled", angle_deg=strokes(50.0, 100.0, 6.6), **little),
         *[_of_radius(one, radius, given=False) for radius in (3.0, 4.5, 9.0, 12.0, 16.0, 20.0)],
         *[replace(one, name=f"tilt {t}, camera file", tilt_deg=t, k1=-0.12) for t in (10, 20, 30)],
         *[replace(one, name=f"tilt {t}, no camera file", tilt_deg=t, camera=False) for t in (5, 10, 20, 30)],

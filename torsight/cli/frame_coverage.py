@@ -19,6 +19,8 @@ WHY: Final = {
     "hand": "something lies over a marker",
     "sticks": "the sticks are too close to each other",
     "light": "the light is off",
+    "flicker": "the light flickers",
+    "glare": "light glares on the markers",
     "picture": "a marker is outside the picture",
     "marker": "a marker was not found again",
     "texture": "the texture around a marker was lost",

@@ -14,12 +14,14 @@ Nothing is taken out but what the motion tells: a tilt that is no larger than wh
 the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
 
 A rolling shutter (:mod:`tracker.angle.row_time`) is fitted along: pictures that are read along x, along y, or at once
-are three models, weighed by their evidence as well. So is what a codec makes of motion, or a camera that averages noise
-over frames: both keep to the last picture as long as a pixel changes little, so that a marker lags behind, by about as
-much at any speed or in proportion to it, and the angle between both markers is another one each way round, wherever
-they are in the picture. Smear changes it with the speed, alike both ways round: what a marker is taken for, a bent tag
-most of all, lies a little beside the middle of what is smeared. Such errors lie along the circles, where the stick's
-length does not show them: what the fit leaves of the angle between both markers is in the angle's uncertainty.
+are three models, weighed by their evidence as well, against whatever else goes with speed and place and would be a
+read-out longer than a frame. So is what a codec makes of motion, or a camera that averages noise over frames: both
+keep to the last picture as long as a pixel changes little, so that a marker lags behind, the more the faster it is
+until its pixels change much, and the angle between both markers is another one each way round, wherever they are in
+the picture. How a lag goes with the speed is open, and whether it is a codec's alone is judged by the evidence, too.
+Smear changes it with the speed, alike both ways round: what a marker is taken for, a bent tag most of all, lies a
+little beside the middle of what is smeared. Such errors lie along the circles, where the stick's length does not show
+them: what is seen across the arms, lag and all, and not along them, is in the angle's uncertainty.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
@@ -35,7 +38,7 @@ import numpy as np
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows, whitening
-from torsight.core.series import BY_CHANCE, rms, robust_sigma
+from torsight.core.series import correlation_time, rms
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning, way_round
 from tracker.stick_direction import Points, stick_direction
@@ -51,7 +54,13 @@ _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
 _LAG: Final = 10.0
 """Prior: lag behind the motion over the usual size of a marker's errors. A camera that averages noise over frames keeps
-dots back by 0.2 px (drawn films in little light), a codec alone by a tenth of that."""
+dots back by 0.2 px (drawn films in little light, benchmarks/tracking/hardships.py), a codec alone by a tenth of that: a
+rival prior."""
+_PACES: Final = 3.0 ** np.arange(-3.0, 2.0)
+"""Speeds over the usual one between which a lag changes evenly with the speed's logarithm; below and above it stays."""
+_CIRCLES: Final = np.s_[7:12]
+"""Places among the values of the circles' centre, the near arm, the far one's radius, and how far the near one lies
+aside. Before them are tilt, lens and read-outs, behind them what is carried on."""
 _FEWEST: Final = 12
 KNOWN: Final = np.deg2rad(0.2)
 """A tilt of which no more is left than can make this error of an angle is taken out, be it none. A plane that is known
@@ -131,28 +140,34 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     if len(rows) < _FEWEST or turned < _TURNED_RAD:
         nothing = [_Found(0.0, np.zeros(7), np.diag(prior[:7] ** 2)) for prior in priors]
         return _told_of(_blended([item.without(_READ) for item in nothing], turned), known=known)
-    points = np.stack([inner[0][rows], outer[0][rows]], axis=1)
-    spread = np.stack([inner[1][rows], outer[1][rows]], axis=1)
+    points, spread = (np.stack(part, axis=1)[rows] for part in zip(inner, outer, strict=True))
+    (centre, *arms), _ = circles(points, direction[rows])
+    order = np.argsort(np.abs(arms))
+    between = float(np.angle(arms[order[1]]) - np.angle(arms[order[0]]))
     # Frames of one direction, one way round, tell the same.
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
     usual = USUAL_PX / half_px
     way = way_round(direction, float(np.sqrt(np.nanmedian(stick_direction(inner, outer)[1]))))[rows]
     pace = rate[rows] / max(rms(rate[rows]), 1e-12)
-    carried = usual * np.column_stack([way, pace, pace**2])
-    paths = _Paths(points, spread, direction[rows], lead[rows], carried, alike)
-    (centre, *arms), _ = circles(points, direction[rows])
-    between = np.angle(arms[1]) - np.angle(arms[0])
-    start = np.array([*np.zeros(10), centre.real, centre.imag, *np.abs(arms), between])
+    carried = usual * np.column_stack([way[:, None] * _by_pace(np.abs(pace)), pace**2])
+    ahead = (order[1] - order[0]) * lead[rows]
+    paths = _Paths(points[:, order], spread[:, order], direction[rows], way, ahead, carried, alike, between)
+    start = np.array([*np.zeros(7), centre.real, centre.imag, *np.sort(np.abs(arms)), 0.0, *np.zeros(carried.shape[1])])
     start, paths = _without_far(paths, start, priors[-1])
     found: list[_Found] = []
     weigh = paths.weighing(start, usual=usual)
-    for prior in priors:
+    for prior, belief in zip(priors, _BELIEF, strict=False):
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
-        found.append(_Found(_evidence(covariance, chi_squared, prior), values[:7], covariance[:7, :7]))
+        evidence = _evidence(covariance, chi_squared, prior) + math.log(belief)
+        wide = _Found(evidence, values, covariance)
+        found += [wide.marginal(), wide.with_less_lag().marginal()]
         start = values
-    left = np.abs(paths.misfit(start)[:, 2])
-    across = max(1.0, rms(left[left < BY_CHANCE * robust_sigma(left)]))
-    return _told_of(replace(_best_readout(found, turned), across=across), known=known)
+    tilt = _best_readout(found, turned)
+    # Of the read-out what is told: one that the paths leave open is no error of a marker.
+    out = np.array(_READ)
+    off = np.where(out == _READ[tilt.along], tilt.values[5], 0.0) - values[out]
+    told = values + covariance[:, out] @ np.linalg.solve(covariance[np.ix_(out, out)], off)
+    return _told_of(replace(tilt, across=paths.across(told)), known=known)
 
 
 def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
@@ -165,10 +180,12 @@ def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
 
 @dataclass(frozen=True, eq=False)
 class _Paths:
-    """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the outer one's lead.
+    """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the far one's lead.
 
-    For the last (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. A codec and smear usually carry a marker
-    on by ``carried`` (n, 3), in the unit of the positions: by the way round, by the speed, and by its square. Frames
+    The marker that is nearer to the axis comes first; ``between_rad`` is about the angle from its arm to the far one's.
+    For the lead (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. ``way`` (n,) is the way round. A codec and
+    smear usually carry a marker on by ``carried`` (n, k), in the unit of the positions: by a lag at some speeds, either
+    way round, and by the speed's square. Frames
     with one number ``alike`` (n,) are averaged: what is left of them scatters, more along the motion than across it,
     and over a short arc a map that exchanges both would gain by that alone.
     """
@@ -176,13 +193,15 @@ class _Paths:
     points: Floats
     covariance: Floats
     direction_rad: Floats
+    way: Floats
     lead_rad: Floats
     carried: Floats
     alike: Ints
+    between_rad: float
 
     def rows(self, kept: Flags) -> _Paths:
         """Return some of the frames."""
-        return _Paths(*(getattr(self, item.name)[kept] for item in fields(self)))
+        return replace(self, **{item.name: getattr(self, item.name)[kept] for item in fields(self)[:-1]})
 
     def averaged(self, left: Floats) -> Floats:
         """Return the sums (m, q) of values (n, q) of frames that are alike over the roots of their numbers."""
@@ -198,24 +217,52 @@ class _Paths:
         return group, np.sqrt(count)[:, None]
 
     def misfit(self, values: Floats) -> Floats:
-        """Return by how much both radii and the angle between are off (n, 3), in units of white noise.
+        """Return by how much the markers are off (n, 3), in units of white noise; see :meth:`off`."""
+        away, variance = self.off(values)
+        return np.asarray(away / np.sqrt(variance))
 
-        The noise is that of the picture, carried along: a map that shrinks must not gain by making all errors smaller.
+    def off(self, values: Floats) -> tuple[Floats, Floats]:
+        """Return by how much the markers are off (n, 3), and the variances of that by white noise.
+
+        The near one along its arm, the far one's radius, and the near one aside, as the far one's direction has it: the
+        angle between both would be no number where the near one lies on the axis. The noise is that of the picture,
+        carried along: a map that shrinks must not gain by making all errors smaller.
         """
         (x, y), (xx, xy, yx, yy) = _mapped(*self._places, values)
-        away_x, away_y = x - values[10], y - values[11]
-        radius, angle = np.hypot(away_x, away_y), np.arctan2(away_y, away_x)
-        out_x, out_y = away_x / radius, away_y / radius
-        deep = self._variance(out_x * xx + out_y * yx, out_x * xy + out_y * yy)
-        wide = self._variance(out_x * yx - out_y * xx, out_x * yy - out_y * xy)
+        away = (x - values[7]) + 1j * (y - values[8])
+        far = np.abs(away[:, 1])
+        out = (away[:, 1] / far)[:, None] * np.exp([-1j * self.between_rad, 0.0])
+        along = self._variance(out.real * xx + out.imag * yx, out.real * xy + out.imag * yy)
+        aside = self._variance(out.real * yx - out.imag * xx, out.real * yy - out.imag * xy)
         # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
         determinant = 0.25 * (xx.sum(axis=1) * yy.sum(axis=1) - xy.sum(axis=1) * yx.sum(axis=1))
-        faster = determinant * self._square / _square(x, y)
-        ahead = faster * (self.lead_rad @ values[5:7]) + self.carried @ values[7:10] * np.hypot(*(1.0 / values[12:14]))
-        apart = angle[:, 1] - angle[:, 0] - values[14] - ahead
-        apart -= 2.0 * np.pi * np.rint(apart / (2.0 * np.pi))
-        across = np.sqrt(np.sum(wide / radius**2, axis=1))
-        return np.column_stack([(radius - values[12:14]) / np.sqrt(deep), apart / across])
+        ahead = determinant * self._square / _square(x, y) * (self.lead_rad @ values[5:7])
+        near = away[:, 0] * np.conj(out[:, 0]) * np.exp(1j * ahead)
+        share = values[9] / values[10]
+        beside = near.imag - values[11] + self.carried @ values[_CIRCLES.stop :] * np.hypot(1.0, share)
+        return (
+            np.column_stack([near.real - values[9], far - values[10], beside]),
+            np.column_stack([along, aside[:, 0] + share**2 * aside[:, 1]]),
+        )
+
+    def across(self, values: Floats) -> float:
+        """Return the errors across the stick over those that its length shows, where they are larger.
+
+        What moves both markers alike, an axis with play or a camera that trembles, turns no stick. It is as large along
+        the arms as across them, and taken off; there the far marker counts as much as it does across. What is left
+        counts as far as chance does not make it (the positive part of James and Stein's estimate).
+        """
+        away, variance = self.off(values)
+        share = values[9] / values[10]
+        # What lags or is smeared is an error, however well the paths tell it, but for what is alike in all frames.
+        carried = self.carried @ values[_CIRCLES.stop :] * np.hypot(1.0, share)
+        away[:, 2] -= carried - carried.mean()
+        alike = (away[:, 0] - share * away[:, 1]) / np.sqrt(variance[:, 0] + share**2 * variance[:, 1])
+        left = np.column_stack([away[:, 2] / np.sqrt(variance[:, 2]), alike])
+        across, along = np.square(left[near(left)]).T
+        more, usual = float(np.mean(across) - np.mean(along)), float(np.mean(along))
+        chance = 2.0 * float(np.var(along)) * correlation_time([along - usual]) / len(along)
+        return math.sqrt(1.0 + max(more - chance / more, 0.0)) if more > 0.0 else 1.0
 
     def _variance(self, by_x: Floats, by_y: Floats) -> Floats:
         """Return the variances (n, 2) of a sum of a marker's coordinates, each times something."""
@@ -239,7 +286,7 @@ class _Paths:
         """Return what makes the misfits independent."""
         # Frames whose place is hardly known, since the base was hidden, tell little, and count as little here.
         white = float(np.sqrt(0.5 / np.mean(1.0 / np.trace(self.covariance, axis1=2, axis2=3))))
-        whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white, way=self.carried[:, 0] / usual)
+        whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white, way=self.way)
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
         factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))
         return lambda left: np.asarray(factor @ left)
@@ -266,14 +313,22 @@ def _fit(
     paths: _Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], Floats]
 ) -> tuple[Floats, Floats, float]:
     def residuals(values: Floats) -> Floats:
-        return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), values[:10] / prior])
+        return np.concatenate(
+            [weigh(paths.averaged(paths.misfit(values))).ravel(), np.delete(values, _CIRCLES) / prior]
+        )
 
     return least_squares(residuals, start, enough=_ENOUGH)
 
 
+def _by_pace(pace: Floats) -> Floats:
+    """Return the weights (n, k) by which a function of the speed (n,) is interpolated between its values at some."""
+    at = np.log(np.clip(pace, _PACES[0], _PACES[-1]))
+    return np.stack([np.interp(at, np.log(_PACES), one) for one in np.eye(len(_PACES))], axis=1)
+
+
 def _prior(stretch: float) -> Floats:
     perspective = _PERSPECTIVE * np.sqrt(stretch)
-    carried = (_LAG, 1.0, 1.0)
+    carried = (*(_LAG for _ in _PACES), 1.0)
     return np.array([stretch, stretch, perspective, perspective, _BENDING, SHARE_PRIOR, SHARE_PRIOR, *carried])
 
 
@@ -286,6 +341,8 @@ def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:
 
 _READ: Final = (5, 6)
 """Places of both read-outs among the values."""
+_INVERSE: Final = np.arange(-0.9995, 1.0, 0.001)
+"""Parts of the longest read-out by which what is longer than one is weighed: finer than a read-out is ever told."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -295,6 +352,23 @@ class _Found:
     evidence: float
     values: Floats
     covariance: Floats
+
+    def marginal(self) -> _Found:
+        """Return the model of tilt, lens and read-outs, whatever the other values are."""
+        kept = np.s_[: _CIRCLES.start]
+        return replace(self, values=self.values[kept], covariance=self.covariance[kept, kept])
+
+    def with_less_lag(self) -> _Found:
+        """Return the model with the prior of a lag that a codec alone makes."""
+        lag = np.s_[_CIRCLES.stop : _CIRCLES.stop + len(_PACES)]
+        value, sharper = self.values[lag], 1.0 - _LAG**-2
+        # The narrow prior over the wide one is a Gaussian around no lag.
+        spread = self.covariance[lag, lag] + np.eye(len(value)) / sharper
+        back = np.linalg.solve(spread, np.column_stack([value, self.covariance[lag]]))
+        carried = self.covariance[:, lag] @ back
+        shrunk = float(np.linalg.slogdet(sharper * spread)[1])
+        evidence = self.evidence + len(value) * math.log(_LAG) - 0.5 * (shrunk + float(value @ back[:, 0]))
+        return _Found(evidence, self.values - carried[:, 0], self.covariance - carried[:, 1:])
 
     def without(self, places: Sequence[int]) -> _Found:
         """Return what the model says where these read-outs are nought, in the others' order (Savage and Dickey)."""
@@ -309,29 +383,46 @@ class _Found:
         covariance = self.covariance[np.ix_(kept, kept)] - carried[:, 1:]
         return _Found(evidence + len(out) * float(np.log(SHARE_PRIOR)), values, covariance)
 
-    def possible(self) -> _Found:
-        """Return the model, the last value its read-out, as much less likely as that is longer than a frame lasts."""
-        share, sigma = float(self.values[-1]), math.sqrt(2.0 * float(self.covariance[-1, -1]))
-        part = 0.5 * (math.erf((1.0 - share) / sigma) + math.erf((1.0 + share) / sigma))
-        return replace(self, evidence=self.evidence + math.log(max(part, np.finfo(float).tiny)))
+    def possible(self) -> tuple[_Found, float]:
+        """Return the model, the last value its read-out, and the evidence of anything else that looks like one.
+
+        A read-out is no longer than a frame lasts, and any shorter one as likely. What is longer is none, though
+        something goes with speed and place: that is as seldom beforehand as what is not believed, and the larger the
+        less likely.
+        """
+        share, variance = float(self.values[-1]), float(self.covariance[-1, -1])
+        # What the paths alone say, without the prior that the fit had.
+        alone = 1.0 / max(1.0 / variance - SHARE_PRIOR**-2, 1e-9)
+        middle, sigma = share * alone / variance, math.sqrt(alone)
+        said = NormalDist(0.0, math.hypot(sigma, SHARE_PRIOR)).pdf(middle)
+        paths = NormalDist(middle, sigma)
+        shorter = 0.5 * (paths.cdf(1.0) - paths.cdf(-1.0))
+        # Over the inverse of the length, in which half of the prior is on either side.
+        longer = 0.5 * float(np.mean(np.exp(-0.5 * ((1.0 / _INVERSE - middle) / sigma) ** 2))) * paths.pdf(middle)
+        tiny = np.finfo(float).tiny
+        within, beyond = (
+            math.log(max(one, tiny) / max(said, tiny)) for one in (_BELIEVED * shorter, (1.0 - _BELIEVED) * longer)
+        )
+        return replace(self, evidence=self.evidence + within), self.evidence + beyond
 
 
 def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
     """Return the tilt with the read-out that explains the paths best: along x, along y, or none."""
     none = [item.without(_READ) for item in found]
-    rolling = [[item.without([place]).possible() for item in found] for place in _READ[::-1]]
-    evidence = np.array([_total(items) for items in (none, *rolling)])
+    possible = [[item.without([place]).possible() for item in found] for place in _READ[::-1]]
+    rolling = [[item for item, _ in items] for items in possible]
+    other = [beyond for items in possible for _, beyond in items]
+    evidence = np.array([*(_total(items) for items in (none, *rolling)), np.logaddexp.reduce(other)])
     belief = np.exp(evidence - evidence.max())
     belief /= belief.sum()
-    along = int(np.argmax(belief[1:]))
+    along = int(np.argmax(belief[1:3]))
     shown = max(0.0, (float(belief[1 + along]) - _BELIEVED) / (1.0 - _BELIEVED))
     return _blended(none, arc_rad, rolling[along], along=along, shown=shown)
 
 
 def _weights(found: list[_Found]) -> Floats:
-    """Return the logarithm of evidence and belief of each prior of the stretch."""
-    belief = np.log(_BELIEF) if len(found) == len(_BELIEF) else np.zeros(len(found))
-    return np.asarray(np.array([item.evidence for item in found]) + belief)
+    """Return the logarithm of evidence and belief of each prior."""
+    return np.array([item.evidence for item in found])
 
 
 def _total(found: list[_Found]) -> float:

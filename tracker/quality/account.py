@@ -15,7 +15,7 @@ from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
 from tracker.quality.events import event, events_of_right, find_events
 from tracker.quality.gap_pictures import Pictures
-from tracker.quality.gaps import Causes, find_causes, gap_advice, lone_marker_advice
+from tracker.quality.gaps import Causes, find_causes, flicker_advice, gap_advice, lone_marker_advice
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
 
@@ -81,7 +81,9 @@ def account(
         length_px=markers["stick_length_px"],
         radius_px=markers["radius_px"] if markers["kind"] == "dot" else None,
         events=events,
-        gaps=gap_advice(content["frames"], causes) + lone_marker_advice(rows, angles),
+        gaps=gap_advice(content["frames"], causes)
+        + lone_marker_advice(result, angles, pictures=pictures)
+        + flicker_advice(rows, causes),
     )
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events
@@ -185,7 +187,7 @@ def advice(
     kinds = {one["kind"] for one in events}
     if "bump" in kinds:
         words.append("The camera was moved during the film: fix it, and do not touch the table.")
-    if "light" in kinds:
+    if "light" in kinds and "flicker" not in account["frames"]["causes"]:
         words.append("The light was off for a while: use a steady lamp.")
     if "turn uncertain" in kinds:
         words.append("A gap was so long that a whole turn could be missing: keep at least one marker in sight.")

@@ -40,7 +40,7 @@ FAST: Final = 2.0
 LEAST_FAST_DEG: Final = 3.0
 SMEARED: Final = 0.4
 """Smear, in radii of a dot, from which dots are no longer recognised in every frame."""
-_LOOKED_AT: Final = 5
+LOOKED_AT: Final = 5
 """Frames without an angle that are looked at, each with the next one; and frames with one that they are held against.
 """
 _ALIKE: Final = 0.5
@@ -91,10 +91,10 @@ def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictu
     known = np.flatnonzero(angles.valid)
     if not len(unknown) or not len(known):
         return []
-    chosen = unknown[np.unique(np.linspace(0, len(unknown) - 1, _LOOKED_AT).astype(int))]
+    chosen = spread_over(unknown)
     # Places all over the stroke: in their median the moving stick is nowhere.
     by_angle = known[np.argsort(angles.angle_rad[known])]
-    held = by_angle[np.unique(np.linspace(0, len(known) - 1, _LOOKED_AT).astype(int))]
+    held = spread_over(by_angle)
     found = pictures(sorted({*chosen.tolist(), *(chosen + 1).tolist(), *held.tolist()} & set(range(len(angles)))))
     layout = _Layout.of(tracks, found)
     reference = [found[index] for index in held.tolist() if index in found]
@@ -112,6 +112,11 @@ def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictu
         smear_px = (layout.width_deg(picture) - width_deg) * DEG * layout.outer_px if layout else 0.0
         seen.append(Seen(combed(picture, after), _steepness(picture) / max(edges, 1e-9), step_deg, step_px, smear_px))
     return seen
+
+
+def spread_over(frames: Ints) -> Ints:
+    """Return as many of some frames (n,) as are looked at, evenly chosen."""
+    return frames[np.unique(np.linspace(0, len(frames) - 1, LOOKED_AT).astype(int))] if len(frames) else frames
 
 
 def combed(picture: Luma, other: Luma) -> float:

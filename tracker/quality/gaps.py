@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
+from torsight.core.units import Ints
 from torsight.core.words.wording import counted
 from tracker.follow.motion_model import STALE
 from tracker.quality.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
+from tracker.quality.light import FELT, GLARES, flicker_of, glare_at_loss
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -24,6 +26,11 @@ _SECOND: Final = 0.25
 """Share of the frames without an angle from which a cause is named beside the commonest one."""
 _DO: Final = {
     "hand": "something lies over the markers, or light glares on them; keep hands, wires and glare off them.",
+    "glare": (
+        "light glares on the markers: {glare:.0%} of the pixels around one are saturated as it is lost; move the lamp "
+        "or the camera aside, soften the light (a sheet of paper before the lamp), or use matt markers."
+    ),
+    "flicker": "{flicker}",
     "file": "the film's file is damaged there; copy it from the camera again.",
     "light": "the light was off; use a steady lamp.",
     "late": (
@@ -75,7 +82,7 @@ class Causes:
     """Why frames have no angle: how many by cause (keys of ``_DO``), the commonest first; and what the advice names."""
 
     count: dict[str, int] = field(default_factory=dict)
-    figures: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, float | str] = field(default_factory=dict)
 
 
 def find_causes(
@@ -94,12 +101,23 @@ def find_causes(
     # What is lost of a stick without dots, whichever of its points.
     kinds = str(markers.get("kind", ""))
     without_dots = next((kind for kind in ("texture", "tag") if kind in kinds), None)
-    figures = {"first_frame": first, "first_s": float(angles.time_s[min(first, len(angles) - 1)] - angles.time_s[0])}
+    figures: dict[str, float | str] = {
+        "first_frame": first,
+        "first_s": float(angles.time_s[min(first, len(angles) - 1)] - angles.time_s[0]),
+    }
+    glared = _glared(unknown, states, result, pictures, figures)
+    flicker = flicker_of(result.rows)
+    if flicker is not None:
+        figures["flicker"] = flicker.words
     count: Counter[str] = Counter()
     unclear: list[int] = []
     for index, state in zip(unknown.tolist(), states, strict=True):
         if index < first and state == "lost":
             count["late"] += 1
+        elif state == "dark" and flicker is not None:
+            count["flicker"] += 1
+        elif glared and state in (*_UNCLEAR, "shadowed"):
+            count["glare"] += 1
         elif state in _UNCLEAR:
             unclear.append(index)
         else:
@@ -110,12 +128,29 @@ def find_causes(
     return Causes(dict(count.most_common()), figures)
 
 
+def _glared(
+    unknown: Ints,
+    states: Sequence[str],
+    result: TrackResult,
+    pictures: Pictures | None,
+    figures: dict[str, float | str],
+) -> bool:
+    """Return whether light glares on the markers as they are lost, and note by how much."""
+    missed = np.zeros(len(result.rows), np.bool_)
+    # Under glare a stick is lost, and then taken to be wherever it may have gone: under the other one, too.
+    missed[unknown[np.isin(states, (*_UNCLEAR, "shadowed"))]] = True
+    if pictures is None or missed.sum() <= _FELT * len(missed):
+        return False
+    figures["glare"] = share = glare_at_loss(missed, result, pictures, range(4))
+    return share > GLARES
+
+
 def _of_unclear(
     unclear: Sequence[int],
     result: TrackResult,
     angles: StickAngles,
     pictures: Pictures | None,
-    figures: dict[str, float],
+    figures: dict[str, float | str],
 ) -> list[str | None]:
     """Return the cause of these frames by the pictures of some, or by the smear around; None for neither."""
     if not unclear:
@@ -141,12 +176,12 @@ def _of_unclear(
     return [commonest] * len(unclear)
 
 
-def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
+def _note_speed(seen: Sequence[Seen], figures: dict[str, float | str]) -> None:
     """Note how far the stick turns and how wide it is smeared in the pictures that show the cause."""
     steps = [abs(one.step_deg) for one in seen if one.step_deg is not None]
     if steps:
         figures["step_deg"] = float(np.median(steps))
-        figures["smear_px"] = max(figures["smear_px"], float(np.median([one.smear_px for one in seen])))
+        figures["smear_px"] = max(float(figures["smear_px"]), float(np.median([one.smear_px for one in seen])))
 
 
 def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
@@ -169,19 +204,37 @@ def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
     return told
 
 
-def lone_marker_advice(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
+def lone_marker_advice(result: TrackResult, angles: StickAngles, *, pictures: Pictures | None = None) -> list[str]:
     """Return what is to be done where the moving stick's angle is known by one of its markers alone, or nothing."""
     told: list[str] = []
-    seen = rows["state"][:, 2:] == CODE["seen"]
+    seen = result.rows["state"][:, 2:] == CODE["seen"]
     for end, name in enumerate(("inner", "outer")):
-        alone = int((angles.valid & ~seen[:, end] & seen[:, 1 - end]).sum())
-        if alone > _FELT * len(angles):
-            told.append(
-                f"The moving stick's {name} marker is not seen in {alone} of {counted(len(angles), 'frame')}, whose "
-                "angle rests on the other one alone and is less sure: keep it in the picture and clear of hands, wires "
-                "and glare, and film with a shorter shutter time where it is smeared."
-            )
+        alone = angles.valid & ~seen[:, end] & seen[:, 1 - end]
+        if alone.sum() <= _FELT * len(angles):
+            continue
+        share = 0.0 if pictures is None else glare_at_loss(alone, result, pictures, [2 + end])
+        do = (
+            _DO["glare"].format(glare=share)
+            if share > GLARES
+            else "keep it in the picture and clear of hands, wires and glare, and film with a shorter shutter time "
+            "where it is smeared."
+        )
+        told.append(
+            f"The moving stick's {name} marker is not seen in {alone.sum()} of {counted(len(angles), 'frame')}, whose "
+            f"angle rests on the other one alone and is less sure: {do}"
+        )
     return told
+
+
+def flicker_advice(rows: NDArray[np.void], causes: Causes) -> list[str]:
+    """Return what is to be done where light flickers so that errors rise, but no frame is too dark; or nothing."""
+    flicker = flicker_of(rows)
+    if flicker is None or "flicker" in causes.count or flicker.error < FELT:
+        return []
+    words = flicker.words
+    return [
+        f"{words[0].upper()}{words[1:-1]}. As it is dim frames err {flicker.error:.1f} times as much as bright ones."
+    ]
 
 
 def smear_around_gaps_px(result: TrackResult, angles: StickAngles) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.tracker.films import Cover, Rig, write_film
-from torsight.core.tracks import StickAngles
+from torsight.core.tracks import MarkerTracks, StickAngles
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
 from tracker.quality.account import account
@@ -20,7 +20,7 @@ from tracker.quality.gap_pictures import Seen
 from tracker.quality.gaps import lone_marker_advice
 from tracker.quality.track_warnings import doubts
 from tracker.rows import CODE, ROW
-from tracker.track import track_film
+from tracker.track import TrackResult, track_film
 
 RIG = Rig(lambda t: 60.0 + 40.0 * (np.cos(5.0 * t) - 1.0), frames=36)
 
@@ -68,6 +68,14 @@ def absent(number: int, picture: np.ndarray) -> np.ndarray:
     return picture if number >= 20 else np.random.default_rng(number).normal(95.0, 8.0, picture.shape).astype(np.uint8)
 
 
+def glaring(number: int, picture: np.ndarray) -> np.ndarray:
+    """Let a lamp be seen in the ground where the outer marker turns back."""
+    x, y = RIG.marker_px(RIG.truth_deg)[14, 3]
+    rows, columns = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    light = 400.0 / (1.0 + np.exp((np.hypot(columns - x, rows - y) - 9.0) / 3.0))
+    return np.clip(picture + light * (number >= 9), 0.0, 255.0).astype(np.uint8)
+
+
 @pytest.mark.parametrize(
     ("cause", "rig", "words"),
     [
@@ -76,6 +84,8 @@ def absent(number: int, picture: np.ndarray) -> np.ndarray:
         ("focus", Changed(RIG, blurred), "lock the focus"),
         ("late", Changed(RIG, absent), "found from frame 30 on"),
         ("light", replace(RIG, dark_s=(0.4, 1.0)), "steady lamp"),
+        ("flicker", replace(RIG, flicker=0.7, frames=60), "comes again every 4 frames"),
+        ("glare", Changed(RIG, glaring), "are saturated"),
         ("hand", replace(RIG, covers=[Cover(0.4, 1.0, "moving")]), "keep hands"),
         ("sticks", replace(RIG, angle_deg=below, base_on_top=True, frames=50), "on the camera's side"),
         ("interlaced", Woven(suddenly(250.0), lambda _, picture: picture), "interlaced without saying so"),
@@ -91,18 +101,55 @@ def test_the_cause_is_named(cause: str, rig: Any, words: str, tmp_path: Path) ->
     assert words in about
 
 
+def test_light_that_flickers_and_leaves_every_angle_has_advice(tmp_path: Path) -> None:
+    for flicker, told in ((0.5, True), (0.1, False)):
+        source = open_source(write_film(replace(RIG, flicker=flicker, frames=60), tmp_path / "film.mkv"))
+        result = track_film(source)
+        content = account(result, orient(result.tracks, None), doubts=doubts(result), pictures=source.pictures)
+        assert content["frames"]["without_angle"] == 0
+        assert any("dim frames err" in text for text in content["advice"]) == told
+
+
+@pytest.mark.parametrize("level", [95, 250])
+def test_a_marker_lost_under_glare_says_so_where_the_other_one_tells_the_angle(level: int) -> None:
+    n = 40
+    position = np.broadcast_to([[80.0, 60.0], [40.0, 60.0], [120.0, 60.0], [150.0, 60.0]], (n, 4, 2)).copy()
+    rows, known = np.zeros(n, ROW), np.ones(n, bool)
+    rows["state"][15:25, 3] = CODE["hidden"]
+    seen = rows["state"] == CODE["seen"]
+    position[~seen] = np.nan
+    covariance = np.broadcast_to(0.02**2 * np.eye(2), (n, 4, 2, 2))
+    tracks = MarkerTracks(np.arange(n), np.arange(n) / 30.0, position, covariance, seen, (200, 120))
+    result = TrackResult(tracks, rows, [], {"markers": {"radius_px": 5.0}})
+    angles = StickAngles(np.arange(n), np.arange(n) / 30.0, np.zeros(n), np.zeros(n), known, known)
+
+    def pictures(frames: Iterable[int]) -> dict[int, np.ndarray]:
+        shown = {number: np.full((120, 200), 95, np.uint8) for number in frames}
+        for number, picture in shown.items():
+            if number >= 15:
+                cv2.circle(picture, (150, 60), 12, level, -1)
+        return shown
+
+    (words,) = lone_marker_advice(result, angles, pictures=pictures)
+    assert ("light glares on the markers" in words) == (level == 250)
+    assert ("smeared" in words) == (level == 95)
+
+
 @pytest.mark.parametrize(("marker", "name"), [(2, "inner"), (3, "outer")])
 def test_an_angle_that_rests_on_one_marker_has_advice(marker: int, name: str) -> None:
     rows, zero = np.zeros(40, ROW), np.zeros(40)
+    place = MarkerTracks(
+        np.arange(40), zero, np.zeros((40, 4, 2)), np.zeros((40, 4, 2, 2)), np.ones((40, 4), bool), (9, 9)
+    )
     rows["state"][5:15, marker] = CODE["hidden"]
     # With both gone there is no angle, of which other advice tells.
     rows["state"][15:20, 2:] = CODE["hidden"]
     known = (rows["state"][:, 2:] == CODE["seen"]).any(axis=1)
     angles = StickAngles(np.arange(40), np.arange(40) / 30.0, zero, zero, known, np.ones(40, bool))
-    (told,) = lone_marker_advice(rows, angles)
+    (told,) = lone_marker_advice(TrackResult(place, rows), angles)
     assert f"{name} marker is not seen in 10 of 40 frames" in told
     rows["state"][:, 2:] = CODE["seen"]
-    assert lone_marker_advice(rows, angles) == []
+    assert lone_marker_advice(TrackResult(place, rows), angles) == []
 
 
 @pytest.mark.parametrize(

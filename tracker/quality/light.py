@@ -1,0 +1,134 @@
+"""What light does to a track: glare over a marker, and brightness that goes up and down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.series import runs
+from torsight.core.units import Flags, Floats
+from tracker.quality.gap_pictures import LOOKED_AT, Luma, Pictures, spread_over
+from tracker.rows import CODE
+from tracker.track import TrackResult
+
+_SATURATED: Final = 230
+"""Grey level from which a pixel is saturated: white is 235 in video, and compression changes it by a few levels."""
+GLARES: Final = 0.125
+"""Share of saturated pixels within two radii of a marker, beyond what is usual there, from which light glares on it:
+half of the dot's own area."""
+_AGAIN: Final = 0.5
+"""Correlation of the brightness with that some frames later from which it comes again: half of its variance."""
+_TIMES: Final = 3
+"""How often brightness has to come again: what comes twice may be a lamp that was switched off twice."""
+FELT: Final = 1.5
+"""Error in dim frames over that in bright ones from which flicker is felt, as compression is."""
+
+
+def glare_at_loss(missed: Flags, result: TrackResult, pictures: Pictures, markers: Sequence[int]) -> float:
+    """Return how much more of the pixels around a marker is saturated where it is lost than where it is seen.
+
+    ``missed`` (n,) are frames in which ``markers``, by their numbers, are asked for; ``pictures`` gives some by theirs.
+    A marker's longest gaps are looked at, those without that under the other stick; of the markers that with most
+    counts.
+    """
+    tracks, state = result.tracks, result.rows["state"]
+    starts: dict[int, list[int]] = {}
+    held: dict[int, list[int]] = {}
+    for marker in markers:
+        gone = [
+            (begin, end)
+            for begin, end in runs(~tracks.valid[:, marker])
+            if begin and missed[begin:end].any() and state[begin, marker] in (CODE["hidden"], CODE["lost"])
+        ]
+        gone.sort(key=lambda one: one[0] - one[1])
+        starts[marker] = [begin for begin, _ in gone[:LOOKED_AT]]
+        held[marker] = spread_over(np.flatnonzero(tracks.valid[:, marker])).tolist() if gone else []
+    shown = pictures(sorted({one for frames in (*starts.values(), *held.values()) for one in frames}))
+    reach = 2.0 * float(result.report["markers"]["radius_px"])
+    share = [0.0]
+    for marker in markers:
+        place = tracks.position_px[:, marker]
+        # Where it would be: as far on as it came from the frame before.
+        lost = [
+            _saturated(shown[one], place[one - 1] + np.nan_to_num(place[one - 1] - place[max(one - 2, 0)]), reach)
+            for one in starts[marker]
+            if one in shown
+        ]
+        usual = [_saturated(shown[one], place[one], reach) for one in held[marker] if one in shown]
+        if lost and usual:
+            share.append(float(np.median(lost) - np.median(usual)))
+    return max(share)
+
+
+def _saturated(picture: Luma, place: Floats, reach: float) -> float:
+    """Return the share of saturated pixels within a distance of a place."""
+    (left, top), (right, bottom) = (np.floor(place - reach), np.ceil(place + reach) + 1.0)
+    height, width = picture.shape
+    rows = np.arange(max(0, int(top)), min(height, int(bottom)))
+    columns = np.arange(max(0, int(left)), min(width, int(right)))
+    near = np.hypot(columns[None, :] - place[0], rows[:, None] - place[1]) < reach
+    return float(np.mean(picture[np.ix_(rows, columns)][near] >= _SATURATED)) if near.any() else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Flicker:
+    """Brightness that goes up and down: after how many frames it comes again, and how deep it falls, of its highest.
+
+    ``error`` is that of dim frames over that of bright ones.
+    """
+
+    frames: int
+    depth: float
+    error: float
+
+    @property
+    def words(self) -> str:
+        """Return what flickers, and what to do about it."""
+        return (
+            f"the light flickers: its brightness falls by {self.depth:.0%}, and comes again every {self.frames} "
+            "frames or so; use a lamp without flicker (on direct current), or a shutter time of one or two half waves "
+            "of the mains (1/100 or 1/50 s, with 60 Hz 1/120 or 1/60 s)."
+        )
+
+
+def flicker_of(rows: NDArray[np.void]) -> Flicker | None:
+    """Return how the light flickers, by the pictures' mean grey level; None where it does not."""
+    read = np.flatnonzero(rows["level"] > 0.0)
+    if not len(read):
+        return None
+    level = np.interp(np.arange(len(rows)), read, rows["level"][read])
+    again = _comes_again(level - level.mean())
+    low, high = np.quantile(level, [0.05, 0.95])
+    bright = level > 0.5 * (low + high)
+    seen = rows["state"] == CODE["seen"]
+    error = [
+        _error_px(rows["covariance_px2"][which])
+        for which in (seen & part[:, None] for part in (~bright, bright))
+        if which.any()
+    ]
+    return None if again is None or len(error) < 2 else Flicker(again, float(1.0 - low / high), error[0] / error[1])
+
+
+def _error_px(covariance_px2: Floats) -> float:
+    """Return the usual error of markers by the elements xx, xy, yy (n, 3) of their covariances."""
+    return float(np.sqrt(np.mean(covariance_px2[:, 0] + covariance_px2[:, 2])))
+
+
+def _comes_again(level: Floats) -> int | None:
+    """Return after how many frames a brightness (n,) without its mean comes again, or None."""
+    n = len(level)
+    size = 1 << (2 * n - 1).bit_length()
+    product = np.fft.irfft(np.abs(np.fft.rfft(level, size)) ** 2, size)[: n // _TIMES + 2]
+    if product[0] <= 0.0:
+        return None
+    alike = product / product[0] * n / (n - np.arange(len(product)))
+    apart = np.flatnonzero(alike < 0.0)
+    if not len(apart):
+        return None
+    lags = np.arange(apart[0], len(alike) - 1)
+    peak = (alike[lags] > _AGAIN) & (alike[lags] >= alike[lags - 1]) & (alike[lags] >= alike[lags + 1])
+    return int(lags[peak][0]) if peak.any() else None
