@@ -106,18 +106,22 @@ def temperature_rate(spring: str) -> Callable[[Ports, Curve], Ports]:
     warmer = _warmer(spring, lambda ports: (ports.rate_a_c_s, ports.rate_b_c_s))
 
     def apply(ports: Ports, law: Curve) -> Ports:
-        return warmer(ports, law).with_temperatures(lambda temp, rate: (_no_warmer(temp, rate), rate))
+        made = warmer(ports, law)
+        return made.changed(
+            temp_a_c=_no_jump_up(made.temp_a_c, ports.temp_a_c, ports.rate_a_c_s),
+            temp_b_c=_no_jump_up(made.temp_b_c, ports.temp_b_c, ports.rate_b_c_s),
+        )
 
     return apply
 
 
 @compiled
-def _no_warmer(temp_c: Floats, rate_c_s: Floats) -> Floats:
-    """Return temperatures (n,) that do not rise where those of the log fall."""
-    out = temp_c.copy()
+def _no_jump_up(wire_c: Floats, log_c: Floats, rate_c_s: Floats) -> Floats:
+    """Return a wire's temperatures (n,) that rise by no more than the log's where the log's rate is negative."""
+    out = wire_c.copy()
     for i in range(1, out.size):
         if rate_c_s[i] < 0.0:
-            out[i] = min(out[i], out[i - 1])
+            out[i] = min(out[i], out[i - 1] + max(0.0, log_c[i] - log_c[i - 1]))
     return out
 
 

@@ -27,7 +27,7 @@ ROUNDED: Final = 1e-14
 
 SEATS: Final = 5
 """Elements among which friction is shared where it has an elastic seat: the curve to the point where it slides is then
-one of five straight lines, within 2 % of τ_c of a smooth one (a parabola's sagitta over a fifth, 1/8 · 4/25)."""
+one of five straight lines, within 1 % of τ_c of the parabola 1 − (1 − u)² (its sagitta over a fifth, 2 / (8 · 25))."""
 
 Scalars = np.void
 """The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
