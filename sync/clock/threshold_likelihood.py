@@ -298,7 +298,7 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
     """
     total = 0.0
     for number in np.unique(kind):
-        # The logarithm of a plateau's rate would count without end.
+        # On a plateau the rate is near zero, and its logarithm has no lower bound.
         strokes = np.unique(stroke[kind == number])
         logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
         total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
