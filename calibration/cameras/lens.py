@@ -7,6 +7,7 @@ are not certain, then with the narrow window, which gives the result.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -149,6 +150,12 @@ def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal
 
     Raises NoResultError when the fit does not come out with finite numbers.
     """
+    return _fit_lens(tuple(views), size_px, window)
+
+
+@functools.lru_cache(maxsize=2 * _MOST_GROUPS + 2)
+def _fit_lens(views: tuple[View, ...], size_px: tuple[int, int], window: str) -> Fit:
+    """Fit; the same views are asked for again by the jackknife of a pair, for either camera."""
     corners = [view.corners_px if window == "narrow" else view.wide_px for view in views]
     try:
         _, matrix, distortion, rvec, tvec, sigma, _, _ = cv2.calibrateCameraExtended(
