@@ -20,14 +20,23 @@ $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "torsight needs Python 3.11 or newer: install it, or name it with 'make PYTHON=...'" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.installed: pyproject.toml | $(BIN)/python
+# What is compiled needs these alone: they come first, and the rest is installed while they compile.
+COMPILED_WITH := numpy scipy pandas numba av opencv-contrib-python-headless threadpoolctl filelock tomli-w
+REQUIREMENTS = import re, sys, tomllib; \
+	every = tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"]; \
+	print(*(one for one in every if re.match("[a-z-]+", one)[0] in sys.argv[1:]))
+
+$(VENV)/.compiling: pyproject.toml | $(BIN)/python
+	$(PIP_INSTALL) $$($(BIN)/python -c '$(REQUIREMENTS)' $(COMPILED_WITH))
+	touch $@
+
+$(VENV)/.installed: pyproject.toml | $(VENV)/.compiling
 	$(PIP_INSTALL) --editable .
 	touch $@
 
-# By its name: what is installed stays as it is, where a path would have it built once more. Only what it asks for is added.
-$(VENV)/.installed-%: $(VENV)/.installed
-	$(PIP_INSTALL) "torsight[$*]"
-	touch $@
+$(VENV)/.installed-%: pyproject.toml | $(VENV)/.compiling
+	$(PIP_INSTALL) --editable ".[$*]"
+	touch $@ $(VENV)/.installed
 
 demo: $(VENV)/.installed
 	$(BIN)/torsight demo --out demo
@@ -42,8 +51,7 @@ style: $(VENV)/.installed-dev
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy
 
-# Needs what the product needs, and so begins while the tools of development are still installed.
-compiled: $(VENV)/.installed
+compiled: $(VENV)/.compiling
 	$(BIN)/python tests/compile_ahead.py
 
 pytest: $(VENV)/.installed-dev | compiled

@@ -9,10 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from blind_rig import ROOM_C, Array, DrawnRig, Hidden, Run, on_log_clock
 from cases import LIBRARY, Draw
+from drawn_laws import draw_law
 from shown import shown
 
 from torsight.core.units import DEG, MNM
-from torsight.synthetic.effects.random_laws import RigLaw, draw_law
+from torsight.synthetic.effects.rig_laws import RigLaw
 from torsight.synthetic.rig.rig_values import declared_from, rig_values
 
 Key = tuple[str, str]

@@ -14,7 +14,7 @@ from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
 from torsight.synthetic.effects.hidden import HIDDEN, ClockOffset
 from torsight.synthetic.effects.mechanisms import HiddenEffect
-from torsight.synthetic.effects.random_laws import RigLaw
+from torsight.synthetic.effects.rig_laws import RigLaw
 from torsight.synthetic.rig.moving_rig import RigRecord, Sensor, Setup, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import HalfCycle, Protocol
 from torsight.synthetic.rig.rig_values import REFERENCE, RigValues, declared_from, draw_values

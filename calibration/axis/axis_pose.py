@@ -1,4 +1,4 @@
-"""A measured pose of the rotation axis, as people meet it."""
+"""How a measured pose of the rotation axis is shown: its table and its plot."""
 
 from __future__ import annotations
 

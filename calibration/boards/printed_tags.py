@@ -36,7 +36,7 @@ class TagPair:
 
 
 def tag_pair(family: str, *, base_id: int, moving_id: int, side_mm: float) -> TagPair:
-    """Return a pair of tags after a look at whether there is such a one."""
+    """Return a pair of tags; a family or a number that does not exist is refused."""
     name = f"DICT_{family.removeprefix('DICT_')}"
     if not isinstance(getattr(cv2.aruco, name, None), int):
         usual = "4X4_50, 5X5_50, 6X6_50, APRILTAG_16h5, APRILTAG_25h9, APRILTAG_36h11"

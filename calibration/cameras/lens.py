@@ -7,6 +7,7 @@ are not certain, then with the narrow window, which gives the result.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2",
 """Order of the intrinsics' standard deviations."""
 
 CORNER_SIGMA_PX: Final = 0.1
-"""To which the corners of a hand-held board are measured in ordinary light."""
+"""Error to which the corners of a hand-held board are measured in ordinary light."""
 _WORSE_THAN_MEDIAN: Final = 3.0
 _NEVER_BAD_PX: Final = 3.0 * CORNER_SIGMA_PX
 """A view or pair is set aside where its error is more than so many times the median, and more than what a hand-held
@@ -91,8 +92,8 @@ class Fit:
 class LensCalibration:
     """A calibrated camera and its data: the fit over the views that were ``kept`` (n,) of all, the others set aside.
 
-    ``first`` is the fit over all views, corners in the wide window: how the calibration would have come out without any
-    care. ``between_views`` (9,) are standard deviations from leaving out views (jackknife): larger than ``fit.sigma``
+    ``first`` is the fit over all views, corners in the wide window: the calibration without any view set
+    aside. ``between_views`` (9,) are standard deviations from leaving out views (jackknife): larger than ``fit.sigma``
     where errors are correlated within a view, as on a board that is not flat.
     """
 
@@ -149,6 +150,12 @@ def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal
 
     Raises NoResultError when the fit does not come out with finite numbers.
     """
+    return _fit_lens(tuple(views), size_px, window)
+
+
+@functools.lru_cache(maxsize=2 * _MOST_GROUPS + 2)
+def _fit_lens(views: tuple[View, ...], size_px: tuple[int, int], window: str) -> Fit:
+    """Fit; the same views are asked for again by the jackknife of a pair, for either camera."""
     corners = [view.corners_px if window == "narrow" else view.wide_px for view in views]
     try:
         _, matrix, distortion, rvec, tvec, sigma, _, _ = cv2.calibrateCameraExtended(
@@ -158,7 +165,7 @@ def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal
             np.eye(3),
             np.zeros(5),
             flags=0,
-            # Until nothing moves any more: OpenCV's own 30 steps may end before.
+            # Until convergence: OpenCV's default of 30 steps may end earlier.
             criteria=(cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-12),
         )
     except cv2.error as error:
@@ -205,7 +212,7 @@ def _without_bad(
         view = views[kept[worst]]
         shift = root_mean_square(view.wide_px - view.corners_px)
         why = f"its corners are {error[worst]:.2f} px off, the median of the views is {median:.2f} px"
-        # Where the window makes more than half of the error, blur or light is the cause, and that can be mended.
+        # Where the window makes more than half of the error, blur or light is the cause, which the user can change.
         if window == "wide" and shift > 0.5 * error[worst]:
             why += f"; they move by {shift:.2f} px with the window in which they are measured"
         aside.append(SetAside(kept.pop(worst), why))
@@ -234,7 +241,7 @@ def worst_view(error_px: Floats) -> int | None:
 
 def without_each(count: int, values: Callable[[range], Floats], *, words: str, progress: Progress) -> Floats:
     """Return the values (g, p) without each of g groups of ``count`` views or pairs, for a jackknife."""
-    # Every so many-th, not neighbours: these look alike, as the board was turned from one to the next.
+    # Every n-th view, not neighbours: the board is turned little from one to the next, so that these are alike.
     groups = min(count, _MOST_GROUPS)
     found = []
     for first in range(groups):

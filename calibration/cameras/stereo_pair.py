@@ -35,7 +35,7 @@ class _Common:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairCalibration:
-    """Two cameras against each other: the second one with its place, and the distance of both.
+    """A stereo pair: the second camera with its pose relative to the first, and the distance between both.
 
     ``sigma`` (6,) are standard deviations of rvec (rad) and tvec_mm, from leaving out pairs (jackknife), lenses
     included. ``rms_px`` is the root mean square error of the corners in both pictures with one pose of the board per
@@ -54,7 +54,7 @@ class PairCalibration:
 
 
 def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: Progress = silent) -> PairCalibration:
-    """Find the second camera's place against the first, with both lenses as they are.
+    """Find the second camera's pose relative to the first; both lenses stay as they are.
 
     ``progress`` is called after every fit that leaves some of the pairs out.
 

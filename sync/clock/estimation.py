@@ -190,7 +190,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
 def _paired(
     angles: StickAngles, weighed: WeighedRestarts, reading: LogReading, light: LightEvents, prior: Gaussian | None
 ) -> tuple[WeighedRestarts, LedMatch]:
-    """Return the LED's match, with rows behind a restart where the motion has them or, if more pair, the LED."""
+    """Return the LED's match, with rows after a restart where the motion has them or, if more pair, the LED."""
     moved = _joined_by_led(angles, reading, light)
     other = None if moved is None else match_led(light, angles.time_s, moved.log, gaps=unknown_gaps(moved))
     try:

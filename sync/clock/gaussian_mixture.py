@@ -60,9 +60,9 @@ class Gaussian:
 
 @dataclass(frozen=True, slots=True)
 class UnknownGap:
-    """A joint of the log: rows behind it may belong later than they were put, by an unknown time with one sigma.
+    """A joint of the log: rows after it may belong later than they were put, by an unknown time with one sigma.
 
-    ``after_s`` and ``begin_s`` are the timestamps of the last row before and of the first behind, as they were joined.
+    ``after_s`` and ``begin_s`` are the timestamps of the last row before and of the first after, as they were joined.
     """
 
     after_s: float
@@ -82,10 +82,10 @@ def log_time(
     columns = [np.ones_like(film_s), away]
     covered = np.ones(len(film_s), dtype=np.bool_)
     for gap, missing_s in zip(gaps, point[2:], strict=True):
-        behind = timestamp > gap.after_s
-        timestamp = np.where(behind, timestamp - missing_s, timestamp)
-        covered &= ~behind | (timestamp >= gap.begin_s)
-        columns.append(np.where(behind, -1.0, 0.0))
+        after_gap = timestamp > gap.after_s
+        timestamp = np.where(after_gap, timestamp - missing_s, timestamp)
+        covered &= ~after_gap | (timestamp >= gap.begin_s)
+        columns.append(np.where(after_gap, -1.0, 0.0))
     return timestamp, np.stack(columns, axis=1), covered
 
 

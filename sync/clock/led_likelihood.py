@@ -94,9 +94,9 @@ def match_led(
     seen, shown = film.at(index), switchings.at(partner)
     away_s, offset_s = seen.time_s - middle_s, shown.time_s - seen.time_s
     if gaps:
-        behind = np.stack([shown.time_s > gap.after_s for gap in gaps], axis=1)
+        after_gap = np.stack([shown.time_s > gap.after_s for gap in gaps], axis=1)
         variance = PRIORS.led_repeats * ((seen.step_s**2 + shown.step_s**2) / 12.0 + PRIORS.led_jitter_s**2)
-        gaussian = _with_gaps(away_s, offset_s, behind, variance, [gap.sigma_s for gap in gaps])
+        gaussian = _with_gaps(away_s, offset_s, after_gap, variance, [gap.sigma_s for gap in gaps])
         return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1)
     gaussian = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
     second_s = _second_shift(film, switchings, index, partner)
@@ -121,7 +121,7 @@ def _second_shift(film: Changes, switchings: Changes, index: Ints, partner: Ints
 
 
 def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, after_s: float) -> float | None:
-    """Return the time that is missing behind a joint of the log, s, by pairing the LED on both sides of it.
+    """Return the time that is missing after a joint of the log, s, by pairing the LED on both sides of it.
 
     None where one side alone pairs as many events as both. Of several answers the shortest is taken.
     """
@@ -144,11 +144,11 @@ def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, aft
 
 
 def _with_gaps(
-    away_s: Floats, offset_s: Floats, behind: Flags, variance: Floats, gap_sigma_s: Sequence[float]
+    away_s: Floats, offset_s: Floats, after_gap: Flags, variance: Floats, gap_sigma_s: Sequence[float]
 ) -> Gaussian:
     """Return the Gaussian about offset, drift and the time missing at each joint, by least squares.
 
-    Rows behind a joint stand earlier than they belong by what is missing there.
+    Rows after a joint stand earlier than they belong by what is missing there.
     """
     # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
     sigmas = [10.0, 2.0 * PRIORS.drift_sigma_ppm * PPM, *gap_sigma_s]
@@ -156,13 +156,13 @@ def _with_gaps(
     # Near the answer already: the prior of 10 s is to pull at nothing.
     mean[0] = float(np.median(offset_s))
     gaussian = Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
-    for away, seen, later, spread in zip(away_s, offset_s, behind, variance, strict=True):
+    for away, seen, later, spread in zip(away_s, offset_s, after_gap, variance, strict=True):
         gaussian = gaussian.updated(np.array([1.0, away, *(-1.0 * later)]), float(seen), float(spread))
     return gaussian
 
 
 def _intersected(*, away_s: Floats, offset_s: Floats, film_step_s: Floats, log_step_s: Floats) -> Gaussian:
-    """Return mean and covariance of offset and drift, every pair having an even error over its two intervals."""
+    """Return mean and covariance of offset and drift, every pair having uniform errors over its two intervals."""
     drift_sigma = 2.0 * PRIORS.drift_sigma_ppm * PPM
     wide = Gaussian(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, drift_sigma**2]), 0.0)
     # Least squares say where to look; as if every pair were the only one, so that the grid is surely wide enough.
@@ -175,7 +175,7 @@ def _intersected(*, away_s: Floats, offset_s: Floats, film_step_s: Floats, log_s
     # Any drift of ordinary clocks is as good as another: drawing it to zero would shift the offset at the film's ends.
     log_weight = -0.5 * (drift / (1.1 * drift_sigma)) ** 8
     for away, seen, film_step, log_step in zip(away_s, offset_s, film_step_s, log_step_s, strict=True):
-        # The sum of two even errors has the density of a trapezoid: as wide as both, its top as wide as they differ.
+        # The sum of two uniform errors has the density of a trapezoid: as wide as both, its top as wide as they differ.
         error = np.abs(seen - offset - drift * away)
         long, short = max(film_step, log_step) + PRIORS.led_jitter_s, min(film_step, log_step) + PRIORS.led_jitter_s
         inside = np.clip(0.5 * (long + short) - error, 0.0, short) / (long * short)

@@ -181,9 +181,9 @@ def _with_stops(gaussian: Gaussian, stops: Sequence[_PairedStop], inputs: _Input
     elsewhere = PRIORS.stop_astray / float(np.ptp(inputs.angles.time_s))
     hypotheses = [gaussian]
     for stop in stops:
-        # Rows behind a gap stand earlier than they belong by what is missing there.
-        behind = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
-        design = np.array([1.0, stop.film_s - middle_s, *behind])
+        # Rows after a gap stand earlier than they belong by what is missing there.
+        after_gap = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
+        design = np.array([1.0, stop.film_s - middle_s, *after_gap])
         ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + PRIORS.stop_astray_s**2, stop.astray))
         offset_s = stop.log_s - stop.film_s
         found = [

@@ -1,7 +1,7 @@
 """Clock and restarts of the log together: the motion shows how long a logger was away where the log does not.
 
 For a restart during a rest two hypotheses are compared: the clock alone restarted (the usual step passed), or the
-logger was away for an unknown time, which is searched for first so that strokes behind the restart meet their heatings.
+logger was away for an unknown time, which is searched for first so that strokes after the restart meet their heatings.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def unknown_gaps(reading: LogReading) -> tuple[UnknownGap, ...]:
 
 
 def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) -> LogReading:
-    """Return the log with everything behind a restart moved later, and how sure that is."""
+    """Return the log with everything after a restart moved later, and how sure that is."""
     restart = reading.restarts[number]
     time_s = reading.log.time_s.copy()
     time_s[restart.index :] += longer_s

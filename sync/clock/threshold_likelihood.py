@@ -83,7 +83,7 @@ def _wire(
         noise = signal.value_sigma**2 + (lag_s * signal.slope_sigma) ** 2
         variance[pick] = noise + (crossings.time_sigma_s[pick] * slope) ** 2 + 1e-6
         known[pick] = there
-        rate[pick], rate_sigma[pick] = _smooth_rates(signal, at_s[pick], crossings.stroke[pick])
+        rate[pick], rate_sigma[pick] = _smooth_rates(signal, at_s[pick], slope, crossings.stroke[pick])
     return _Wire(temp, _shrunk(crossings, rate, rate_sigma), variance, known & covered, columns)
 
 
@@ -103,8 +103,11 @@ def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> 
     return usual + kept
 
 
-def _smooth_rates(signal: EvenSignal, at_s: Floats, stroke: Ints) -> tuple[Floats, Floats]:
-    """Return the rate of a temperature at some instants (n,) of strokes, and its sigma, from a polynomial for each."""
+def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints) -> tuple[Floats, Floats]:
+    """Return the rate of a temperature at some instants (n,) of strokes, and its sigma, from a polynomial for each.
+
+    Where too little of a stroke is known the rate is the signal's own ``slope`` (n,).
+    """
     at, powers, whole = _polynomials(_RATE_POWERS)
     _, own = np.unique(stroke, return_inverse=True)
     first, last = np.full(own.max() + 1, np.inf), np.full(own.max() + 1, -np.inf)
@@ -128,7 +131,7 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, stroke: Ints) -> tuple[Float
     excess = np.sqrt(np.maximum(missed - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
     sigma = np.sqrt(np.sum((spread[own] @ design[..., None])[..., 0] * design, axis=1))
     few = (count < 2 * _RATE_POWERS)[own]
-    rate = np.where(few, signal.at(at_s)[1], np.sum(design * coefficient[own], axis=1))
+    rate = np.where(few, slope, np.sum(design * coefficient[own], axis=1))
     return rate, np.where(few, signal.slope_sigma, np.hypot(sigma, excess[own]))
 
 
@@ -298,7 +301,7 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
     """
     total = 0.0
     for number in np.unique(kind):
-        # The logarithm of a plateau's rate would count without end.
+        # On a plateau the rate is near zero, and its logarithm has no lower bound.
         strokes = np.unique(stroke[kind == number])
         logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
         total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))

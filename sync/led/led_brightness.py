@@ -1,8 +1,8 @@
 """An LED in the film that shows the heating switch: when it went on and off.
 
-Around the place that the user names, the brightest few pixels are held against the picture around them, frame by frame,
+Around the place that the user names, the brightest few pixels are compared with the picture around them in every frame,
 so that an LED some pixels beside that place is found and a change of the room's light is not taken for it. The values
-fall into two levels; the middle between them parts on from off.
+fall into two levels; the middle between them separates on from off.
 """
 
 from __future__ import annotations
@@ -130,18 +130,18 @@ def _two_levels(value: Floats) -> tuple[float, float, float]:
     """Return the middles of two levels of values, and the noise of one value."""
     if len(value) < 2:
         return 0.0, 0.0, 0.0
-    # The parting and both medians in turn, until neither moves: two or three times, fifty at most.
-    parting = 0.5 * float(value.min() + value.max())
-    low = high = parting
+    # The threshold and both medians in turn, until neither moves: two or three times, fifty at most.
+    threshold = 0.5 * float(value.min() + value.max())
+    low = high = threshold
     for _ in range(50):
-        below, above = value[value <= parting], value[value > parting]
+        below, above = value[value <= threshold], value[value > threshold]
         if len(above) == 0:
             break
         low, high = float(np.median(below)), float(np.median(above))
         moved = 0.5 * (low + high)
-        if moved == parting:
+        if moved == threshold:
             break
-        parting = moved
+        threshold = moved
     away = np.minimum(np.abs(value - low), np.abs(value - high))
     return low, high, robust_sigma(away)
 

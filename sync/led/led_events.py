@@ -66,7 +66,7 @@ def read_light_events(path: AnyPath) -> LightEvents:
     table = read_table(path, required=("time_s",))
     time_s = table["time_s"].to_numpy(np.float64)
     for _, place in first_row(~np.isfinite(time_s), where=path, column="time_s"):
-        raise InputError("has no time", where=place, do="mend that row")
+        raise InputError("has no time", where=place, do="correct that row")
     on = switch_column(table, "on", where=str(path))
     order = np.argsort(time_s, kind="stable")
     return LightEvents(time_s[order], (np.ones(len(time_s), np.bool_) if on is None else on)[order])

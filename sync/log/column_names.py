@@ -208,7 +208,7 @@ def _places(header: Sequence[str], taken: set[int], says: Any) -> list[int]:
 
 
 def _words(name: str) -> list[str]:
-    """Return the words of a name in small letters: those of ``TempA``, ``temp_a`` and ``Temp. A`` are the same."""
+    """Return the words of a name in lower case: those of ``TempA``, ``temp_a`` and ``Temp. A`` are the same."""
     return [word.lower() for word in _WORDS.findall(name)]
 
 
@@ -266,7 +266,7 @@ def with_unit(column: LogColumn, unit: Unit, role: str) -> Any:
         return InputError(
             f"column '{column.name}' is said to be in {column.unit.name} and in {unit.name}",
             value=f"{column.unit.name} and {unit.name}",
-            do="mend the header, or the units that are given with --units or [temperature] units",
+            do="correct the header, or the units that are given with --units or [temperature] units",
         )
     return replace(column, unit=unit)
 

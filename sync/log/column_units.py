@@ -1,6 +1,6 @@
 """Units as headers of logs write them: times in seconds, milliseconds, minutes, ..., temperatures in °C, °F or K.
 
-A unit stands in brackets behind the name (``Temp A (°C)``, ``Time [ms]``), behind a stroke or a comma (``T_A / °C``),
+A unit stands in brackets after the name (``Temp A (°C)``, ``Time [ms]``), after a slash or a comma (``T_A / °C``),
 at the name's end (``time_ms``, ``Temp A °F``), or in a row of its own below the header.
 """
 
@@ -69,7 +69,7 @@ def unit_of(text: str) -> Unit | None:
 def split_unit(header: str) -> tuple[str, Unit | None]:
     """Return a header's name without its unit, and the unit; None where the header says none.
 
-    A single letter or word behind an underscore counts only where the name says the kind: ``temp_a_c`` is in °C and
+    A single letter or word after an underscore counts only where the name says the kind: ``temp_a_c`` is in °C and
     ``time_ms`` in ms, the ``a`` of ``temp_a`` is no ampere and the ``k`` of ``thermocouple_k`` no kelvin.
     """
     whole = unit_of(header)

@@ -1,7 +1,7 @@
 """Delimited text as instruments and spreadsheets write it: delimiter, decimal sign, preamble, broken rows.
 
-A decimal comma is read as one only where nothing else is possible: the fields are not parted by commas, and at least
-one number has other than three digits behind its comma (``1,234`` alone might be a thousand and more).
+A decimal comma is read as one only where nothing else is possible: commas do not separate the fields, and at least
+one number has other than three digits after its comma (``1,234`` alone might be a thousand and more).
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def _whole_rows(
             "most rows have more fields than the header",
             where=f"{path}, line {wrong[0] + first_line}",
             value=repr(lines[wrong[0]][:80]),
-            limit=f"{columns} fields parted by {delimiter!r}",
+            limit=f"{columns} fields separated by {delimiter!r}",
             do="decimal commas need ';' between the fields, or quotes",
         )
     for kind, words in (

@@ -18,7 +18,7 @@ from torsight.core.frozen import Frozen
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 BLANKS: Final = " "
-"""Stands for columns that are parted by nothing but blanks."""
+"""Stands for columns that only blanks separate."""
 _ARROW: Final = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d{1,6}) -> ")
 """What a serial monitor writes in front of every line that comes in."""
 _PLAIN_ROW: Final = re.compile(r"[-+\d.,;:|\sTZeE/]*")
@@ -120,8 +120,8 @@ def find_columns(
 ) -> tuple[str, list[str], dict[str, LogColumn | InputError]]:
     """Return the delimiter by which a line names most of the columns that are needed, its names, and the columns.
 
-    Blanks part a line's names only where they part the rows below it, if these are known, into as many fields: they may
-    as well be those of a sentence, or of names that hold blanks themselves.
+    Blanks separate a line's names only where they separate the rows below it, if these are known, into as many fields:
+    they may as well be those of a sentence, or of names that hold blanks themselves.
     """
     best: tuple[str, list[str], dict[str, LogColumn | InputError]] = (",", [line], {})
     for delimiter in (*_DELIMITERS, BLANKS):

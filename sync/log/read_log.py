@@ -219,7 +219,7 @@ def _spread(ordered: OrderedTimestamps, same: Flags) -> OrderedTimestamps:
     width[:-1] = np.diff(timestamp)
     usual = usual_step(timestamp)
     width[-1] = usual
-    # Behind a gap or a restart the rows of one timestamp do not fill the time up to the next.
+    # Before a gap or a restart the rows of one timestamp do not fill the time up to the next.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)
     rank = np.arange(len(group)) - first[group]
     time_s = ordered.time_s + width[group] * rank / size[group]

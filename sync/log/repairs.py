@@ -14,7 +14,7 @@ from torsight.core.words.shown import Shown
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """One kind of mending, counted.
+    """One kind of repair, counted.
 
     Attributes
     ----------
@@ -42,11 +42,11 @@ class Restart:
     Attributes
     ----------
     index : int
-        First row of the log behind the restart.
+        First row of the log after the restart.
     shift_s : float
         What was added to the timestamps from there on, s.
     gap_s, gap_sigma_s : float
-        Time that passed between the rows before and behind it, with one standard deviation (infinite where the
+        Time that passed between the rows before and after it, with one standard deviation (infinite where the
         log does not show it: the gap is then one usual step).
     """
 
@@ -67,7 +67,7 @@ class LogReading(Frozen, Shown):
     Attributes
     ----------
     log : TemperatureLog
-        The mended log; its clock is that of the rows before the first restart.
+        The repaired log; its clock is that of the rows before the first restart.
     repairs : tuple of Repair
         Everything that was changed, dropped or set to not-known.
     restarts : tuple of Restart
@@ -93,9 +93,9 @@ class LogReading(Frozen, Shown):
 
     def facts(self) -> dict[str, str]:
         """Return facts for display: the log's range, the instant of time 0, and the repairs."""
-        mended = ", ".join(f"{repair.kind} {repair.count}" for repair in self.repairs) or "nothing"
+        repaired = ", ".join(f"{repair.kind} {repair.count}" for repair in self.repairs) or "nothing"
         zero = {} if self.zero is None else {"time 0": self.zero}
-        return {**self.log.facts(), **zero, "mended": mended, "restarts": str(len(self.restarts))}
+        return {**self.log.facts(), **zero, "repaired": repaired, "restarts": str(len(self.restarts))}
 
     def _columns(self) -> Mapping[str, Any]:
         return dict(self.log.to_frame())

@@ -1,4 +1,4 @@
-"""Stretches of a log between restarts of its clock, put behind one another.
+"""Stretches of a log between restarts of its clock, put one after the other.
 
 How long the clock stood still is not in the timestamps. Where a temperature changes steadily on both sides, its jump
 across the restart gives the gap: jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
@@ -29,7 +29,7 @@ and at twice of it (benchmarks/sync/constants.py)."""
 
 
 def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -> tuple[Floats, tuple[Restart, ...]]:
-    """Move every block of rows behind the one before it; return times (n,) on one clock, and one restart per joint.
+    """Move every block of rows to follow the one before it; return times (n,) on one clock, and one restart per joint.
 
     Timestamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
     (n,) gives the gaps.
@@ -40,23 +40,23 @@ def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -
     shift_s = 0.0
     for index in (np.flatnonzero(np.diff(block)) + 1).tolist():
         before = slice(int(np.searchsorted(block, block[index - 1])), index)
-        behind = slice(index, int(np.searchsorted(block, block[index], side="right")))
-        gap_s, sigma_s = _gap(time_s, before, behind, temperatures_c, step_s)
+        after = slice(index, int(np.searchsorted(block, block[index], side="right")))
+        gap_s, sigma_s = _gap(time_s, before, after, temperatures_c, step_s)
         shift_s = joined[index - 1] + gap_s - time_s[index]
-        joined[behind] = time_s[behind] + shift_s
+        joined[after] = time_s[after] + shift_s
         restarts.append(Restart(index=index, shift_s=shift_s, gap_s=gap_s, gap_sigma_s=sigma_s))
     return joined, tuple(restarts)
 
 
 def _gap(
-    time_s: Floats, before: slice, behind: slice, temperatures_c: Sequence[Floats], step_s: float
+    time_s: Floats, before: slice, after: slice, temperatures_c: Sequence[Floats], step_s: float
 ) -> tuple[float, float]:
-    """Return the time between the last row before and the first behind, with one sigma (infinite: not known)."""
+    """Return the time between the last row before and the first after, with one sigma (infinite: not known)."""
     weight = total = 0.0
     for temperature in temperatures_c:
         noise = max(noise_c(temperature), 1e-3)
         left = _at(float(time_s[before][-1]), time_s[before], temperature[before], noise)
-        right = _at(float(time_s[behind][0]), time_s[behind], temperature[behind], noise)
+        right = _at(float(time_s[after][0]), time_s[after], temperature[after], noise)
         if left is None or right is None:
             continue
         # The jump is divided by the rate: known to an eighth, it gives the gap to an eighth.

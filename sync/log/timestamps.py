@@ -1,10 +1,10 @@
 """Timestamps made strictly increasing: rows misplaced, repeated or wrong, and restarts of the clock.
 
-Three things look alike, a timestamp that is smaller than the one before, and need different mending:
+Three things look alike, a timestamp that is smaller than the one before, and need different repairs:
 
 - rows written out of order: their place further up is vacant; they are put there;
 - a wrong timestamp: no vacant place; it is interpolated from its neighbours where they leave room, else its row goes;
-- a restart of the clock: the rows behind it run over timestamps that were there already; they are moved as a block.
+- a restart of the clock: the rows after it run over timestamps that were there already; they are moved as a block.
 
 A clock that restarts at zero from negative timestamps jumps forward instead; landing on zero gives it away.
 """
@@ -35,7 +35,7 @@ class OrderedTimestamps:
     """Rows of the file that are kept, in the order of time, and what was done (``repairs``).
 
     Timestamps (m,) do not decrease within a block; repeated ones are still there. ``block`` is 0 before the first
-    restart of the clock, 1 behind it, ...
+    restart of the clock, 1 after it, ...
     """
 
     row: Ints
@@ -109,12 +109,12 @@ def _blocks(time_s: Floats) -> Ints:
         # A single row has no step to compare with that of a restart.
         if at < begin + 2:
             continue
-        behind = time_s[at:]
+        later = time_s[at:]
         if to_zero[at - 1]:
             restarted = True
         elif step[at - 1] > 0:
             # A lone wild timestamp jumps too; a clock that was set goes on from there.
-            restarted = len(behind) >= 3 and bool(np.all(np.abs(behind[:3] - behind[0]) < _CLOCK_SET_S))
+            restarted = len(later) >= 3 and bool(np.all(np.abs(later[:3] - later[0]) < _CLOCK_SET_S))
         else:
             until = int(backs[np.searchsorted(backs, at, side="right")])
             restarted = _runs_over(time_s[begin:at], time_s[at:until])
@@ -124,11 +124,11 @@ def _blocks(time_s: Floats) -> Ints:
     return block
 
 
-def _runs_over(before: Floats, behind: Floats) -> bool:
-    """Return whether the rows behind a step back, up to the next one, cover time that was there already."""
+def _runs_over(before: Floats, later: Floats) -> bool:
+    """Return whether the rows after a step back, up to the next one, cover time that was there already."""
     last_s = float(np.median(before[-3:]))
     # Those of them that come before the last timestamp was passed.
-    back = behind[: int(np.searchsorted(behind[1:], last_s)) + 1]
+    back = later[: int(np.searchsorted(later[1:], last_s)) + 1]
     if len(back) < 3 or back[0] >= last_s:
         return False
     # Those of them that lie within what was there.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _CLOCK: Final = r"(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?"
-"""Hours, minutes, seconds, fraction; some loggers part milliseconds from seconds with a third colon."""
+"""Hours, minutes, seconds, fraction; some loggers separate milliseconds from seconds by a third colon."""
 _DATE: Final = r"(\d{1,4})([./-])(\d{1,2})[./-](\d{1,4})"
 _TIMESTAMP: Final = re.compile(rf"^(?P<date>\d{{1,2}}[./-]\d{{1,2}}[./-]\d{{2,4}}[T,;\s]+)?{_CLOCK}$")
 _MONTH_NAMES: Final = ("%d-%b-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d %b %Y %H:%M:%S", "%b %d, %Y %H:%M:%S")

@@ -102,14 +102,16 @@ def _rays(lens_key):
     v = np.arange(size_px[1])[:, None] + down[:, None, None]
     bent_x, bent_y = np.broadcast_arrays((u - cx) / fx, (v - cy) / fy)
     k1, k2, p1, p2, k3 = distortion
-    x, y = bent_x.copy(), bent_y.copy()
-    for _ in range(25):
+    x, y, moved = bent_x, bent_y, np.inf
+    while moved > 1e-9:
         r2 = x * x + y * y
-        gain = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+        gain = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        before = x
         x, y = (
             (bent_x - 2 * p1 * x * y - p2 * (r2 + 2 * x * x)) / gain,
             (bent_y - p1 * (r2 + 2 * y * y) - 2 * p2 * x * y) / gain,
         )
+        moved = np.abs(x - before).max()
     return x.astype(np.float32), y.astype(np.float32)
 
 
@@ -143,8 +145,8 @@ def _pattern(board, x_mm, y_mm):
         rows = np.clip(row * scale, 0, art.shape[0] - 1).astype(np.int32)
         dark = art[rows, np.clip(column * scale, 0, art.shape[1] - 1).astype(np.int32)] < 128
     else:
-        dark = (np.floor(column) + np.floor(row)) % 2 == 0
-    return np.where(on_board, np.where(inside & dark, 30, 215), 120).astype(np.float32)
+        dark = (column.astype(np.int32) + row.astype(np.int32)) & 1 == 0
+    return np.where(on_board, np.where(inside & dark, np.float32(30), np.float32(215)), np.float32(120))
 
 
 @lru_cache(maxsize=2)

@@ -34,6 +34,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.fixture
+def place(name: str, folder: Path) -> Path:
+    """Return a folder for one reader, with the files that its good file names."""
+    made = folder / name
+    made.mkdir(exist_ok=True)
+    make_neighbours(made)
+    return made
+
+
 def meet(read: Callable[[Path], object], path: Path, content: bytes) -> None:
     path.write_bytes(content)
     refused: TorsightError | None = None
@@ -48,11 +57,8 @@ def meet(read: Callable[[Path], object], path: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_a_good_file_is_read_or_at_least_named(name: str, folder: Path) -> None:
+def test_a_good_file_is_read_or_at_least_named(name: str, place: Path) -> None:
     reader = READERS[name]
-    place = folder / name
-    place.mkdir(exist_ok=True)
-    make_neighbours(place)
     path = place / reader.name
     path.write_bytes(reader.good)
     if name == "provenance":
@@ -65,12 +71,8 @@ def test_a_good_file_is_read_or_at_least_named(name: str, folder: Path) -> None:
 @pytest.mark.parametrize("name", READERS)
 @few
 @given(data=st.data())
-def test_a_damaged_file_ends_in_a_record_or_an_error(name: str, folder: Path, data: st.DataObject) -> None:
+def test_a_damaged_file_ends_in_a_record_or_an_error(name: str, place: Path, data: st.DataObject) -> None:
     reader = READERS[name]
-    place = folder / name
-    place.mkdir(exist_ok=True)
-    if not (place / "temps.csv").exists():
-        make_neighbours(place)
     content = reader.good
     for _ in range(data.draw(st.integers(1, 4))):
         at = data.draw(st.integers(0, len(content)))
@@ -103,12 +105,8 @@ numbers = st.one_of(
 @pytest.mark.parametrize("name", ["actuator", "camera", "scene", "board", "tests"])
 @few
 @given(data=st.data())
-def test_any_value_of_a_key_ends_in_a_record_or_an_error(name: str, folder: Path, data: st.DataObject) -> None:
+def test_any_value_of_a_key_ends_in_a_record_or_an_error(name: str, place: Path, data: st.DataObject) -> None:
     reader = READERS[name]
-    place = folder / name
-    place.mkdir(exist_ok=True)
-    if not (place / "recovery.csv").exists():
-        make_neighbours(place)
     lines = reader.good.decode().splitlines()
     index = data.draw(st.sampled_from([i for i, line in enumerate(lines) if "=" in line]))
     lines[index] = f"{lines[index].split('=')[0]} = {_toml(data.draw(numbers))}"

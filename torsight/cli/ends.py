@@ -19,7 +19,7 @@ _ASKED_AGAIN_S: Final = 0.5 * AT_ONCE_S
 
 
 class Ended(BaseException):
-    """Someone asked the process to end (Ctrl-C, SIGTERM, a closed terminal): what it holds open is put away.
+    """Someone asked the process to end (Ctrl-C, SIGTERM, a closed terminal): open files are closed as it unwinds.
 
     It is ``usual`` where the command has nothing left to do but to wait for it. A command that catches it passes it on:
     the process is asked again until it has come through, and what comes after it was caught would be interrupted.

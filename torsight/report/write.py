@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -113,13 +114,16 @@ def page(
 
 def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
     """Return the text of a page: a filled template in the style of all pages."""
-    environment = jinja2.Environment(
+    style = style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    return _templates().get_template(name).render(**shown, **more, style=style) + "\n"
+
+
+@functools.cache
+def _templates() -> jinja2.Environment:
+    """Return the templates; each is compiled once per process."""
+    return jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    style = style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
-    # As globals, what is not the page's own is at hand inside macros, too.
-    environment.globals |= more
-    return environment.get_template(name).render(**shown, style=style) + "\n"
 
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:

@@ -6,9 +6,9 @@ real-time priority before everything else. Here it runs without root's rights, a
 nothing comes out for LIMIT seconds.
 
 Its arguments are TARGET CODEC WIDTH HEIGHT RATE LIMIT. Every picture is the letter ``f`` and its luma, row by row, in
-video levels (16 to 235); ``e`` is the end. Without an end the sender is gone, and so goes this process. What is wrong
-is reported as ``{"errno": …, "message": …}`` on standard output. The file stands alone, so that the interpreter starts
-with little more than PyAV.
+video levels (16 to 235); ``e`` is the end. Input that stops without an end means that the sender is gone; then this
+process ends, too. What is wrong is reported as ``{"errno": …, "message": …}`` on standard output. The file stands
+alone, so that the interpreter starts with little more than PyAV.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s
     """Encode what comes on standard input and return the exit code."""
     import av
 
-    # Who is asked to stop at the terminal is the sender, and closes what this process reads.
+    # Ctrl-C at the terminal is for the sender, which then closes what this process reads.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = Path(os.devnull).open("w")  # noqa: SIM115 - faulthandler writes there until the end
     # The encoder prints its settings on standard error unless it is limited to errors.

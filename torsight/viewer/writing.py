@@ -1,7 +1,7 @@
 """The recording's writer, in a process of its own.
 
-Rerun's writer of files ends when the disk is full, and whatever asks it for anything then may wait for ever: the next
-flush, the next recording, the end of the program. So it is not let into the process that holds the results.
+Rerun's thread that writes files ends when the disk is full, and every later call to it may wait for ever: the next
+flush, the next recording, the end of the program. So it does not run in the process that holds the results.
 
 On standard input it takes ``{"folder", "target", "preview"}``, the preview as of :meth:`Preview.to_json` or null. What
 is wrong is reported by :func:`torsight.viewer.encoding.report`.
@@ -22,7 +22,7 @@ from torsight.viewer.recording import log_recording
 
 def main() -> int:
     """Write the recording and return the exit code."""
-    # Who is asked to stop at the terminal is the sender, and ends this process.
+    # Ctrl-C at the terminal is for the sender, which then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     task = json.load(sys.stdin)
     preview = None if task["preview"] is None else Preview.from_json(task["preview"])

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.scripts import script
 from torsight.core.errors import ConfigError
 from torsight.core.units import DEG, MNM
 from torsight.synthetic.effects.hidden import HIDDEN
-from torsight.synthetic.effects.random_laws import OUTSIDE, SLOTS, RigLaw, draw_law
+from torsight.synthetic.effects.rig_laws import OUTSIDE, SLOTS, RigLaw
 from torsight.synthetic.rig.moving_rig import Mechanics, RigRecord, Sensor, Setup, reading_angle, simulate_rig
 from torsight.synthetic.rig.protocol import read_protocol
 from torsight.synthetic.rig.rig_values import RigValues, rig_values
@@ -196,6 +197,7 @@ def test_part_of_a_warm_passive_spring_pulls_back_in_part(reference_values: RigV
 
 @pytest.mark.parametrize("place", [("torque", "angle"), ("friction", "rate"), ("recoverable", "cycle")])
 def test_drawn_laws_are_smooth_and_of_size_one(place: tuple[str, str]) -> None:
+    draw_law = script("benchmarks/discovery/drawn_laws.py").draw_law
     for seed in range(5):
         law = draw_law(*place, start=0.0, stop=1.0, rng=np.random.default_rng(seed))
         assert np.abs(law.values).max() == pytest.approx(1.0)

@@ -59,7 +59,7 @@ def law_panel(law: MeasuredLaw, *, across: str = "") -> Panel:
 
 
 def write_laws(folder: Path, laws: Iterable[MeasuredLaw]) -> None:
-    """Write every law as ``law_<port>_<driver>.csv`` and as a picture of that name; those of an earlier answer go."""
+    """Write every law as ``law_<port>_<driver>.csv`` and as a picture; those of an earlier answer are removed."""
     kept = set()
     for law in laws:
         picture = folder / law.csv_name.replace(".csv", ".png")

@@ -24,7 +24,7 @@ from torsight.report.sections.prior_pulls import Prior
 
 
 def is_ours(name: str) -> bool:
-    """Return whether a figure's file is of this report: those of an earlier answer go."""
+    """Return whether a figure's file is of this report: those of an earlier answer are removed."""
     return name in {"candidates", "pulls"} or re.fullmatch(r"(before_after|residual|law|unseen)_.+", name) is not None
 
 

@@ -69,7 +69,7 @@ def driver_columns(curves: pd.DataFrame) -> dict[str, Floats]:
     smooth = smooth if np.isfinite(smooth).any() else column(curves, "plain_deg")
     time_s = column(curves, "time_s")
     # A slope may not cross from one driven spring to the other.
-    apart = np.concatenate([[False], is_a[1:] != is_a[:-1]])
+    apart = np.diff(is_a, prepend=is_a[:1])
     return {
         "angle_deg": column(curves, "angle_deg"),
         "temp_active_c": active,

@@ -60,7 +60,7 @@ class Drawing:
 def library() -> str:
     """Return BokehJS: plots without widgets, tables and formulas."""
     (text,) = Resources(mode="inline", components=["bokeh"]).js_raw[:1]
-    # No word in it may end the element around it.
+    # "</script" within a string would end the page's script element.
     return text.replace("</script", "<\\/script")
 
 
@@ -72,7 +72,7 @@ def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
     document = Document()
     shared: dict[str, Range1d] = {}
     roots = {}
-    # Otherwise Bokeh collects the models of all plots anew with each that is added.
+    # Otherwise Bokeh collects the models of all plots again with each plot that is added.
     with document.models.freeze():
         for name, panels in figures.items():
             root = _figure(panels, shared)

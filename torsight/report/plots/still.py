@@ -35,7 +35,7 @@ _CHARACTER_PX: Final = 6.9
 """Mean width of a character of 12 px in a wide font."""
 _SETTINGS: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",
-    # Otherwise its identifiers are drawn by lot, and the same results make other bytes.
+    # Otherwise its identifiers are random, and the same results would not give the same bytes.
     "svg.hashsalt": "torsight",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],

@@ -201,7 +201,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
 def _predicted(results: RunResults, model: FittedModel | None) -> tuple[float | None, float]:
     """Return the median predicted sigma over the record (°), and the share of the samples within two sigmas.
 
-    What the model leaves is that on the record's own clocks: a prediction is on those of its log.
+    The residual is that of the fitted model on the record's own clock; a prediction for a log is on that log's clock.
     """
     table, curves = results.merged, results.curves
     if model is None or model.doubt is None or table is None or curves is None:

@@ -12,7 +12,7 @@ from torsight.core.compiled import lending
 from torsight.core.units import DEG, Floats
 from torsight.synthetic.effects.hidden import NonuniformTemperature
 from torsight.synthetic.effects.mechanisms import HiddenEffect, UnlikeSprings
-from torsight.synthetic.effects.random_laws import NODES, SLOTS, RigLaw
+from torsight.synthetic.effects.rig_laws import NODES, SLOTS, RigLaw
 from torsight.synthetic.keys import constants_of
 from torsight.synthetic.rig.rig_values import RigValues
 

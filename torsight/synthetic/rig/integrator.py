@@ -9,7 +9,7 @@ import numpy as np
 
 from torsight.core.compiled import compiled, copy_to, lending
 from torsight.core.units import Floats, Ints
-from torsight.synthetic.effects.random_laws import SLOTS
+from torsight.synthetic.effects.rig_laws import SLOTS
 from torsight.synthetic.rig.constants import Constants, law
 from torsight.synthetic.rig.heat import control, heat_step, lag_step, sense
 from torsight.synthetic.rig.mechanics import (

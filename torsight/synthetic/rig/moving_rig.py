@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.synthetic.effects.hidden import Eccentricity, MarkerSlip
 from torsight.synthetic.effects.mechanisms import Backlash, HiddenEffect, ReadingDrift, RoomDrift
-from torsight.synthetic.effects.random_laws import RigLaw, read_with, recoverable_share
+from torsight.synthetic.effects.rig_laws import RigLaw, read_with, recoverable_share
 from torsight.synthetic.keys import key
 from torsight.synthetic.rig.constants import Constants, pack, to_records, zones
 from torsight.synthetic.rig.integrator import Course, integrate
@@ -147,7 +147,7 @@ def simulate_rig(
     """Run a rig through a protocol and return its signals at every sample, homing left out.
 
     Effects are hidden ones by their ids (:mod:`torsight.synthetic.effects.hidden`); laws have no particular form
-    (:mod:`torsight.synthetic.effects.random_laws`), and those of the reading are not part of the record. Without
+    (:mod:`torsight.synthetic.effects.rig_laws`), and those of the reading are not part of the record. Without
     ``rng`` the temperature readings have no noise; the rest before and after is recorded, too.
     """
     effects = effects or {}

@@ -15,7 +15,7 @@ import numpy as np
 from torsight.core.compiled import lending, shared
 from torsight.core.units import Floats
 from torsight.synthetic.effects.hidden import STIFFENING_FORMS
-from torsight.synthetic.effects.random_laws import SLOTS
+from torsight.synthetic.effects.rig_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
 
 # Columns of a spring's state, and how many there are.

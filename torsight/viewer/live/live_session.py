@@ -109,7 +109,7 @@ class Session:
             # Else the first frames would wait for a viewer's side that is still being loaded.
             self._feed.wait_until_open(FEED_OPENS_S)
         self._poll_log(early=True)
-        # Everything that exists by now stays; no later collection need go through it.
+        # All objects that exist by now stay for the whole record: later garbage collections need not look at them.
         gc.collect()
         gc.freeze()
         self._intake.start()

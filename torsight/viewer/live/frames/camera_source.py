@@ -21,8 +21,8 @@ SILENT_S: Final = ATTENTION_S
 """A camera or a stream that gives no picture for this long has ended."""
 
 _RECENT_S: Final = THOUGHT_S
-"""A driver's timestamp is believed as an instant of this computer's clock where it lies no longer back than this:
-whoever looks at the rig would notice."""
+"""A driver's timestamp is taken as an instant of this computer's clock where it is no older than this: a larger delay
+would be noticed by anyone who looks at rig and screen."""
 _STEPS: Final = WAITING_FRAMES + 1
 """Steps of time of which the median is the usual one: a second of a usual camera, and an odd number."""
 

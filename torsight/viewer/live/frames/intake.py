@@ -83,7 +83,7 @@ class Pictures:
 
 
 def comes_in_time(pictures: Pictures) -> bool:
-    """Return whether pictures come as a rig moves, so that each has its hurry; a film in fast motion has none."""
+    """Return whether pictures come in real time, so that latency counts; for a film in fast motion it does not."""
     return not pictures.waits if pictures.speed is None else pictures.speed <= 1.0
 
 
@@ -114,7 +114,7 @@ class Intake:
         self._go.set()
 
     def hurry(self) -> None:
-        """Keep few frames waiting from now on: the markers are found."""
+        """Let few frames wait from now on: called once the markers are found."""
         self._patience = WAITING_FRAMES
 
     def stop(self) -> None:

@@ -1,7 +1,7 @@
 """To the screen: a queue that drops its oldest entries, a thread that empties it, a process that talks to the viewer.
 
-A viewer that is absent, late, stopped or killed holds up that process at most. Whatever is shown was handed over
-before; whatever cannot be handed over in time is left out, and only there.
+A viewer that is absent, late, stopped or killed delays that process at most, never the measurement. Entries that
+cannot be handed over in time are left out of what is shown, not of the record.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Laws without a known form: smooth random functions of one variable at one place of the rig.
+"""Laws of any shape at one place of the rig, each a function of one variable.
 
 A law is a table over its driver. Those of the compiled integrator have a slot each there; those of the reading and of
 the recoverable angle act before and after it. Values are what is added, or a relative change:
@@ -47,9 +47,6 @@ SLOTS: Final[Mapping[tuple[str, str], int]] = {
 """Rows of the integrator's table of laws, by port and driver."""
 OUTSIDE: Final = (("reading", "angle"), ("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))
 """Laws that act beside the integrator."""
-_GROWS: Final = (("friction", "rate"), ("friction", "dwell"))
-_LINEAR: Final = (("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))
-_SHORTEST, _LONGEST = 0.1, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,26 +86,6 @@ class RigLaw:
     def scaled(self, factor: float) -> RigLaw:
         """Return the law with all values multiplied."""
         return replace(self, values=self.values * factor)
-
-
-def draw_law(
-    port: str, driver: str, *, start: float, stop: float, rng: np.random.Generator, spring: str = "both"
-) -> RigLaw:
-    """Draw a law from a Gaussian process with a Gaussian kernel; its largest value is 1.
-
-    The length is drawn between 1/10 and 1/2 of the range. Over cycles and time a straight line of random slope is
-    added. Friction over rate and over dwell only grows, from 0 on: one that falls makes the motion unstable, and what
-    is drawn then is the logarithm of its slope.
-    """
-    place = np.linspace(0.0, 1.0, NODES)
-    length = rng.uniform(_SHORTEST, _LONGEST)
-    kernel = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2)
-    values = np.linalg.cholesky(kernel + 1e-9 * np.eye(NODES)) @ rng.standard_normal(NODES)
-    if (port, driver) in _LINEAR:
-        values += 2.0 * rng.standard_normal() * (place - 0.5)
-    if (port, driver) in _GROWS:
-        values = np.concatenate([[0.0], np.cumsum(np.exp(values[1:]))])
-    return RigLaw(port, driver, start, stop, values / np.max(np.abs(values)), spring)
 
 
 def recoverable_share(laws: Iterable[RigLaw], *, half_cycle: Ints, cycle: Floats) -> Floats:
