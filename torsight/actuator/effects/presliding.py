@@ -1,8 +1,8 @@
 r"""What friction acts on gives way elastically before it slides.
 
-.. math:: τ_f = \frac{τ_c}{N} \sum_{i=1}^N f_i, \qquad
-          f_i = \operatorname{clip}\Bigl(f_{i,0} + \frac{φ − φ_0}{z_i}, −1, 1\Bigr), \qquad
-          z_i = z \, (1 + s \, (\tfrac{2i − 1}{N} − 1))
+.. math:: τ_f = \frac{τ_c}{N} \sum_i f_i, \qquad −1 ≤ f_i = f_{i,0} + \frac{φ − φ_0}{z_i} ≤ 1
+
+.. math:: z_i = z \, (1 + s \, (\frac{2i − 1}{N} − 1)), \qquad i = 1 … N
 
 z by how far the disk turns under growing torque before it slides (°), in the mean over N = 5 elements, s spread: 0 all
 yield together, 1 from the start on. Asperities, grease, a soft seat of the bearing, the shaft.

@@ -115,10 +115,10 @@ class Likelihood:
         return np.asarray(left / np.sqrt(self._variance(left)))
 
     def accounts_for(self, residual: Floats) -> bool:
-        """Return whether a residual in motion is no larger than inputs and the least discrepancy account for."""
-        rows = (self.kind == MOTION) & (self.count > 0.0)
+        """Return whether a residual, rests apart, is no larger than inputs and the least discrepancy account for."""
+        rows = (self.kind != REST) & (self.count > 0.0)
         scaled = self.left(residual)[rows] ** 2 / (self.floor[rows] ** 2 + self.least**2 + 1e-30)
-        return bool(self.count[rows] @ scaled <= np.sum(self.count[rows]))
+        return bool(rows.any() and self.count[rows] @ scaled <= np.sum(self.count[rows]))
 
     def discrepancy(self, residual: Floats) -> Floats:
         """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
