@@ -39,6 +39,7 @@ DRIVER_UNITS: Final = {
 }
 """Units of what a law is over, where it has one."""
 _CLOCK: Final = "lead of the temperature log's clock"
+_MOVED: Final = "shift of the transformation temperatures"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +103,14 @@ class MeasuredLaw:
         """What its values are, in a few words; of a model of one's own the law's name."""
         if self.way:
             return f"lead over the phase law on {self.way}"
-        return _CLOCK if self.unit == "s" and self.port in GIVES else GIVES.get(self.port, self.port)
+        if self.unit == "s" and self.port in GIVES:
+            return _CLOCK
+        return _MOVED if self.moves_transformations else GIVES.get(self.port, self.port)
+
+    @property
+    def moves_transformations(self) -> bool:
+        """Whether it moves the temperatures at which a wire transforms and not what its sensor says."""
+        return self.port == "temperature" and self.driver == "cycle"
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""

@@ -97,6 +97,13 @@ def sentence(
     return law_sentence(law, 0.70, OnNodes(x, y, covariance, springs=springs))
 
 
+def test_transformations_that_move_with_cycling_are_not_called_an_error_of_the_sensor() -> None:
+    said = sentence("temperature", "cycle", [1, 2, 3, 4], [0.0, 0.3, 0.6, 0.9], [0.02] * 4, unit="°C")
+    assert said.startswith("the shift of the transformation temperatures rises by 0.9")
+    law = replace(made_up_law(), port="temperature", driver="cycle")
+    assert law.gives == "shift of the transformation temperatures"
+
+
 def test_a_law_over_half_cycles_that_alternates_is_no_rise() -> None:
     # Friction of 0.70 mN·m where spring A is driven, 1.12 where spring B is, the last half-cycle known badly.
     values, sigma = [0.0, 0.42, 0.001, 0.42, 0.0, 0.42], [0.0, 0.05, 0.007, 0.01, 0.007, 0.28]

@@ -27,6 +27,7 @@ _WHAT: Final = {
     "phase": "the recoverable angle",
 }
 _CLOCK: Final = "the lead of the temperature log's clock"
+_MOVED: Final = "the shift of the transformation temperatures"
 _USUAL: Final = "temp_active_c"
 """The driver that is meant where a sentence names none: its unit says it."""
 _WRONG: Final = 2.0 * NormalDist().cdf(-REACH)
@@ -103,7 +104,7 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     """
     if law.driver in {"spring", "direction"}:
         return _of_two(law)
-    what = _CLOCK if law.unit == "s" else _WHAT[law.port]
+    what = _CLOCK if law.unit == "s" else _MOVED if law.moves_transformations else _WHAT[law.port]
     if law.way:
         what = f"the transformation's lead over the phase law on {law.way}"
     if law.spring != "both":
