@@ -420,14 +420,9 @@ def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
     return _blended(none, arc_rad, rolling[along], along=along, shown=shown)
 
 
-def _weights(found: list[_Found]) -> Floats:
-    """Return the logarithm of evidence and belief of each prior."""
-    return np.array([item.evidence for item in found])
-
-
-def _total(found: list[_Found]) -> float:
+def _total(found: Sequence[_Found]) -> float:
     """Return the logarithm of the evidence of all together."""
-    return float(np.logaddexp.reduce(_weights(found)))
+    return float(np.logaddexp.reduce([item.evidence for item in found]))
 
 
 def _blended(
@@ -435,11 +430,12 @@ def _blended(
 ) -> Tilt:
     """Return what all priors say together, each by its evidence, as far as the motion tells it."""
     parts: list[tuple[float, Floats, Floats]] = []
-    for items, part in ((none, 1.0 - shown), (list(rolling), shown)):
+    for items, part in ((none, 1.0 - shown), (rolling, shown)):
         if not items:
             continue
-        weight = part * np.exp(_weights(items) - _total(items))
-        for w, item in zip(weight.tolist(), items, strict=True):
+        total = _total(items)
+        for item in items:
+            w = part * math.exp(item.evidence - total)
             missing = 6 - len(item.values)
             parts.append((w, np.pad(item.values, (0, missing)), np.pad(item.covariance, (0, missing))))
     values = sum((w * own for w, own, _ in parts), np.zeros(6))

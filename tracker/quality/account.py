@@ -83,7 +83,7 @@ def account(
         events=events,
         gaps=gap_advice(content["frames"], causes)
         + lone_marker_advice(result, angles, pictures=pictures)
-        + flicker_advice(rows, causes),
+        + flicker_advice(causes),
     )
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
@@ -16,7 +15,7 @@ from torsight.core.units import Ints
 from torsight.core.words.wording import counted
 from tracker.follow.motion_model import STALE
 from tracker.quality.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
-from tracker.quality.light import FELT, GLARES, flicker_of, glare_at_loss
+from tracker.quality.light import GLARES, Flicker, flicker_of, glare_at_loss
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -79,10 +78,19 @@ _UNCLEAR: Final = ("lost", "hidden", "impossible")
 
 @dataclass(frozen=True, slots=True)
 class Causes:
-    """Why frames have no angle: how many by cause (keys of ``_DO``), the commonest first; and what the advice names."""
+    """Why frames have no angle: how many by cause (keys of ``_DO``), the commonest first; and what the advice names.
+
+    ``flicker`` is how the light flickers, whether frames are lost by that or not.
+    """
 
     count: dict[str, int] = field(default_factory=dict)
-    figures: dict[str, float | str] = field(default_factory=dict)
+    figures: dict[str, float] = field(default_factory=dict)
+    flicker: Flicker | None = None
+
+    def advice(self, cause: str) -> str:
+        """Return what is to be done about one of the causes."""
+        words = "" if self.flicker is None else self.flicker.words
+        return _DO[cause].format(**self.figures, flicker=words)
 
 
 def find_causes(
@@ -94,21 +102,16 @@ def find_causes(
     ``pictures``, which gives frames by their numbers, blur, speed and fields are not told from a hand.
     """
     unknown = np.flatnonzero(~angles.valid)
+    flicker = flicker_of(result.rows)
     if len(unknown) == 0:
-        return Causes()
+        return Causes(flicker=flicker)
     markers = result.report["markers"]
     first = int(markers.get("first_frame", 0))
     # What is lost of a stick without dots, whichever of its points.
     kinds = str(markers.get("kind", ""))
     without_dots = next((kind for kind in ("texture", "tag") if kind in kinds), None)
-    figures: dict[str, float | str] = {
-        "first_frame": first,
-        "first_s": float(angles.time_s[min(first, len(angles) - 1)] - angles.time_s[0]),
-    }
+    figures = {"first_frame": first, "first_s": float(angles.time_s[min(first, len(angles) - 1)] - angles.time_s[0])}
     glared = _glared(unknown, states, result, pictures, figures)
-    flicker = flicker_of(result.rows)
-    if flicker is not None:
-        figures["flicker"] = flicker.words
     count: Counter[str] = Counter()
     unclear: list[int] = []
     for index, state in zip(unknown.tolist(), states, strict=True):
@@ -125,7 +128,7 @@ def find_causes(
     for index, cause in zip(unclear, _of_unclear(unclear, result, angles, pictures, figures), strict=True):
         state = states[int(np.searchsorted(unknown, index))]
         count[cause or without_dots or _OF_STATE.get(state, "hand")] += 1
-    return Causes(dict(count.most_common()), figures)
+    return Causes(dict(count.most_common()), figures, flicker)
 
 
 def _glared(
@@ -133,7 +136,7 @@ def _glared(
     states: Sequence[str],
     result: TrackResult,
     pictures: Pictures | None,
-    figures: dict[str, float | str],
+    figures: dict[str, float],
 ) -> bool:
     """Return whether light glares on the markers as they are lost, and note by how much."""
     missed = np.zeros(len(result.rows), np.bool_)
@@ -150,7 +153,7 @@ def _of_unclear(
     result: TrackResult,
     angles: StickAngles,
     pictures: Pictures | None,
-    figures: dict[str, float | str],
+    figures: dict[str, float],
 ) -> list[str | None]:
     """Return the cause of these frames by the pictures of some, or by the smear around; None for neither."""
     if not unclear:
@@ -176,12 +179,12 @@ def _of_unclear(
     return [commonest] * len(unclear)
 
 
-def _note_speed(seen: Sequence[Seen], figures: dict[str, float | str]) -> None:
+def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
     """Note how far the stick turns and how wide it is smeared in the pictures that show the cause."""
     steps = [abs(one.step_deg) for one in seen if one.step_deg is not None]
     if steps:
         figures["step_deg"] = float(np.median(steps))
-        figures["smear_px"] = max(float(figures["smear_px"]), float(np.median([one.smear_px for one in seen])))
+        figures["smear_px"] = max(figures["smear_px"], float(np.median([one.smear_px for one in seen])))
 
 
 def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
@@ -194,13 +197,10 @@ def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
     words = ", ".join(f"{count} {name}" for name, count in frames["why"].items())
     head = f"{frames['without_angle']} of {frames['total']} frames have no angle ({words}): "
     (first, _), *others = causes.count.items()
-    told = [head + _DO[first].format(**causes.figures)]
+    told = [head + causes.advice(first)]
     for name, count in others[:1]:
         if count > _SECOND * frames["without_angle"]:
-            told.append(
-                f"{counted(count, 'frame')} of these have none for another reason: "
-                + _DO[name].format(**causes.figures)
-            )
+            told.append(f"{counted(count, 'frame')} of these have none for another reason: {causes.advice(name)}")
     return told
 
 
@@ -226,15 +226,13 @@ def lone_marker_advice(result: TrackResult, angles: StickAngles, *, pictures: Pi
     return told
 
 
-def flicker_advice(rows: NDArray[np.void], causes: Causes) -> list[str]:
+def flicker_advice(causes: Causes) -> list[str]:
     """Return what is to be done where light flickers so that errors rise, but no frame is too dark; or nothing."""
-    flicker = flicker_of(rows)
-    if flicker is None or "flicker" in causes.count or flicker.error < FELT:
+    flicker = causes.flicker
+    if flicker is None or "flicker" in causes.count or not flicker.felt:
         return []
     words = flicker.words
-    return [
-        f"{words[0].upper()}{words[1:-1]}. As it is dim frames err {flicker.error:.1f} times as much as bright ones."
-    ]
+    return [f"{words[0].upper()}{words[1:]} As it is dim frames err {flicker.error:.1f} times as much as bright ones."]
 
 
 def smear_around_gaps_px(result: TrackResult, angles: StickAngles) -> float:

@@ -24,7 +24,7 @@ _AGAIN: Final = 0.5
 """Correlation of the brightness with that some frames later from which it comes again: half of its variance."""
 _TIMES: Final = 3
 """How often brightness has to come again: what comes twice may be a lamp that was switched off twice."""
-FELT: Final = 1.5
+_FELT: Final = 1.5
 """Error in dim frames over that in bright ones from which flicker is felt, as compression is."""
 
 
@@ -84,6 +84,11 @@ class Flicker:
     frames: int
     depth: float
     error: float
+
+    @property
+    def felt(self) -> bool:
+        """Whether dim frames err so much more that it is worth a word."""
+        return self.error >= _FELT
 
     @property
     def words(self) -> str:
