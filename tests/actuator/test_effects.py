@@ -213,7 +213,7 @@ def test_friction_with_a_seat_holds_no_more_than_without():
     tau_c = reference_spec().values["tau_c_mnm"] * 1e-3
     for found in (hard, soft, softer):
         assert np.abs(found.friction_nm).max() < tau_c * (1.0 + 1e-9)
-    # Nothing gives way where friction is exhausted: as far as it slides, the sliding disk is where it was.
+    # A seat that hardly gives is none.
     assert np.abs(hard.angle_rad - model.simulate(drive, {"presliding_deg": 0.0}).angle_rad).max() < 1e-5
     first = np.abs(soft.angle_rad - hard.angle_rad).max()
     assert DEG < first < np.abs(softer.angle_rad - hard.angle_rad).max() < 2.2 * first

@@ -103,14 +103,14 @@ class MeasuredLaw:
         """What its values are, in a few words; of a model of one's own the law's name."""
         if self.way:
             return f"lead over the phase law on {self.way}"
-        if self.unit == "s" and self.port in GIVES:
-            return _CLOCK
-        return _MOVED if self.moves_transformations else GIVES.get(self.port, self.port)
+        if self.beside_sensors:
+            return _CLOCK if self.unit == "s" else _MOVED
+        return GIVES.get(self.port, self.port)
 
     @property
-    def moves_transformations(self) -> bool:
-        """Whether it moves the temperatures at which a wire transforms and not what its sensor says."""
-        return self.port == "temperature" and self.driver == "cycle"
+    def beside_sensors(self) -> bool:
+        """Whether it acts at the temperatures without a sensor's error: the log's clock, or when a wire transforms."""
+        return self.port == "temperature" and (self.unit == "s" or self.driver == "cycle")
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""

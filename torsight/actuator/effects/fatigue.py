@@ -25,6 +25,12 @@ _WOUND: Final = 2.0 / 3.0
 """Share of θ_P to which a spring is wound in a complete cycle: 718° of the reference rig's 1080° (its θ_1)."""
 
 
+def persistence(name: str, what: str) -> Parameter:
+    """Return the parameter q: what each cycle changes as a share of what the one before did."""
+    title = f"{what} of a cycle as a share of the one before"
+    return Parameter(f"{name}_persistence", 1.0, "", 0.0, 1.0, sigma=0.3, symbol="q", title=title)
+
+
 def settling(cycle: Ints, persistence: float) -> Floats:
     """Return 1 + q + … + q^(n−1) for numbers n (halves,) of earlier cycles."""
     count = cycle.astype(np.float64)
@@ -55,16 +61,7 @@ EFFECT: Final = Effect(
     title="the recoverable angle falls from cycle to cycle",
     parameters=(
         Parameter("fatigue_per_cycle", 0.005, "", 0.0, 0.4, null=0.0, symbol="r", title="loss in the first cycle"),
-        Parameter(
-            name="fatigue_persistence",
-            value=1.0,
-            unit="",
-            lower=0.0,
-            upper=1.0,
-            sigma=0.3,
-            symbol="q",
-            title="loss of a cycle as a share of the one before",
-        ),
+        persistence("fatigue", "loss"),
         Parameter("fatigue_plastic_share", 0.0, "", 0.0, 1.0, sigma=0.5, symbol="p", title="plastic share of the loss"),
     ),
     apply=apply,

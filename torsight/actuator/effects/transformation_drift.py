@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Final
 
 from torsight.actuator.effects import Effect, Values
-from torsight.actuator.effects.fatigue import settling
+from torsight.actuator.effects.fatigue import persistence, settling
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
 
@@ -46,16 +46,7 @@ EFFECT: Final = Effect(
             )
             for way, symbol in (("heating", "d_A"), ("cooling", "d_M"))
         ),
-        Parameter(
-            name="drift_persistence",
-            value=1.0,
-            unit="",
-            lower=0.0,
-            upper=1.0,
-            sigma=0.3,
-            symbol="q",
-            title="move of a cycle as a share of the one before",
-        ),
+        persistence("drift", "move"),
     ),
     apply=apply,
     starts=({"drift_heating_c": -0.2, "drift_cooling_c": -0.2},),

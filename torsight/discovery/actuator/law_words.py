@@ -26,8 +26,6 @@ _WHAT: Final = {
     "winding": "a spring's torque beside its own",
     "phase": "the recoverable angle",
 }
-_CLOCK: Final = "the lead of the temperature log's clock"
-_MOVED: Final = "the shift of the transformation temperatures"
 _USUAL: Final = "temp_active_c"
 """The driver that is meant where a sentence names none: its unit says it."""
 _WRONG: Final = 2.0 * NormalDist().cdf(-REACH)
@@ -104,9 +102,11 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     """
     if law.driver in {"spring", "direction"}:
         return _of_two(law)
-    what = _CLOCK if law.unit == "s" else _MOVED if law.moves_transformations else _WHAT[law.port]
+    what = _WHAT[law.port]
     if law.way:
         what = f"the transformation's lead over the phase law on {law.way}"
+    elif law.beside_sensors:
+        what = f"the {law.gives}"
     if law.spring != "both":
         what += f" (spring {law.spring.upper()})"
     beside = "" if law.number == 1 else "beside that, "

@@ -188,11 +188,11 @@ class Search:
 
     def _is_noise(self, likelihood: Likelihood, residual: Floats) -> bool:
         """Return whether a residual is no more than what the inputs account for, where it is known what they do."""
-        return bool(self._problem.sigma[self._problem.valid].any()) and likelihood.accounts_for(residual)
+        return _knows_reading(self._problem) and likelihood.accounts_for(residual)
 
     def _reading_noise(self, problem: Problem, fit: Fit) -> Floats:
         """Return the reading noise (n,), from what a fit leaves where the problem does not know it."""
-        if problem.sigma[problem.valid].any():
+        if _knows_reading(problem):
             return problem.sigma
         left = residual_of(problem, fit.solution.prediction)
         return np.full(len(left), reading_noise(problem, self._stretches, left))
@@ -460,3 +460,8 @@ class Search:
             self._explanations.values(),
             key=lambda one: (one.log_evidence - self.needed * len(one.members), one.members),
         )
+
+
+def _knows_reading(problem: Problem) -> bool:
+    """Return whether a problem knows its reading noise."""
+    return bool(problem.sigma[problem.valid].any())
