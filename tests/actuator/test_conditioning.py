@@ -200,3 +200,17 @@ def test_one_compilation_serves_frozen_strided_and_single_precision_logs_with_an
     functions = [each for module in (conditioning, smoother) for each in vars(module).values()]
     counts = {each.py_func.__name__: len(each.signatures) for each in functions if isinstance(each, Dispatcher)}
     assert max(counts.values()) == 1, counts
+
+
+@pytest.mark.parametrize("noise_share", [0.0, 0.2, 1.0])
+def test_a_held_top_is_known_as_well_as_its_last_digit_lets_it(noise_share: float) -> None:
+    # Without noise of their own all readings of a level are off by one rounding.
+    rng, digit_c, off = np.random.default_rng(5), 0.25, []
+    time_s = np.arange(0.0, 200.0, 0.25)
+    for top_c in np.linspace(60.0, 60.25, 12):
+        course = np.minimum(top_c, 30.0 + 0.3 * time_s) - 0.5 * np.maximum(0.0, time_s - 150.0)
+        noise = noise_share * digit_c * rng.standard_normal(len(time_s))
+        found = condition(time_s, np.round((course + noise) / digit_c) * digit_c)
+        held = (time_s > 135.0) & (time_s < 148.0)
+        off.append(((found.temp_c - top_c) / found.sigma_c)[held])
+    assert 0.5 < np.sqrt(np.mean(np.square(off))) < 1.5

@@ -88,3 +88,13 @@ def test_a_top_between_two_readings_is_as_far_off_as_is_said():
         top = int(np.argmax(found.temp_c))
         assert abs(found.temp_c[top] - 57.5) < 3.0 * found.sigma_c[top]
         assert found.sigma_c[top] < 0.15
+
+
+@pytest.mark.parametrize("digit_c", [0.01, 0.25])
+def test_a_table_may_repeat_every_reading_until_the_next(digit_c):
+    time_s = np.arange(0.0, 890.0)
+    read = np.round(wire(time_s) / digit_c) * digit_c
+    found_s, found_c = own_readings(ROWS_S, read[np.searchsorted(time_s, ROWS_S, side="right") - 1])
+    # Behind the last change no row tells where readings lie.
+    assert found_s[:700] == pytest.approx(time_s[:700])
+    assert np.array_equal(found_c[:700], read[:700])

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from torsight.actuator.record.log_noise import hidden_by_rounding, last_digit
 from torsight.actuator.record.segments import turn_of
 from torsight.actuator.record.turns import turning_points
 from torsight.core.parameter import REACH
@@ -37,8 +38,9 @@ def level_holds(
     """Put the level of every held top in place of what the smoother says of it.
 
     ``value``, ``rate`` and ``left_over``, the smoother's temperature, slope and sigma (n,), are changed in place; the
-    noise of the log's rows is taken as independent.
+    noise of the log's rows is taken as independent. What a last digit hides of a level counts, too.
     """
+    digit_c = last_digit(temp_c)
     sense = turning_points(value, np.zeros(len(value), np.int64), turn_of(noise_c))
     for edge in np.flatnonzero(np.diff(sense) < 0):
         window = _longest_level(time_s, temp_c, noise_c, int(edge))
@@ -52,7 +54,8 @@ def level_holds(
         inside = value[rows] >= level - REACH * left_over[rows]
         rows = rows[inside]
         value[rows], rate[rows] = level[inside], slope[inside]
-        left_over[rows] = np.minimum(left_over[rows], sigma[inside])
+        hidden = hidden_by_rounding(temp_c[first : last + 1], digit_c)
+        left_over[rows] = np.hypot(np.minimum(left_over[rows], sigma[inside]), hidden)
         # What bows above the level beside it does so for the same reason, unless the log is sure of it.
         beside = slice(*np.searchsorted(time_s, [time_s[first] - LEAST_HOLD_S, time_s[last] + LEAST_HOLD_S]))
         above = value[beside] - level.max()

@@ -25,6 +25,11 @@ _BIWEIGHT: Final = 1.547645
 _SCALE_ROUNDS: Final = 50
 _SCALE_DONE: Final = 1e-3
 """Newton's steps end well before, at a tenth of what ten thousand readings leave open."""
+_NOISE = np.linspace(0.0, 1.0, 101)
+_ORDERS = np.arange(1, 201)[:, None]
+_IN_MEAN = np.sum(np.exp(-((2.0 * np.pi * _ORDERS * _NOISE) ** 2)) / (2.0 * (np.pi * _ORDERS) ** 2), axis=0)
+_SCATTER = _NOISE**2 + 1.0 / 12.0 - _IN_MEAN
+"""What of rounding is in the mean of readings and in their scatter, by their noise, all in digits (see below)."""
 SHORTEST: Final = 16
 """Rows below which a log is taken as it is: a smoother has three values at its start, and each needs some five rows."""
 
@@ -51,7 +56,7 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     if not len(strides):
         return 0.0, 1.0
     whole = _whole(temp_c, strides)
-    if whole.max() <= NEGLIGIBLE_C < _last_digit(temp_c) / math.sqrt(12.0):
+    if whole.max() <= NEGLIGIBLE_C < last_digit(temp_c) / math.sqrt(12.0):
         # Most of the time the log stands still to its last digit, and nothing is seen of its noise.
         temp_c = _without_rests(temp_c, longest)
         whole = _whole(temp_c, strides)
@@ -66,7 +71,21 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     return float(whole[strides <= 2 * enough].max()), float(enough)
 
 
-def _last_digit(temp_c: Floats) -> float:
+def hidden_by_rounding(readings_c: Floats, digit_c: float) -> float:
+    """Return the standard deviation, °C, of what rounding to a last digit does to the mean of readings (n,) of a level.
+
+    Noise that spreads readings over several digits makes their mean right; without it all of them are off by one
+    error. Over values evenly spread between two digits, noise of σ leaves of the rounding's variance q²/12 the sum over
+    k of q²/(2π²k²) exp(−4π²k²σ²/q²) in the mean, and the rest in the scatter, which tells σ (Widrow and Kollár,
+    Quantization Noise (2008), ch. 5).
+    """
+    if digit_c <= 0.0:
+        return 0.0
+    scatter = float(np.var(readings_c)) / digit_c**2
+    return digit_c * math.sqrt(float(np.interp(scatter, _SCATTER, _IN_MEAN, right=0.0)))
+
+
+def last_digit(temp_c: Floats) -> float:
     """Return the step of which many changes of a log (n,) are multiples, °C; 0: there is none.
 
     Chance puts fewer than one in five within a thousandth of a degree of a multiple, where the step makes more than

@@ -3,8 +3,8 @@
 A merged table has the log's temperatures at every frame, on straight lines between the readings. Where readings are
 seconds apart the lines cut corners off: a heating that ends between two readings ends lower in the table than at the
 wire, and an incomplete transformation keeps that difference. The lines meet at the readings, so that these can be taken
-back out of the table. A ramp goes on until the corner and what follows begins there, so the lines on both sides of a
-gap, continued into it, meet at the corner.
+back out of the table, as they can where it repeats every reading until the next. A ramp goes on until the corner and
+what follows begins there, so the lines on both sides of a gap, continued into it, meet at the corner.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ _SHARP: Final = 4.0
 
 
 def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None:
-    """Return times and temperatures of the readings between which rows (n,) were interpolated.
+    """Return times and temperatures of the readings between which rows (n,) were interpolated, or which they repeat.
 
     None where readings are no further apart than the rows, or have no noise that would tell.
     """
     if len(time_s) < SHORTEST:
         return None
-    times, temps = _meetings(time_s, temp_c)
+    times, temps, stands = _meetings(time_s, temp_c)
     if len(times) < SHORTEST:
         return None
     apart_s = np.diff(times)
@@ -57,6 +57,8 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     whole = np.maximum(np.rint(np.diff(ends[0]) / interval_s), 1.0).astype(np.int64)
     number = np.concatenate([[0], np.cumsum(whole)])
     wanted_s = np.interp(np.arange(number[-1] + 1), number, ends[0])
+    if stands:
+        return wanted_s, temp_c[np.searchsorted(time_s, wanted_s + 0.5 * usual_step(time_s)) - 1]
     return wanted_s, np.interp(wanted_s, *ends)
 
 
@@ -129,8 +131,11 @@ def between(time_s: Floats, temp_c: Floats, corners: Flags, wanted_s: Floats) ->
     return known_c, doubt[low]
 
 
-def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats]:
-    """Return times and temperatures at which straight lines of rows meet: on a row, or between two rows."""
+def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
+    """Return times and temperatures at which straight lines of rows meet: on a row, or between two rows.
+
+    Level lines do not meet: where most are, every reading stands until the next, from its first row.
+    """
     slope = np.diff(temp_c) / np.diff(time_s)
     share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
     off = np.abs(temp_c[1:-1] - temp_c[:-2] - share * (temp_c[2:] - temp_c[:-2])) > _ROUNDED_C
@@ -138,9 +143,11 @@ def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats]:
     alone = np.flatnonzero(bent[1:-1] & ~bent[:-2] & ~bent[2:]) + 1
     pair = np.flatnonzero(bent[1:-2] & bent[2:-1] & ~bent[:-3] & ~bent[3:]) + 1
     before, after, gap_s = slope[pair - 1], slope[pair + 1], time_s[pair + 1] - time_s[pair]
+    level = (before == 0.0) & (after == 0.0)
     turn = np.where(before == after, 1.0, before - after)
     past_s = np.clip((temp_c[pair + 1] - after * gap_s - temp_c[pair]) / turn, 0.0, gap_s)
+    past_s[level] = gap_s[level]
     times = np.concatenate([time_s[alone], time_s[pair] + past_s])
     temps = np.concatenate([temp_c[alone], temp_c[pair] + before * past_s])
     order = np.argsort(times)
-    return times[order], temps[order]
+    return times[order], temps[order], bool(2 * np.count_nonzero(level) > len(times))
