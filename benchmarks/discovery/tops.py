@@ -4,14 +4,19 @@ Discovery takes a top to be known as well as the smoother says (``temperature_er
 that the records ask for have mean square one, in their own standard deviations, and the evidence is largest: it is
 measured with the standard deviations as they are, and with half and twice of them.
 
+``--constants`` prints what half and twice of the constants by which errors are drawn make of the angle's errors.
+
     python benchmarks/discovery/tops.py --first 22
+    python benchmarks/discovery/tops.py --first 4 --constants
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -19,15 +24,22 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import blind
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from half_and_twice import half_and_twice
+
 from torsight.actuator.model import ActuatorModel
 from torsight.core.progress import silent
 from torsight.core.threads import one_thread
 from torsight.core.units import Floats
+from torsight.discovery import actuator_problem
+from torsight.discovery.actuator import temperature_errors
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.search import Search
 from torsight.discovery.settings import Settings
 
 FACTORS = (0.5, 1.0, 2.0)
+CONSTANTS = ((temperature_errors, "_ALIKE_S"), (temperature_errors, "_TOP_C"), (actuator_problem, "_NOISE_DRAWS"))
 
 
 class Scaled(ActuatorProblem):
@@ -52,14 +64,41 @@ def tops(record: blind.Record, factor: float = 1.0) -> tuple[list[float], float]
     return list(errors**2 + np.diag(np.linalg.inv(known))), plain.log_evidence
 
 
+def input_errors(records: Sequence[blind.Record]) -> Floats:
+    """Return what errors of the temperatures do to the angle (3,), degrees rms: in motion, at rest, and by tops."""
+    found = []
+    for record in records:
+        problem = ActuatorProblem(ActuatorModel(record.spec).prepare(record.table), record.spec)
+        values = {parameter.name: parameter.value for parameter in problem.parameters}
+        noise = problem.input_noise(values, ())
+        shared = np.sqrt(np.sum(problem.shared_errors(values, ()) ** 2, axis=1))
+        found.append([np.mean(each**2) for each in (noise[~problem.rest], noise[problem.rest], shared)])
+    return np.asarray(np.sqrt(np.mean(found, axis=0)))
+
+
+def show_constants(records: Sequence[blind.Record]) -> None:
+    """Print the angle's errors at half and twice of every constant."""
+    print("constant        factor   in motion   at rest   by tops")
+    lines = [("", 1.0, input_errors(records))]
+    for module, name in CONSTANTS:
+        lines += [(name, factor, input_errors(records)) for factor in half_and_twice(name, module)]
+    for name, factor, errors in lines:
+        print(f"{name:15s} {factor:6.1f} {errors[0]:10.3f}° {errors[1]:8.3f}° {errors[2]:8.3f}°")
+
+
 def main() -> None:
     """Print a line for every time."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=("work", "report"), default="work")
     parser.add_argument("--first", type=int, default=22, help="clean records")
+    parser.add_argument("--constants", action="store_true", help="half and twice of constants instead")
     given = parser.parse_args()
     clean = [case for case in blind.suite(given.part) if case.kind == "clean"][: given.first]
     records = [blind.make_record(case) for case in clean]
+    if given.constants:
+        with one_thread():
+            show_constants(records)
+        return
     print("factor    tops   mean square error   log evidence")
     with one_thread():
         for factor in FACTORS:

@@ -36,6 +36,8 @@ from torsight.discovery.interface import Candidate, OptionalMembers
 RESOLUTION_DEG: Final = 0.1
 """A difference that nobody would miss: 0.02 % of the stroke."""
 _NOISE_DRAWS: Final = 6
+"""Draws of the temperatures' noise: a sample's standard deviation is known to three parts in ten from them (1/√12), the
+mean over a record to a few hundredths (benchmarks/discovery/tops.py, --constants)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,9 @@ from torsight.core.units import Flags, Floats, Ints
 _SIDE_S: Final = 0.3
 """Time on each side of a gap from which the speed is taken: shorter, and noise would be taken for motion."""
 _SAFETY: Final = 2.0
+"""How many times as far as ever seen a motion may go beyond what its speeds say: a choice."""
 _SLACK_RAD: Final = 0.3
+"""And this, for a rest before a motion is first seen: a twentieth of the turn that is asked for."""
 
 
 def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:

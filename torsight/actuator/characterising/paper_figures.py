@@ -40,6 +40,7 @@ from torsight.core.units import DEG, MNM, MPA, Floats
 CASE_B_TAU_C_MNM: Final = 2.6
 """A friction at which the reference rig is in case (b), which begins at 1.59 mN·m (``stable_cycle``)."""
 _ANGLE_NOISE_RAD: Final = 0.1 * DEG
+"""White noise of the record that is fitted for a figure, a choice: twice what a good film leaves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

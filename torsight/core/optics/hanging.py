@@ -40,6 +40,7 @@ _AS_LIKELY: Final = 0.5 * REACH**2
 _MOST_ROWS: Final = 160
 """Rows of which the correlation is estimated: the time goes with their third power (eigenvectors)."""
 _BIN_RAD: Final = np.deg2rad(2.0)
+"""A step of directions: a third of the shortest length over which errors hang together here."""
 
 
 def whitening(

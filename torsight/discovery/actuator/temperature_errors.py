@@ -24,7 +24,10 @@ from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
 _ALIKE_S: Final = 3.0
+"""Over how long an error that the smoother leaves is about the same, at least: a reading's neighbours come into it."""
 _TOP_C: Final = 1.0
+"""How far below a top its error fades by e. What errors do to the angle changes by 2 % at half and at twice of this, by
+3 % of the time above (benchmarks/discovery/tops.py, --constants)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

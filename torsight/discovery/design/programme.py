@@ -27,6 +27,8 @@ STEP_S: Final = 0.5 * SLOW_S
 _FIRST_REST_S: Final = 20.0
 """Both springs at rest before the first heating: the film then shows where the actuator stands unheated."""
 _MEASURED_ROUNDING_S: Final = (0.5, 20.0)
+"""Least and most of the time over which a wire's free cooling begins, as a record shows it: a row of the plan, and half
+of what a wire takes to cool (45 s); a heater that fades for longer is another programme."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,10 @@ from torsight.discovery.inference.fitting import Fit, space_of
 from torsight.discovery.interface import Problem
 
 _WRONG_SHARE: Final = 0.02
+"""Share of declared values that are wrong altogether: 1 to 10 % of data are (Hampel et al., Robust Statistics (1986)
+section 1.2c); values that were measured with care, and written down with how well, are at the lower end."""
 _WRONG_SIGMAS: Final = 10.0
+"""How far off such a value is, in its standard deviations: as a digit mistaken by one decimal place is. A choice."""
 
 
 def outlier_cost(sigmas: Floats) -> Floats:
