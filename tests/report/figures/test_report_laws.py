@@ -117,6 +117,8 @@ def test_a_law_that_is_monotone_within_its_sigma_rises_or_falls() -> None:
     cycles = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     said = sentence("friction", "cycle", cycles, [0.0, 0.07, 0.06, 0.14, 0.20, 0.28], [0.01] * 6)
     assert said == "friction torque rises by 40 % from half-cycle 1 to 6"
+    said = sentence("phase", "cycle", cycles, [0.0, -0.06, -0.12, -0.18, -0.24, -0.31], [0.001] * 6, unit="%")
+    assert said == "the recoverable angle falls by 0.31 % from half-cycle 1 to 6"
     # An offset that all values share takes nothing from a slope.
     said = sentence("reading", "time_s", cycles, [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0], [0.05] * 6, unit="°", shared=2.3)
     assert said == "the reading's error rises by 5.00° over time, between 1.00 and 6.00 s"

@@ -154,7 +154,7 @@ def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) ->
 def _size(first: float, last: float, unit: str, whole: float | None) -> str:
     """Return a change with its unit: as a share of the first value where a law changes a whole."""
     if whole is not None and whole + first > 0.0:
-        return f"{100.0 * abs((last - first) / (whole + first)):.0f} %"
+        return f"{number(100.0 * abs((last - first) / (whole + first)), 2)} %"
     return f"{number(abs(last - first))}{_spaced(unit)}"
 
 
