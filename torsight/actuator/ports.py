@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.segments import by_role
-from torsight.actuator.record.turns import at_places
+from torsight.actuator.record.turns import at_places, on_lines
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.phase import PLACES
 from torsight.actuator.stepping.samples import sampled
@@ -353,9 +353,7 @@ class Ports:
 
     def logged(self, *courses: Floats) -> tuple[Floats, ...]:
         """Return courses over the log's rows where the temperatures are taken from, by lines between the rows."""
-        before = np.minimum(self.log_rows.astype(np.int64), len(self.drive) - 2)
-        share = self.log_rows - before
-        return tuple(course[before] + share * (course[before + 1] - course[before]) for course in courses)
+        return tuple(on_lines(course, self.log_rows) for course in courses)
 
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with one more step from φ to the angle that is read."""

@@ -199,7 +199,7 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
             high = xi
         else:
             low = xi
-        if abs(off) <= ROUNDED or high - low < ROUNDED:
+        if abs(off * by_xi) <= TORQUE_TOLERANCE or high - low < ROUNDED:
             break
         xi -= off / (1.0 - slope * by_xi)
         if not low < xi < high:
