@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
@@ -57,8 +57,8 @@ class ActuatorModel:
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
     laws: tuple[LawForm, ...] = ()
-    _begun: list[tuple[Drive, Ports, tuple[float, ...], Ports]] = field(
-        default_factory=list, init=False, repr=False, compare=False
+    _made: dict[int, tuple[tuple[tuple[Any, ...], Ports], ...]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
     )
 
     def __post_init__(self) -> None:
@@ -199,21 +199,26 @@ class ActuatorModel:
     def _felt(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
         """Return the ports after what acts on clocks and temperatures alone.
 
-        In the next run, which mostly is one of the same record with another value changed, they are the same.
+        Most runs are of the same record with another value changed: what comes before that is the same.
         """
-        values = tuple(given[parameter.name] for part in self._first for parameter in part.parameters)
-        last = next((kept for kept in self._begun if kept[0] is drive and kept[1].history is history), None)
-        if last is not None and last[2] == values:
-            return last[3]
-        begun = _begin(drive, history, rig) if last is None else last[1]
-        ports = _acted(begun, self._first, given)
-        self._begun[:] = [(drive, begun, values, ports)]
-        return ports
+        ports = self._once(0, (drive, history), _begin, drive, history, rig)
+        for place, (part, names) in enumerate(self._first, 1):
+            ports = self._once(place, (ports, *map(given.__getitem__, names)), _acted, ports, (part,), given)
+        return self._once(-1, (ports,), lambda: ports.changed(samples=ports.sampled()))
+
+    def _once(self, place: int, asked: tuple[Any, ...], make: Callable[..., Ports], *given: Any) -> Ports:
+        """Return what was made at a place of what is asked for, one of the last two times; else make it."""
+        kept = self._made.get(place, ())
+        found = next((one for one in kept if one[0] == asked), None) or (asked, make(*given))
+        if found not in kept[:1]:
+            self._made[place] = (found, *kept[:1])
+        return found[1]
 
     @cached_property
-    def _first(self) -> tuple[Effect | LawForm, ...]:
+    def _first(self) -> tuple[tuple[Effect | LawForm, tuple[str, ...]], ...]:
         """The leading parts that ask for temperatures and their own values only, as those of this library do."""
-        return tuple(takewhile(_on_temperatures, self._parts))
+        leading = takewhile(_on_temperatures, self._parts)
+        return tuple((part, tuple(parameter.name for parameter in part.parameters)) for part in leading)
 
     def _refuse(self, values: Mapping[str, float], names: Sequence[str]) -> None:
         """Refuse values that are none of this model's, naming what has them."""

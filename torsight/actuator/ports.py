@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.segments import by_role
-from torsight.actuator.record.turns import at_places
+from torsight.actuator.record.turns import at_places, on_lines
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.phase import PLACES
+from torsight.actuator.stepping.samples import sampled
 from torsight.core.units import DEG, Floats, Ints
 
 Reading = Callable[[Floats, Floats], Floats]
@@ -36,6 +37,8 @@ _GRID_MARGIN: Final = 0.25
 """How far beyond both ends the tables over the angle go, as a share of θ_P: a choice, the last values hold beyond."""
 SPEEDS_RAD_S: Final = np.linspace(0.0, 1.0, _GRID_POINTS)
 """Speeds of the table of friction over speed; the last value holds beyond. The paper's rig reaches 0.2 rad/s."""
+_SAMPLED: Final = frozenset(("time_s", "temp_a_c", "temp_b_c", "active", "half", "passive_share"))
+"""What the samples are made of."""
 DWELL_DECADES: Final = np.linspace(0.0, 6.0, _GRID_POINTS)
 """log10(1 + rest in s) of the table of friction after a rest."""
 
@@ -166,6 +169,8 @@ class Ports:
         Torque that A and B make beside their phase's, over their own angle (the same grid).
     reading : tuple of functions
         What turns φ at given times into the angle that is read, rad, applied in this order.
+    samples : three arrays, or None
+        What :meth:`sampled` gives, where it has been worked out.
     """
 
     rig: Rig
@@ -216,6 +221,7 @@ class Ports:
     loading_follows: tuple[float, float] = (1.0, 1.0)
     side_nm: Pair = (None, None)
     reading: tuple[Reading, ...] = ()
+    samples: tuple[Floats, Floats, NDArray[np.int8]] | None = None
 
     def changed(self, **values: Any) -> Ports:
         """Return ports with other values of some attributes, as :func:`dataclasses.replace` does, in less time."""
@@ -225,7 +231,14 @@ class Ports:
         other = object.__new__(Ports)
         other.__dict__.update(self.__dict__)
         other.__dict__.update(values)
+        if not _SAMPLED.isdisjoint(values):
+            other.__dict__["samples"] = None
         return other
+
+    def sampled(self) -> tuple[Floats, Floats, NDArray[np.int8]]:
+        """Return what :func:`~torsight.actuator.stepping.samples.sampled` makes of these temperatures."""
+        courses = (self.time_s, self.temp_a_c, self.temp_b_c, self.active, self.half)
+        return self.samples or sampled(*courses, self.passive_share > 0.0)
 
     def grid_rad(self) -> Floats:
         """Return the angles of the tables, θ^A = φ + θ_P/2, rad."""
@@ -340,9 +353,7 @@ class Ports:
 
     def logged(self, *courses: Floats) -> tuple[Floats, ...]:
         """Return courses over the log's rows where the temperatures are taken from, by lines between the rows."""
-        before = np.minimum(self.log_rows.astype(np.int64), len(self.drive) - 2)
-        share = self.log_rows - before
-        return tuple(course[before] + share * (course[before + 1] - course[before]) for course in courses)
+        return tuple(on_lines(course, self.log_rows) for course in courses)
 
     def with_reading(self, reading: Reading) -> Ports:
         """Return ports with one more step from φ to the angle that is read."""

@@ -14,7 +14,7 @@ from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, Ports
 from torsight.actuator.stepping import kernel
 from torsight.actuator.stepping import kernel_laws as places
 from torsight.actuator.stepping.phase import PLACES
-from torsight.actuator.stepping.samples import Samples, sampled
+from torsight.actuator.stepping.samples import Samples
 from torsight.core.units import DEG, MNM, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
 
@@ -177,8 +177,7 @@ def seen_of_ports(
 def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg: float | None) -> tuple[Floats, Floats]:
     """Return what :func:`torsight.actuator.stepping.kernel.run` gives."""
     start = _unread(start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad
-    courses = (ports.time_s, ports.temp_a_c, ports.temp_b_c, ports.active, ports.half)
-    per_s, temps, directions = sampled(*courses, ports.passive_share > 0.0)
+    per_s, temps, directions = ports.sampled()
     return kernel.run(
         Samples(per_s, temps, ports.active, ports.half, directions, ports.friction_scale, ports.load_change()),
         np.array(

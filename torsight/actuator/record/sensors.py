@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
@@ -55,8 +56,7 @@ class Sensors:
         Made for constants on a grid, once each: the two neighbours, and the share of the way from the first to the
         second.
         """
-        place = float(np.interp(lag_s, _LAG_GRID_S, np.arange(len(_LAG_GRID_S))))
-        low = min(int(place), len(_LAG_GRID_S) - 2)
+        low = min(max(bisect_right(_LAG_GRID_S, lag_s) - 1, 0), len(_LAG_GRID_S) - 2)
         share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
         return share, self._at(_LAG_GRID_S[low]), self._at(_LAG_GRID_S[low + 1])
 

@@ -55,15 +55,24 @@ def turns_of(temp_c: Floats, least_c: float) -> Ints:
     return np.array(extremes(temp_c, least_c)[1:-1], np.int64)
 
 
+@compiled
+def on_lines(course: Floats, places: Floats) -> Floats:
+    """Return a course (n,) at places (m,) among its samples, from 0 to n − 1, on the lines between them."""
+    found = np.empty(len(places))
+    for i in range(len(places)):
+        before = min(int(places[i]), len(course) - 2)
+        found[i] = course[before] + (places[i] - before) * (course[before + 1] - course[before])
+    return found
+
+
 def at_places(temp_c: Floats, turns: Ints, places: Floats) -> Floats:
     """Return a temperature (n,) at places (m,), rising, among its samples: on lines, turns (k,) as they were reached.
 
     A turn that lies between two places stands at the later one. A transformation that only advances is, there, where
     the turn has left it; on the line it would have ended short of that, for all of the rest that follows.
     """
-    before = np.minimum(places.astype(np.int64), len(temp_c) - 2)
-    found = temp_c[before] + (places - before) * (temp_c[before + 1] - temp_c[before])
+    found = on_lines(temp_c, places)
     after = np.searchsorted(places, turns)
     reached = (after > 0) & (after < len(places))
     found[after[reached]] = temp_c[turns[reached]]
-    return np.asarray(found)
+    return found

@@ -38,20 +38,24 @@ from torsight.actuator.stepping.kernel_balance import (
     CROSS,
     FACTOR,
     FLOOR,
+    GUESS,
     HEATING,
     JUMP,
     LET_GO,
-    MOVE,
-    MOVE_2,
     OTHER,
     OWN,
     PACE,
     PER_S,
+    RATE,
+    RATE_2,
+    RATE_3,
     REST_S,
     SCALE,
     SHORT,
     SIGN,
     SLIDING,
+    SPAN,
+    SPAN_2,
     TAU_NOW,
     TAU_REF,
     TEMP,
@@ -102,6 +106,7 @@ from torsight.actuator.stepping.kernel_roots import (
     crosstalk,
     give_way,
     glide,
+    keep_slide,
     slide,
     slide_anew,
     transform_at_rest,
@@ -245,9 +250,8 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
 
 @inlined
 def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
-    """Return where a slide ends that may be as long as in the sample before, and the change between the two before."""
-    guess = 2.0 * state.g[MOVE] - state.g[MOVE_2]
-    return slide(sense, guess, first, state, p, o, tables, sections) if first > 0.0 else state.g[X_NOW]
+    """Return where a slide ends."""
+    return slide(sense, state.c[GUESS], first, state, p, o, tables, sections) if first > 0.0 else state.g[X_NOW]
 
 
 @shared
@@ -290,7 +294,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
                 # The reference state is taken anew after that as far as friction, which drops there, has let it stand.
                 stands = min(1.0, p["swing"] * (hold / scale - 1.0) / _LETS_STAND)
                 q[BEGUN], q[AT_REST] = q[BEGUN] + stands * (g[XI_NOW] - q[BEGUN]), 0.0
-            g[MOVE_2], g[MOVE] = g[MOVE], abs(g[X_NOW] - x)
+            keep_slide(abs(g[X_NOW] - x), c, g)
             if hold > scale:
                 g[JUMP], g[LET_GO] = g[X_NOW] - held, g[SHORT + attempt] / (g[SHORT + attempt] + over)
             g[SHORT], g[SHORT + 1] = 0.0, 0.0
@@ -331,7 +335,10 @@ def _pass_over(per_s: float, c: Floats, g: Floats) -> None:
 
 @inlined
 def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w: Floats) -> None:
-    """Keep the mean rates of angle and phase over the sample before, and this sample's share of the time of both."""
+    """Keep the mean rates of angle and phase over the sample before, and this sample's share of the time of both.
+
+    And how far a slide would lead that goes on: on the polynomial of third degree through its last four angles.
+    """
     for j in range(w.shape[1]):
         w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * c[PER_S]
         w[XI_BEFORE, j] = w[0, j]
@@ -339,6 +346,9 @@ def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w
     known = not starts and c[PER_S] > 0.0
     c[BEFORE] = (g[X_NOW] - c[X0]) * c[PER_S] if known else 0.0
     c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
+    if per_s > 0.0:
+        span = 1.0 / per_s
+        c[GUESS] = span * (g[RATE] + (span + g[SPAN]) * (g[RATE_2] + (span + g[SPAN] + g[SPAN_2]) * g[RATE_3]))
 
 
 @inlined
@@ -377,9 +387,9 @@ def _mirror_hold(first: bool, state: State, p: Scalars, o: Scalars, tables: Floa
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with so many sections of the wire, not yet wound."""
-    c, q, g, w = np.zeros(15), np.zeros(8), np.zeros(15), np.ones((7, sections))
-    c[FACTOR] = 1.0
-    g[WHO], g[MOVE], g[MOVE_2] = -1.0, 1e-3, 1e-3
+    c, q, g, w = np.zeros(16), np.zeros(8), np.zeros(18), np.ones((7, sections))
+    c[FACTOR], c[GUESS] = 1.0, 1e-3
+    g[WHO] = -1.0
     return State(c, q, g, w, q.copy(), w.copy(), np.empty(2), np.zeros(SEATS))
 
 
@@ -418,7 +428,7 @@ def step_through(
             _mirror_hold(k == 0, state, p, o, tables)
         total = g[XI_NOW]
         # Only after a sample that slid.
-        easy = not fresh and p["tanaka"] == 0.0 and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
+        easy = not fresh and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
         slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
             # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.

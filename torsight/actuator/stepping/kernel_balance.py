@@ -12,8 +12,6 @@ place, and at what rate ξ changed before.
 
 from __future__ import annotations
 
-import numpy as np
-
 from torsight.actuator.stepping.kernel_laws import (
     FRICTION_DOWN,
     FRICTION_UP,
@@ -22,8 +20,6 @@ from torsight.actuator.stepping.kernel_laws import (
     STRAY,
     Scalars,
     State,
-    bend,
-    bent,
     cold_torque,
     done_slope,
     friction_torque,
@@ -43,12 +39,13 @@ from torsight.core.units import Floats
 
 # Places in c, q and g.
 TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
-TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD = 8, 9, 10, 11, 12, 13, 14
+TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD, GUESS = 8, 9, 10, 11, 12, 13, 14, 15
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR, BEGUN, AT_REST = 0, 1, 2, 3, 4, 5, 6, 7
-X_NOW, TAU_NOW, XI_NOW, MOVE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, MOVE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
-SHORT, JUMP, LET_GO = 11, 13, 14
+X_NOW, TAU_NOW, XI_NOW, RATE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, RATE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+SHORT, JUMP, LET_GO, RATE_3, SPAN, SPAN_2 = 11, 13, 14, 15, 16, 17
 """Places of g: what either way was short of sliding by, N·m; by how much a disk that had rested jumped in this sample;
-and the part of the sample after which it let go."""
+and the part of the sample after which it let go. Of the last slides, divided differences (with RATE and RATE_2) and how
+long the last two samples took, s."""
 PACE, XI_BEFORE = 5, 6
 """Rows of w: by how much ξ changed per second over the sample before, and ξ at its end."""
 
@@ -224,17 +221,33 @@ def beside(x: float, c: Floats, p: Scalars, tables: Floats) -> float:
 
 
 @inlined
-def made_torque(x: float, xi: float, c: Floats, q: Floats, p: Scalars, tables: Floats) -> float:
-    """Return the torque that the active spring makes (12), (20); cooling, never less than cold martensite's.
+def made_and_slopes(
+    x: float, xi: float, c: Floats, q: Floats, p: Scalars, tables: Floats
+) -> tuple[float, float, float]:
+    """Return the torque that the active spring makes (12), (20), and its derivatives by its angle and by ξ.
 
-    That is the loading curve, unless the spring lay below it when it began to cool: then the curve's elastic branch.
-    What it makes beside that (:func:`beside`) is not in the reference state.
+    Cooling, it is never less than cold martensite's. That is the loading curve, unless the spring lay below it when it
+    began to cool: then the curve's elastic branch. What it makes beside that (:func:`beside`) is not in the reference
+    state.
     """
-    stiffness = p["k_a"] + xi * (p["k_m"] - p["k_a"])
-    torque = q[TAU_REF] + stiffness * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
-    if c[HEATING] > 0.0:
-        return torque + beside(x, c, p, tables)
-    return max(torque, cold_torque(x, q[FLOOR], p, tables)) + beside(x, c, p, tables)
+    spread, stretch = p["k_m"] - p["k_a"], x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
+    stiffness = p["k_a"] + xi * spread
+    torque, by_x, by_xi = q[TAU_REF] + stiffness * stretch, stiffness, spread * stretch - stiffness * q[THETA_L]
+    if not c[HEATING] > 0.0:
+        least = cold_torque(x, q[FLOOR], p, tables)
+        if torque < least:
+            torque, by_x, by_xi = least, loading_slope(x, p, tables) if x >= q[FLOOR] else p["k_m"], 0.0
+    torque += c[OWN]
+    if p["side_row"] > 0.0:
+        side, side_slope = table_and_slope(x, int(p["side_row"]), p, tables)
+        torque, by_x = torque + side, by_x + side_slope
+    return torque, by_x, by_xi
+
+
+@inlined
+def made_torque(x: float, xi: float, c: Floats, q: Floats, p: Scalars, tables: Floats) -> float:
+    """Return the torque that the active spring makes."""
+    return made_and_slopes(x, xi, c, q, p, tables)[0]
 
 
 @inlined
@@ -298,14 +311,13 @@ def load_and_slope(x: float, sense: float, c: Floats, p: Scalars, o: Scalars, ta
 def fraction_and_slope(
     torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats
 ) -> tuple[float, float, bool]:
-    """Return :func:`wire_fraction` by Liang and Rogers, its derivative, and whether any section advances.
+    """Return :func:`wire_fraction`, its derivative, and whether any section advances.
 
     Each section's ξ and place are kept as the trial's.
     """
     heating = c[HEATING] > 0.0
     # By how much the window's place moves per torque.
     per_torque = -p["temp_per_torque_a"] / p["a_width"] if heating else p["temp_per_torque_m"] / p["m_width"]
-    ahead = bend(heating, p)
     total, slope, advances = 0.0, 0.0, False
     for j in range(w.shape[1]):
         place, follows = window_place(heating, section_temp(j, c, p, sections), torque, p, tables)
@@ -314,15 +326,11 @@ def fraction_and_slope(
             advances = True
             if p["latent"] > 0.0:
                 place, follows = held_back(heating, place, follows, j, c, w, p)
-            xi = 0.0 if heating else 1.0
-            if place < 1.0:
-                cosine = np.cos(np.pi * bent(place, ahead))
-                done = 0.5 - 0.5 * cosine
-                xi = transformed(heating, w[1, j], done, p)
-                part, sense = (w[1, j], 0.5) if heating else (1.0 - w[1, j], -0.5)
-                half = sense * transforms_slope(part, done, p)
-                steepness = np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * per_torque
-                slope -= sections[0, j] * follows * steepness * half * np.sqrt(max(0.0, 1.0 - cosine * cosine))
+            part, sense = (w[1, j], -1.0) if heating else (1.0 - w[1, j], 1.0)
+            done = share_done(heating, place, p)
+            xi = transformed(heating, w[1, j], done, p)
+            per_place = sense * transforms_slope(part, done, p) * done_slope(heating, place, p)
+            slope += sections[0, j] * follows * per_torque * per_place
         w[3, j], w[4, j] = xi, max(place, w[2, j])
         total += sections[0, j] * xi
     return total, slope, advances

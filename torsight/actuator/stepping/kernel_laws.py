@@ -96,8 +96,12 @@ def share_done(heating: bool, place: float, p: Scalars) -> float:
 
 @inlined
 def done_slope(heating: bool, place: float, p: Scalars) -> float:
-    """Return the derivative of :func:`share_done` by Liang and Rogers."""
-    if place <= 0.0 or place >= 1.0:
+    """Return the derivative of :func:`share_done`."""
+    if place <= 0.0:
+        return 0.0
+    if p["tanaka"] > 0.5:
+        return LN_100 * np.exp(-LN_100 * place)
+    if place >= 1.0:
         return 0.0
     ahead = bend(heating, p)
     return 0.5 * np.pi * (1.0 + ahead * (1.0 - 2.0 * place)) * np.sin(np.pi * bent(place, ahead))

@@ -6,7 +6,7 @@
 
 Load less made torque is monotone in the active spring's angle x, so a bracketed root is the answer and no fixed-point
 iteration is needed. Where it slides on as before, Newton's steps from an extrapolated guess come to the same root in
-two or three. The arrays are those of :mod:`~torsight.actuator.stepping.kernel_balance`.
+one or two. The arrays are those of :mod:`~torsight.actuator.stepping.kernel_balance`.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ from typing import Final
 from torsight.actuator.stepping.kernel_balance import (
     AT_REST,
     BEGUN,
-    FLOOR,
-    HEATING,
-    MOVE,
-    MOVE_2,
-    OWN,
+    GUESS,
+    PER_S,
+    RATE,
+    RATE_2,
+    RATE_3,
     SLIDING,
+    SPAN,
+    SPAN_2,
     TAU_NOW,
     TAU_REF,
     TEMP_PASSIVE,
@@ -42,12 +44,12 @@ from torsight.actuator.stepping.kernel_balance import (
     excess,
     fraction_and_slope,
     load_and_slope,
+    made_and_slopes,
     made_torque,
     seat_holds,
     seated_excess,
     seated_load,
     transformed,
-    wire_fraction,
 )
 from torsight.actuator.stepping.kernel_laws import (
     ROUNDED,
@@ -56,9 +58,7 @@ from torsight.actuator.stepping.kernel_laws import (
     State,
     cold_torque,
     left_by_winding,
-    loading_slope,
     share_done,
-    table_and_slope,
     window_place,
 )
 from torsight.core.compiled import inlined, lending, shared
@@ -68,7 +68,7 @@ from torsight.core.units import Floats
 TORQUE_TOLERANCE: Final = 1e-13
 SLIP_TOLERANCE: Final = 4.0 * TORQUE_TOLERANCE
 _NEWTON_STEPS: Final = 8
-"""Two or three are usual; where so many do not get there the bracketed search is surer."""
+"""One or two are usual; where so many do not get there the bracketed search is surer."""
 
 
 @inlined
@@ -114,19 +114,36 @@ def slide(
     return b
 
 
+@inlined
+def keep_slide(way: float, c: Floats, g: Floats) -> None:
+    """Keep how far a sample's slide led, as Newton's divided differences over the last slides."""
+    if c[PER_S] > 0.0:
+        span, before, bent = 1.0 / c[PER_S], g[RATE], g[RATE_2]
+        g[RATE] = way * c[PER_S]
+        g[RATE_2] = (g[RATE] - before) / (span + g[SPAN])
+        g[RATE_3] = (g[RATE_2] - bent) / (span + g[SPAN] + g[SPAN_2])
+        g[SPAN], g[SPAN_2] = span, g[SPAN]
+
+
+@inlined
+def keep_trial(w: Floats) -> None:
+    """Let every section come to where the last trial had it."""
+    for j in range(w.shape[1]):
+        w[0, j], w[2, j] = w[3, j], w[4, j]
+
+
 @shared
 def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
 
-    For Liang–Rogers. Monotone excess: where its root lies on the way that the spring slides, it slides there.
+    Monotone excess: where its root lies on the way that the spring slides, it slides there.
     """
-    heating, sense, x = c[HEATING] > 0.0, q[SLIDING], g[X_NOW]
-    spread = p["k_m"] - p["k_a"]
+    sense, x = q[SLIDING], g[X_NOW]
     # Where nothing transforms it slides on only if the load changes, or if grease had held it back.
     may_creep = p["steady"] == 0.0 or p["viscous"] > 0.0 or p["speed_step"] > 0.0
     bare = not may_creep and p["has_friction"] + p["has_stray"] + p["side_row"] + o["side_row"] + p["dwell_step"] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
-    x += sense * max(2.0 * g[MOVE] - g[MOVE_2], 0.0)
+    x += sense * max(c[GUESS], 0.0)
     for _ in range(_NEWTON_STEPS):
         if bare:
             load, load_slope = cold_and_slope(x, c, o, tables)
@@ -136,53 +153,17 @@ def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, ta
         xi, xi_slope, advances = fraction_and_slope(load, c, p, tables, sections, w)
         if not (advances or may_creep):
             return False
-        stiffness, stretch = p["k_a"] + xi * spread, x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
-        made = q[TAU_REF] + stiffness * stretch
-        slope = stiffness + (spread * stretch - stiffness * q[THETA_L]) * xi_slope * load_slope
-        if not heating:
-            least = cold_torque(x, q[FLOOR], p, tables)
-            if made < least:
-                made, slope = least, loading_slope(x, p, tables) if x >= q[FLOOR] else p["k_m"]
-        made += c[OWN]
-        if p["side_row"] > 0.0:
-            side, side_slope = table_and_slope(x, int(p["side_row"]), p, tables)
-            made, slope = made + side, slope + side_slope
+        made, by_x, by_xi = made_and_slopes(x, xi, c, q, p, tables)
+        slope = by_x + by_xi * xi_slope * load_slope
         if abs(load - made) <= TORQUE_TOLERANCE:
             if sense * (x - g[X_NOW]) * abs(load_slope - slope) < least_excess:
                 return False
-            g[MOVE_2], g[MOVE] = g[MOVE], abs(x - g[X_NOW])
+            keep_slide(abs(x - g[X_NOW]), c, g)
             g[X_NOW], g[TAU_NOW], g[XI_NOW] = x, load, xi
-            for j in range(w.shape[1]):
-                w[0, j], w[2, j] = w[3, j], w[4, j]
+            keep_trial(w)
             return True
         x -= (load - made) / (load_slope - slope)
     return False
-
-
-@lending
-def stick(
-    x: float, total: float, c: Floats, q: Floats, w: Floats, p: Scalars, tables: Floats, sections: Floats
-) -> float:
-    """Return ξ at the kept angle: the law at the torque that this very ξ makes (Anderson–Björck)."""
-    a, fa, b, fb = total, 0.0, total, 0.0
-    xi = total
-    for trial in range(80):
-        law = wire_fraction(made_torque(x, xi, c, q, p, tables), c, p, tables, sections, w)
-        fx = xi - law
-        if trial == 0:
-            if fx == 0.0:
-                return xi
-            fa = fx
-            xi = law
-            continue
-        if trial == 1:
-            b, fb = xi, fx
-        else:
-            a, fa, b, fb = tightened(a, fa, b, fb, xi, fx)
-        if abs(fb) <= ROUNDED or abs(b - a) < ROUNDED or fa == fb:
-            break
-        xi = b - fb * (b - a) / (fb - fa)
-    return b
 
 
 @lending
@@ -203,13 +184,29 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Floats,
 
 @lending
 def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats) -> None:
-    """Let the active spring's phase follow its temperature while friction holds the angle."""
+    """Let the active spring's phase follow its temperature while friction holds the angle.
+
+    ξ is the law at the torque that this very ξ makes, and ξ less that law grows with ξ: Newton's steps, between the
+    last trials on either side.
+    """
     c, q, g, w = state.c, state.q, state.g, state.w
-    before = g[XI_NOW]
-    g[XI_NOW] = stick(g[X_NOW], before, c, q, w, p, tables, sections)
-    q[AT_REST] += abs(g[XI_NOW] - before)
-    g[TAU_NOW] = made_torque(g[X_NOW], g[XI_NOW], c, q, p, tables)
-    advance(g[TAU_NOW], c, p, tables, sections, w)
+    xi, low, high = g[XI_NOW], -1.0, 2.0
+    for _ in range(80):
+        made, _, by_xi = made_and_slopes(g[X_NOW], xi, c, q, p, tables)
+        law, slope, _ = fraction_and_slope(made, c, p, tables, sections, w)
+        off = xi - law
+        if off > 0.0:
+            high = xi
+        else:
+            low = xi
+        if abs(off * by_xi) <= TORQUE_TOLERANCE or high - low < ROUNDED:
+            break
+        xi -= off / (1.0 - slope * by_xi)
+        if not low < xi < high:
+            xi = 0.5 * (low + high)
+    q[AT_REST] += abs(law - g[XI_NOW])
+    g[XI_NOW], g[TAU_NOW] = law, made
+    keep_trial(w)
 
 
 @lending

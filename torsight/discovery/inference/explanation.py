@@ -253,7 +253,7 @@ def _information(explanation: Explanation, weight: Weight) -> Floats:
     """Return the posterior's information about the parameters (m, m)."""
     fit, space = explanation.fit, space_of(explanation.fit.parameters)
     derivative = fit.solution.jacobian
-    information = derivative.T @ weight.times(derivative)
+    information = weight.normal(derivative)
     information[np.diag_indices_from(information)] += space.prior_information + 1e-12 / space.scale**2
     return np.asarray(information)
 

@@ -300,15 +300,14 @@ class _Picture:
         sizes c: they gain :math:`\sum c^2 (Q^\top B^\top g)^2 / (1 + c^2 Λ)` for :math:`\sum \log (1 + c^2 Λ)`.
         """
         n = len(information)
-        weighted = weight.times(derivative)
-        normal = derivative.T @ weighted
+        normal = weight.normal(derivative)
         # Where the law would be off and the parameters at their priors' means (those without a prior: where they are).
         origin = u.copy()
         held = np.isfinite(space.prior_sigma)
         origin[held] = u[held] - space.prior_mean[held]
         origin[:n][~held[:n]] = 0.0
         there = residual + derivative @ origin
-        side = weighted.T @ there
+        side = derivative.T @ weight.times(there)
         root = np.linalg.cholesky(normal[:n, :n] + np.diag(information))
         half = solve_triangular(root, np.column_stack([normal[:n, n:], side[:n]]), lower=True)
         across, own = half[:, :-1], half[:, -1]
@@ -344,7 +343,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     derivative, weight = fit.solution.jacobian, likelihood.weight(residual)
     base = len(fitter.problem.parameters)
     information = prior_information(space, x, base)
-    matrix = derivative.T @ weight.times(derivative) + np.diag(information)
+    matrix = weight.normal(derivative) + np.diag(information)
     total = likelihood.log_at(weight, residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
     total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
     total += fitter.problem.also_seen(fit.values, fit.effects)

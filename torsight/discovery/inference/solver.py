@@ -128,7 +128,7 @@ def sharpened(function: Callable[[Floats], Floats], solution: Solution, *, weigh
     """
     derivative = solution.jacobian.copy()
     scaled = derivative * space.scale
-    information, axes = np.linalg.eigh(scaled.T @ weight.times(scaled))
+    information, axes = np.linalg.eigh(weight.normal(scaled))
     doubtful = information < (_OFF**2) * information[-1]
     ends = [
         space.clip(solution.x + side * space.scale * axis / np.sqrt(1.0 + max(known, 0.0)))
@@ -316,10 +316,9 @@ def linear_change(columns: Floats, residual: Floats, *, weight: Weight, informat
 
 
 def _normal(derivative: Floats, residual: Floats, x: Floats, *, weight: Weight, space: Space) -> tuple[Floats, Floats]:
-    weighted = weight.times(derivative)
-    normal = derivative.T @ weighted
+    normal = weight.normal(derivative)
     normal[np.diag_indices_from(normal)] += space.prior_information
-    return normal, weighted.T @ residual - space.prior_information * (x - space.prior_mean)
+    return normal, derivative.T @ weight.times(residual) - space.prior_information * (x - space.prior_mean)
 
 
 def _kinks(cost_at: Callable[[Floats], float], x: Floats, *, cost: float, curvature: Floats, space: Space) -> Flags:

@@ -89,7 +89,7 @@ def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
     free = [i for i, p in enumerate(fit.parameters) if p.name not in kept]
     derivative = fit.solution.jacobian[:, free]
     prior = prior_information(space_of(fit.parameters), fit.solution.x, base)[free]
-    information = derivative.T @ weight.times(derivative) + np.diag(prior)
+    information = weight.normal(derivative) + np.diag(prior)
     return np.asarray(solve_triangular(np.linalg.cholesky(information), derivative.T, lower=True).T)
 
 

@@ -72,11 +72,18 @@ class Weight:
         return plain if self.alone else plain - float((self._weighted.T @ residual) @ self.errors(residual))
 
     def times(self, columns: Floats) -> Floats:
-        """Return W times columns (n, m)."""
-        plain = columns * self.each[:, None]
+        """Return W times a column (n,), or columns (n, m)."""
+        plain: Floats = (columns.T * self.each).T
+        return plain if self.alone else np.asarray(plain - self._weighted @ self.errors(columns))
+
+    def normal(self, columns: Floats) -> Floats:
+        """Return Cᵀ W C (m, m) of columns C (n, m)."""
+        scaled = columns * np.sqrt(self.each)[:, None]
+        plain = np.asarray(scaled.T @ scaled)
         if self.alone:
             return plain
-        return np.asarray(plain - self._weighted @ np.linalg.solve(self._information, self._weighted.T @ columns))
+        across = self._weighted.T @ columns
+        return np.asarray(plain - across.T @ np.linalg.solve(self._information, across))
 
     def only(self, rows: Flags) -> Weight:
         """Return the weight with nothing but these rows (n,) counted."""

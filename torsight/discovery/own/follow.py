@@ -79,7 +79,7 @@ def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
     since = problem.layout.spread([one - one[0] for one in times])
 
     def left_open(at: Solution, weight: Weight) -> Floats:
-        known = at.jacobian.T @ weight.times(at.jacobian) + np.diag(space.scale**-2.0)
+        known = weight.normal(at.jacobian) + np.diag(space.scale**-2.0)
         return np.sqrt(np.diag(np.linalg.inv(known)))
 
     unsure = left_open(found, fitter.weight)
