@@ -35,7 +35,7 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.appearance.lucas_kanade import READING
 from tracker.detect.given_positions import LOOKED_AT
-from tracker.detect.sticks import LENGTHS, LIKE, Stick, reaches, towards_axis
+from tracker.detect.sticks import LIKE, SIZES, Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.marker import markers_on
@@ -424,5 +424,5 @@ def _unlike(one: Stick, two: Stick) -> float:
         ([getattr(stick.inner, what) + getattr(stick.outer, what) for stick in (one, two)], LIKE)
         for what in ("step", "light")
     ]
-    values.append(([one.length_px, two.length_px], LENGTHS))
+    values.append(([one.length_px, two.length_px], SIZES))
     return sum((SIGMAS * math.log(a / b) / math.log(limit)) ** 2 for (a, b), limit in values)

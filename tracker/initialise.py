@@ -18,7 +18,7 @@ from tracker.detect.dots import HUGE_PX
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, are_markers, couples_in
+from tracker.detect.sticks import CLEAR, SIZES, are_markers, couples_in
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
@@ -107,8 +107,8 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=where,
-            limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, those "
-            "of one stick no more than 3 times as large as those of the other; or a tag on each stick",
+            limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, none more "
+            f"than {SIZES:g} times as large as another; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
     return dots.start
