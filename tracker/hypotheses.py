@@ -279,11 +279,11 @@ def _weighed(
     both = [pair for one, two in couples for pair in ((one, two), (two, one))]
     # Hand-held, all dots go to and fro by what the steadiest one does: their errors are larger by as much.
     shake = 1.0 + min(float(_stands(one.places.T).min()) for one in motion.values())
-    stand = _stand(both, motion)
+    stands, rest = _explained(both, motion)
     score = np.array(
-        [_score(luma, base, moving, motion, stands=stand[id(moving)][id(base)], shake=shake) for base, moving in both]
+        [_score(luma, *couple, motion, stands=own, shake=shake) for couple, own in zip(both, stands, strict=True)]
     )
-    score -= 0.5 * _rest(both, motion, stand) / shake
+    score -= 0.5 * rest / shake
     chance = np.exp(score - score.max())
     chance /= chance.sum()
     found: list[Couple] = []
@@ -293,48 +293,37 @@ def _weighed(
     return found
 
 
-Stand = dict[int, dict[int, Floats]]
-"""χ² of the dots (2,) of every pair as ones that stand, for each pair that may be the moving one."""
+def _explained(both: list[tuple[Stick, Stick]], motion: Mapping[int, _Motion]) -> tuple[Floats, Floats]:
+    """Return χ² of the base's dots as ones that stand, for each couple, and of all dots that are of neither stick.
 
-
-def _stand(both: list[tuple[Stick, Stick]], motion: Mapping[int, _Motion]) -> Stand:
-    """Return how well all pairs stand, but for the frames in which their dots may be those of the moving one."""
+    Such a dot stands, or is carried by the moving stick. It may be of several pairs: that counts in which it is
+    explained best.
+    """
     pairs = {id(pair): pair for couple in both for pair in couple}
-    return {
-        key: dict(zip(pairs, _stands(_beside(pairs, motion, key)).reshape(-1, 2), strict=True))
-        for key in {id(moving) for _, moving in both}
-    }
+    at = {key: number for number, key in enumerate(pairs)}
+    dots = [[id(pair.inner), id(pair.outer)] for pair in pairs.values()]
+    number = np.unique(dots, return_inverse=True)[1].reshape(-1, 2)
+    found: dict[int, tuple[Floats, Floats]] = {}
+    for key in {id(moving) for _, moving in both}:
+        places, best = _beside(pairs, motion, key), np.full(number.max() + 1, np.inf)
+        stand = _stands(places)
+        np.minimum.at(best, number.ravel(), np.minimum(stand, _carried(places, motion[key])))
+        found[key] = stand.reshape(-1, 2).sum(axis=1), best
+    told = []
+    for base, moving in both:
+        stand, best = found[id(moving)]
+        own = number[[at[id(base)], at[id(moving)]]]
+        told.append((stand[at[id(base)]], best.sum() - best[own].sum()))
+    stands, rest = np.array(told).T
+    return stands, rest
 
 
 def _beside(pairs: Mapping[int, Stick], motion: Mapping[int, _Motion], key: int) -> Places:
     """Return where the dots of pairs are (2 p, n), without the frames in which one may be a dot of the moving pair."""
     places = np.stack([motion[other].places for other in pairs])
     near_px = NEAR * np.array([max(pair.inner.radius_px, pair.outer.radius_px) for pair in pairs.values()])
-    other = motion[key].places
-    near = (np.abs(places[..., None] - other[:, None]) < near_px[:, None, None, None]).any(axis=-1)
+    near = _nearer(near_px[:, None, None, None], places, motion[key].places).any(axis=-1)
     return np.asarray(np.where(near, _NOWHERE, places).transpose(0, 2, 1).reshape(2 * len(pairs), -1))
-
-
-def _rest(both: list[tuple[Stick, Stick]], motion: Mapping[int, _Motion], stand: Stand) -> Floats:
-    """Return χ² of all dots that are not of a couple, for each: such a dot stands, or is carried by the moving stick.
-
-    A dot may be of several pairs: that counts in which it is explained best.
-    """
-    pairs = {id(pair): pair for couple in both for pair in couple}
-    dots = [id(dot) for pair in pairs.values() for dot in (pair.inner, pair.outer)]
-    number = np.unique(dots, return_inverse=True)[1]
-    found: dict[int, Floats] = {}
-    for key, stands in stand.items():
-        carried = _carried(_beside(pairs, motion, key), motion[key])
-        found[key] = np.full(number.max() + 1, np.inf)
-        np.minimum.at(found[key], number, np.minimum(np.concatenate(list(stands.values())), carried))
-    of = dict(zip(dots, number.tolist(), strict=True))
-
-    def rest(base: Stick, moving: Stick) -> float:
-        own = [of[id(dot)] for stick in (base, moving) for dot in (stick.inner, stick.outer)]
-        return float(found[id(moving)].sum() - found[id(moving)][own].sum())
-
-    return np.array([rest(*couple) for couple in both])
 
 
 def _inner_first(base: Stick, moving: Stick, motion: _Motion) -> tuple[Stick, Stick]:
@@ -371,12 +360,12 @@ def _score(
     turning: Stick,
     motion: Mapping[int, _Motion],
     *,
-    stands: Floats,
+    stands: float,
     shake: float,
 ) -> float:
     """Return the logarithm of how well a couple explains its own motion, up to a constant of all couples.
 
-    ``stands`` (2,) are χ² of the base's dots as ones that stand, ``shake`` is by how much the variance of a marker's
+    ``stands`` is χ² of the base's dots as ones that stand, ``shake`` is by how much the variance of a marker's
     place is larger than that before a camera that stands.
     """
     moving = motion[id(turning)]
@@ -388,7 +377,7 @@ def _score(
     beside_px = ux * (y - base.inner.y_px) - uy * (x - base.inner.x_px)
     radius_px = max(base.inner.radius_px, base.outer.radius_px)
     spread = radius_px**2 + moving.beside_px**2 + moving.variance_px2
-    misfit = (stands.sum() + moving.turns) / shake
+    misfit = (stands + moving.turns) / shake
     misfit += beside_px**2 / spread + _unlike(base, turning)
     goes_on = 0.0
     if moving.variance_px2 < radius_px**2:
@@ -400,10 +389,10 @@ def _score(
     return float(goes_on - 0.5 * (misfit + math.log(spread)))
 
 
-def _nearer(limit_px: float, one: Places, other: Places) -> Flags:
-    """Return which dots of two pairs (n, 2) are nearer to each other than some distance, (n, 2, 2)."""
-    between_px: Floats = np.abs(one[:, :, None] - other[:, None, :])
-    return between_px < limit_px
+def _nearer(limit_px: float | Floats, one: Places, other: Places) -> Flags:
+    """Return which dots (…, n, 2) are nearer to those of a pair (n, 2) than some distance, (…, n, 2, 2)."""
+    between_px: Floats = np.abs(one[..., None] - other[:, None])
+    return np.asarray(between_px < limit_px)
 
 
 def _holds(stick: Stick, x_px: float, y_px: float) -> bool:

@@ -23,11 +23,9 @@ _LEAST: Final = 1.2
 _CLEARER: Final = 2.0
 """Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
 LIKE: Final = 1.6
-"""Markers are of one make: brightness step and light differ by less than this factor."""
+"""Markers are of one make: brightness step and light differ by less than this factor, and their sizes if they may."""
 SIZES: Final = 3.0
 """By which factor the sizes of markers, and the distances of those of one stick, differ at most."""
-_FREELY: Final = 1.8
-"""Up to which factor sizes of two sticks' markers may differ even if others fit better."""
 MOST: Final = 24
 """Dots among which the sticks are looked for: pairs of pairs go with the fourth power, and no person reads more."""
 PARALLEL: Final = 0.2
@@ -299,7 +297,7 @@ def _couple_score(one: Stick, two: Stick) -> float:
         return -math.inf
     if max(one.length_px, two.length_px) > SIZES * min(one.length_px, two.length_px):
         return -math.inf
-    unlikely = max(0.0, 1.0 - _FREELY / unlike) * (one.score + two.score)
+    unlikely = max(0.0, 1.0 - LIKE / unlike) * (one.score + two.score)
     axis = crossing(one, two)
     if axis is None:
         return -unlikely
