@@ -35,7 +35,7 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.appearance.lucas_kanade import READING
 from tracker.detect.given_positions import LOOKED_AT
-from tracker.detect.sticks import LENGTHS, LIKE, Stick, reaches, towards_axis
+from tracker.detect.sticks import LIKE, SIZES, Stick, reaches, towards_axis
 from tracker.follow.followed_dots import DotState
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.marker import markers_on
@@ -151,11 +151,13 @@ def _carried(places: Places, moving: _Motion) -> Floats:
 
 def _median(values: Floats) -> Floats:
     """Return the median of what is known along the last axis, 0 where nothing is."""
-    if not values.shape[-1]:
+    last = np.isfinite(values).sum(axis=-1, keepdims=True) - 1
+    if not (last >= 0).any():
         return np.zeros(values.shape[:-1])
-    known = np.isfinite(values)
-    middle = np.nanmedian(np.where(known.any(axis=-1, keepdims=True), values, 0.0), axis=-1)
-    return np.asarray(middle)
+    # What is not known comes last.
+    ordered = np.sort(values, axis=-1)
+    low, high = (np.take_along_axis(ordered, np.maximum(at // 2, 0), axis=-1) for at in (last, last + 1))
+    return np.asarray(np.where(last >= 0, 0.5 * (low + high), 0.0)[..., 0])
 
 
 class Weighing:
@@ -197,16 +199,16 @@ class Weighing:
         No dot of either stick lies on the axis then: of such a one nothing says that it stands or turns.
         """
         motion = self._motion(1)
-        still, moving = (
-            next(motion[key] for key, pair in self._pairs.items() if pair.is_of(stick))
+        base, turning = (
+            next(key for key, pair in self._pairs.items() if pair.is_of(stick))
             for stick in (couple.base, couple.moving)
         )
-        radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
+        radius_px, moving = max(couple.base.inner.radius_px, couple.base.outer.radius_px), motion[turning]
         if moving.variance_px2 < radius_px**2 and _any_lies_at(couple.base, couple.moving, moving.axis):
             return False
-        places = _apart(still, moving, radius_px)
+        places = _beside({base: couple.base}, motion, turning)
         # Both dots are off by STANDS_PX each.
-        return passes(0.5 * float(_stands(places[:, 1] - places[:, 0])), 2)
+        return passes(0.5 * float(_stands(places[1] - places[0])), 2)
 
     def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
         """Return what was read of a couple's markers in the frames since the picture, or in every so-many-th.
@@ -277,8 +279,11 @@ def _weighed(
     both = [pair for one, two in couples for pair in ((one, two), (two, one))]
     # Hand-held, all dots go to and fro by what the steadiest one does: their errors are larger by as much.
     shake = 1.0 + min(float(_stands(one.places.T).min()) for one in motion.values())
-    score = np.array([_score(luma, base, moving, motion, shake=shake) for base, moving in both])
-    score -= 0.5 * _rest(both, motion) / shake
+    stands, rest = _explained(both, motion)
+    score = np.array(
+        [_score(luma, *couple, motion, stands=own, shake=shake) for couple, own in zip(both, stands, strict=True)]
+    )
+    score -= 0.5 * rest / shake
     chance = np.exp(score - score.max())
     chance /= chance.sum()
     found: list[Couple] = []
@@ -288,28 +293,37 @@ def _weighed(
     return found
 
 
-def _rest(both: Sequence[tuple[Stick, Stick]], motion: Mapping[int, _Motion]) -> Floats:
-    """Return χ² of all dots that are not of a couple, for each: such a dot stands, or is carried by the moving stick.
+def _explained(both: list[tuple[Stick, Stick]], motion: Mapping[int, _Motion]) -> tuple[Floats, Floats]:
+    """Return χ² of the base's dots as ones that stand, for each couple, and of all dots that are of neither stick.
 
-    A dot may be of several pairs: that counts in which it is explained best.
+    Such a dot stands, or is carried by the moving stick. It may be of several pairs: that counts in which it is
+    explained best.
     """
     pairs = {id(pair): pair for couple in both for pair in couple}
-    dots = [id(dot) for pair in pairs.values() for dot in (pair.inner, pair.outer)]
-    number = np.unique(dots, return_inverse=True)[1]
-    radius_px = [max(pair.inner.radius_px, pair.outer.radius_px) for pair in pairs.values()]
-    found: dict[int, Floats] = {}
+    at = {key: number for number, key in enumerate(pairs)}
+    dots = [[id(pair.inner), id(pair.outer)] for pair in pairs.values()]
+    number = np.unique(dots, return_inverse=True)[1].reshape(-1, 2)
+    found: dict[int, tuple[Floats, Floats]] = {}
     for key in {id(moving) for _, moving in both}:
-        own = [_apart(motion[other], motion[key], px).T for other, px in zip(pairs, radius_px, strict=True)]
-        places = np.concatenate(own)
-        found[key] = np.full(number.max() + 1, np.inf)
-        np.minimum.at(found[key], number, np.minimum(_stands(places), _carried(places, motion[key])))
-    of = dict(zip(dots, number.tolist(), strict=True))
+        places, best = _beside(pairs, motion, key), np.full(number.max() + 1, np.inf)
+        stand = _stands(places)
+        np.minimum.at(best, number.ravel(), np.minimum(stand, _carried(places, motion[key])))
+        found[key] = stand.reshape(-1, 2).sum(axis=1), best
+    told = []
+    for base, moving in both:
+        stand, best = found[id(moving)]
+        own = number[[at[id(base)], at[id(moving)]]]
+        told.append((stand[at[id(base)]], best.sum() - best[own].sum()))
+    stands, rest = np.array(told).T
+    return stands, rest
 
-    def rest(base: Stick, moving: Stick) -> float:
-        own = [of[id(dot)] for stick in (base, moving) for dot in (stick.inner, stick.outer)]
-        return float(found[id(moving)].sum() - found[id(moving)][own].sum())
 
-    return np.array([rest(*couple) for couple in both])
+def _beside(pairs: Mapping[int, Stick], motion: Mapping[int, _Motion], key: int) -> Places:
+    """Return where the dots of pairs are (2 p, n), without the frames in which one may be a dot of the moving pair."""
+    places = np.stack([motion[other].places for other in pairs])
+    near_px = NEAR * np.array([max(pair.inner.radius_px, pair.outer.radius_px) for pair in pairs.values()])
+    near = _nearer(near_px[:, None, None, None], places, motion[key].places).any(axis=-1)
+    return np.asarray(np.where(near, _NOWHERE, places).transpose(0, 2, 1).reshape(2 * len(pairs), -1))
 
 
 def _inner_first(base: Stick, moving: Stick, motion: _Motion) -> tuple[Stick, Stick]:
@@ -341,13 +355,20 @@ def _motion(state: DotState, at: Places, size_px: tuple[int, int]) -> _Motion:
 
 
 def _score(
-    luma: NDArray[np.uint8], base: Stick, turning: Stick, motion: Mapping[int, _Motion], *, shake: float
+    luma: NDArray[np.uint8],
+    base: Stick,
+    turning: Stick,
+    motion: Mapping[int, _Motion],
+    *,
+    stands: float,
+    shake: float,
 ) -> float:
     """Return the logarithm of how well a couple explains its own motion, up to a constant of all couples.
 
-    ``shake`` is by how much the variance of a marker's place is larger than that before a camera that stands.
+    ``stands`` is χ² of the base's dots as ones that stand, ``shake`` is by how much the variance of a marker's
+    place is larger than that before a camera that stands.
     """
-    still, moving = motion[id(base)], motion[id(turning)]
+    moving = motion[id(turning)]
     x, y = moving.axis.tolist()
     ux, uy = (
         (base.outer.x_px - base.inner.x_px) / base.length_px,
@@ -356,7 +377,7 @@ def _score(
     beside_px = ux * (y - base.inner.y_px) - uy * (x - base.inner.x_px)
     radius_px = max(base.inner.radius_px, base.outer.radius_px)
     spread = radius_px**2 + moving.beside_px**2 + moving.variance_px2
-    misfit = (_stands(_apart(still, moving, radius_px).T).sum() + moving.turns) / shake
+    misfit = (stands + moving.turns) / shake
     misfit += beside_px**2 / spread + _unlike(base, turning)
     goes_on = 0.0
     if moving.variance_px2 < radius_px**2:
@@ -368,15 +389,10 @@ def _score(
     return float(goes_on - 0.5 * (misfit + math.log(spread)))
 
 
-def _apart(pair: _Motion, moving: _Motion, radius_px: float) -> Places:
-    """Return where a pair's dots are, without the frames in which one may be a dot of the moving pair."""
-    return np.where(_nearer(NEAR * radius_px, pair.places, moving.places).any(axis=2), _NOWHERE, pair.places)
-
-
-def _nearer(limit_px: float, one: Places, other: Places) -> Flags:
-    """Return which dots of two pairs (n, 2) are nearer to each other than some distance, (n, 2, 2)."""
-    between_px: Floats = np.abs(one[:, :, None] - other[:, None, :])
-    return between_px < limit_px
+def _nearer(limit_px: float | Floats, one: Places, other: Places) -> Flags:
+    """Return which dots (…, n, 2) are nearer to those of a pair (n, 2) than some distance, (…, n, 2, 2)."""
+    between_px: Floats = np.abs(one[..., None] - other[:, None])
+    return np.asarray(between_px < limit_px)
 
 
 def _holds(stick: Stick, x_px: float, y_px: float) -> bool:
@@ -397,5 +413,5 @@ def _unlike(one: Stick, two: Stick) -> float:
         ([getattr(stick.inner, what) + getattr(stick.outer, what) for stick in (one, two)], LIKE)
         for what in ("step", "light")
     ]
-    values.append(([one.length_px, two.length_px], LENGTHS))
+    values.append(([one.length_px, two.length_px], SIZES))
     return sum((SIGMAS * math.log(a / b) / math.log(limit)) ** 2 for (a, b), limit in values)

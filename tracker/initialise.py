@@ -15,10 +15,10 @@ from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.detect.dots import HUGE_PX
-from tracker.detect.fiducials import TagsSeen
+from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, are_markers, couples_in
+from tracker.detect.sticks import CLEAR, SIZES, are_markers, couples_in
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
@@ -86,13 +86,14 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     last, by_tags = -1, True
     for last, lent in looked_at(source, progress, what="the markers"):
         luma = lent.copy()
-        tags.take(luma)
         settled = dots.settled_by(last, luma)
         if dots.start is None or dots.start.doubtful:
             by_tags = True
         elif dots.start.frame == last:
             # What four modules of tags look like are no dots on sticks, if they are tags.
-            by_tags = tags.hold([place_of(marker.record[0]) for marker in dots.start.markers])
+            by_tags = all(_in_tag(luma, marker) for marker in dots.start.markers)
+        if by_tags:
+            tags.take(luma)
         if (tags.pictures > 1 and tags.pair[1]) if by_tags else settled:
             break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
@@ -106,11 +107,19 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=where,
-            limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, those "
-            "of one stick no more than 3 times as large as those of the other; or a tag on each stick",
+            limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, none more "
+            f"than {SIZES:g} times as large as another; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
     return dots.start
+
+
+def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
+    """Return whether a marker looks like a dot but lies in a tag: it is a module then, or a few."""
+    (x, y), reach = place_of(marker.record[0]), math.ceil(MOST_MODULES * 2.0 * marker.record[0]["shape"]["radius"])
+    left, top = max(round(x) - reach, 0), max(round(y) - reach, 0)
+    part = luma[top : round(y) + reach, left : round(x) + reach]
+    return any(tag.holds(x - left, y - top) for found in usual_tags(part).values() for tag in found)
 
 
 class _Dots:

@@ -119,7 +119,7 @@ def _without_camera(
     scale = stick_witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
     inner, outer = (scaled(points, scale) for points in paths)
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.tracks.size_px[0])
-    places, slopes = _from_above(flat, tilt.values, readout, tilt.along)
+    places, slopes = _from_above(flat, tilt.values, readout)
     plane = [(at, _carried(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
     found = from_plane(
         still.tracks,
@@ -134,10 +134,10 @@ def _without_camera(
     return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
 
 
-def _from_above(flat: list[Points], values: Floats, readout: Readout, along: int) -> tuple[list[Floats], list[Floats]]:
+def _from_above(flat: list[Points], values: Floats, readout: Readout) -> tuple[list[Floats], list[Floats]]:
     """Return the markers as seen from straight above, at their frames' timestamps; and the derivatives of the map."""
     places, slopes = zip(*(rectify(points, values) for points, _ in flat), strict=True)
-    return [*places[:2], *readout.at_timestamps(places[2:], float(values[5]), along)], list(slopes)
+    return [*places[:2], *readout.at_timestamps(places[2:], values[5:])], list(slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,13 +157,13 @@ def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[l
     px = usual_of(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
     usual = usual_of(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
     if not usual > 0.0:
-        return plane, Rolling(np.zeros(len(readout.time_s)), readout.report(0.0, 0.0, 0, shown=0.0))
+        return plane, Rolling(np.zeros(len(readout.time_s)), readout.report(np.zeros(2), np.zeros(2), shown=0.0))
     half = usual * 0.5 * readout.size_px[0]
     flat = [(points / half, covariance / half**2) for points, covariance in plane]
     scale = stick_witness(flat[2:], moves).scale
     inner, outer = (scaled(points, scale) for points in flat[2:])
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * readout.size_px[0], known=True)
-    moving = readout.at_timestamps([plane[2][0], plane[3][0]], float(tilt.values[5]), tilt.along)
+    moving = readout.at_timestamps([plane[2][0], plane[3][0]], tilt.values[5:])
     found = [*plane[:2], *((at, own[1]) for at, own in zip(moving, plane[2:], strict=True))]
     return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout), tilt.across)
 
@@ -173,8 +173,7 @@ def _length(offset: Floats, size: tuple[float, float] = (1.0, 1.0)) -> Floats:
 
 
 def _rolling_report(tilt: Tilt, readout: Readout) -> dict[str, Any]:
-    sigma = float(np.sqrt(tilt.covariance[5, 5]))
-    return readout.report(float(tilt.values[5]), sigma, tilt.along, shown=tilt.rolling)
+    return readout.report(tilt.values[5:], np.sqrt(np.diag(tilt.covariance)[5:]), shown=tilt.rolling)
 
 
 def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intrinsics | None) -> list[Points]:
@@ -194,7 +193,7 @@ def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> Floats:
     """Return the variance of the angle by what is not known of tilt and read-out."""
 
     def angle(values: Floats) -> Floats:
-        return _against_still(_from_above(flat, values, readout, tilt.along)[0])
+        return _against_still(_from_above(flat, values, readout)[0])
 
     return _bridged(variance_by(angle, tilt.values, tilt.covariance))
 

@@ -50,24 +50,24 @@ class Readout:
         frame_s = float(np.median(np.diff(tracks.time_s))) if len(tracks) > 1 else 0.0
         return cls(tracks.time_s, frame_s, tracks.position_px[:, 2:] / np.array(tracks.size_px), tracks.size_px)
 
-    def delay_s(self, share: float, along: int) -> Floats:
+    def delay_s(self, share: Floats) -> Floats:
         """Return how long after its frame's timestamp each marker is read (n, 2).
 
-        ``share`` of the time between frames is the read-out's, along x (0) or y (1), backwards where it is negative.
+        ``share`` (2,) of the time between frames is the read-out's, along x and y, backwards where it is negative.
         """
-        return np.asarray(self.frame_s * share * (self.place[..., along] - (share < 0.0)))
+        return np.asarray(self.frame_s * ((self.place - (share < 0.0)) @ share))
 
     def lead_rad(self, direction_rad: Floats) -> Floats:
         """Return by how much the outer marker is ahead (n, 2) where a read-out along x, or y, takes all the time."""
         rate, _ = turning(self.time_s, direction_rad)
         return np.asarray(rate[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
 
-    def at_timestamps(self, points: Sequence[Floats], share: float, along: int) -> list[Floats]:
+    def at_timestamps(self, points: Sequence[Floats], share: Floats) -> list[Floats]:
         """Return the moving markers, each (n, 2) in a plane across the axis, as at their frames' timestamps."""
         inner, outer = points
-        if share == 0.0:
+        if not share.any():
             return [inner, outer]
-        delay_s = self.delay_s(share, along)
+        delay_s = self.delay_s(share)
         stick = outer - inner
         # A marker that is seen alone goes around as the stick does in the frames around it.
         read_s = self.time_s + np.where(np.isfinite(stick[:, 0]), delay_s.mean(axis=1), 0.0)
@@ -78,10 +78,12 @@ class Readout:
         centre = np.array([found[0].real, found[0].imag])
         return [centre + _turned(part - centre, angle) for part, angle in zip(points, back.T, strict=True)]
 
-    def report(self, share: float, sigma: float, along: int, *, shown: float) -> dict[str, Any]:
+    def report(self, shares: Floats, sigmas: Floats, *, shown: float) -> dict[str, Any]:
         """Return what ``track.json`` says of it: ``shown`` is how much of it the film shows, from 0 to 1."""
         told: dict[str, Any] = {"known": shown > 0.0, "share_taken_out": shown}
         if told["known"]:
+            along = int(np.argmax(np.abs(shares)))
+            share, sigma = float(shares[along]), float(sigmas[along])
             row_us = 1e6 * self.frame_s / self.size_px[along]
             told |= {
                 "rows_follow": _ONWARDS[along][share < 0.0],

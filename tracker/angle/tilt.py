@@ -79,8 +79,8 @@ _ENOUGH: Final = 1e-3
 class Tilt:
     """How the plane of motion lies in the picture, and how long the picture takes to be read.
 
-    ``values`` (6,) are e1, e2, l1, l2, k in units of half the picture's width from its middle, and the share of the
-    time between two frames in which a picture is read, negative for backwards, along an axis of the picture, ``along``;
+    ``values`` (7,) are e1, e2, l1, l2, k in units of half the picture's width from its middle, and the share of the
+    time between two frames in which a picture is read along x, and along y, negative for backwards, one of them nought;
     ``covariance`` is with the priors. ``arc_rad`` is how much of a turn the paths cover, ``share`` how much of the tilt
     that explains the paths best is in ``values`` (1 where they tell it, 0 where they do not), ``rolling`` how far the
     paths show that the picture is not read at once (0 to 1); ``across`` are the errors across the stick over those
@@ -91,7 +91,6 @@ class Tilt:
     covariance: Floats
     arc_rad: float
     share: float
-    along: int = 0
     rolling: float = 0.0
     across: float = 1.0
 
@@ -139,7 +138,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     turned = _turned(direction[seen])
     if len(rows) < _FEWEST or turned < _TURNED_RAD:
         nothing = [_Found(0.0, np.zeros(7), np.diag(prior[:7] ** 2)) for prior in priors]
-        return _told_of(_blended([item.without(_READ) for item in nothing], turned), known=known)
+        return _told_of(_blended([item.without(_READ) for item in nothing], turned, ([], []), np.zeros(2)), known=known)
     points, spread = (np.stack(part, axis=1)[rows] for part in zip(inner, outer, strict=True))
     (centre, *arms), _ = circles(points, direction[rows])
     order = np.argsort(np.abs(arms))
@@ -165,7 +164,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     tilt = _best_readout(found, turned)
     # Of the read-out what is told: one that the paths leave open is no error of a marker.
     out = np.array(_READ)
-    off = np.where(out == _READ[tilt.along], tilt.values[5], 0.0) - values[out]
+    off = tilt.values[out] - values[out]
     told = values + covariance[:, out] @ np.linalg.solve(covariance[np.ix_(out, out)], off)
     return _told_of(replace(tilt, across=paths.across(told)), known=known)
 
@@ -174,7 +173,7 @@ def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
     """Return what is told: of a plane that is known the read-out alone, whatever the plane is off."""
     if not known:
         return tilt
-    told = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    told = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
     return replace(tilt, values=told * tilt.values, covariance=np.outer(told, told) * tilt.covariance)
 
 
@@ -339,8 +338,8 @@ def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:
     return 0.5 * volume - 0.5 * chi_squared - float(np.sum(np.log(prior)))
 
 
-_READ: Final = (5, 6)
-"""Places of both read-outs among the values."""
+_STANDS, _READ = [0, 1, 2, 3, 4], (5, 6)
+"""Places among the values of tilt and lens, and of both read-outs."""
 _INVERSE: Final = np.arange(-0.9995, 1.0, 0.001)
 """Parts of the longest read-out by which what is longer than one is weighed: finer than a read-out is ever told."""
 
@@ -415,9 +414,7 @@ def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
     evidence = np.array([*(_total(items) for items in (none, *rolling)), np.logaddexp.reduce(other)])
     belief = np.exp(evidence - evidence.max())
     belief /= belief.sum()
-    along = int(np.argmax(belief[1:3]))
-    shown = max(0.0, (float(belief[1 + along]) - _BELIEVED) / (1.0 - _BELIEVED))
-    return _blended(none, arc_rad, rolling[along], along=along, shown=shown)
+    return _blended(none, arc_rad, rolling, belief[1:3])
 
 
 def _total(found: Sequence[_Found]) -> float:
@@ -425,26 +422,27 @@ def _total(found: Sequence[_Found]) -> float:
     return float(np.logaddexp.reduce([item.evidence for item in found]))
 
 
-def _blended(
-    none: list[_Found], arc_rad: float, rolling: Sequence[_Found] = (), *, along: int = 0, shown: float = 0.0
-) -> Tilt:
-    """Return what all priors say together, each by its evidence, as far as the motion tells it."""
-    parts: list[tuple[float, Floats, Floats]] = []
-    for items, part in ((none, 1.0 - shown), (rolling, shown)):
-        if not items:
-            continue
-        total = _total(items)
+def _blended(none: list[_Found], arc_rad: float, rolling: Sequence[list[_Found]], belief: Floats) -> Tilt:
+    """Return what all priors say together, each by its evidence, as far as the motion tells it.
+
+    What is believed of a read-out along x or y beyond what is taken out is in the covariance.
+    """
+    shown = np.maximum(0.0, (belief - _BELIEVED) / (1.0 - _BELIEVED))
+    values, covariance, unseen = np.zeros(7), np.zeros((7, 7)), np.zeros(7)
+    for items, part, more, places in (
+        (none, 1.0 - shown.sum(), 0.0, _STANDS),
+        *zip(rolling, shown, belief - shown, ([*_STANDS, place] for place in _READ), strict=True),
+    ):
         for item in items:
-            w = part * math.exp(item.evidence - total)
-            missing = 6 - len(item.values)
-            parts.append((w, np.pad(item.values, (0, missing)), np.pad(item.covariance, (0, missing))))
-    values = sum((w * own for w, own, _ in parts), np.zeros(6))
-    covariance = np.zeros((6, 6))
-    for w, own, spread in parts:
-        covariance += w * (spread + np.outer(own - values, own - values))
+            w, own, spread = math.exp(item.evidence - _total(items)), np.zeros(7), np.zeros((7, 7))
+            own[places], spread[np.ix_(places, places)] = item.values, item.covariance
+            spread += np.outer(own, own)
+            values, covariance = values + part * w * own, covariance + part * w * spread
+            unseen[places[-1]] += more * w * spread[places[-1], places[-1]]
+    covariance += np.diag(unseen) - np.outer(values, values)
     share = _told(values[:2], covariance[:2, :2])
-    left = (1.0 - share) * np.append(values[:5], 0.0)
-    return Tilt(values - left, covariance + np.outer(left, left), arc_rad, share, along, shown)
+    left = (1.0 - share) * np.append(values[:5], [0.0, 0.0])
+    return Tilt(values - left, covariance + np.outer(left, left), arc_rad, share, float(shown.sum()))
 
 
 def _told(stretch: Floats, covariance: Floats) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -17,13 +16,16 @@ from torsight.core.units import Flags, Floats
 from torsight.core.words.wording import listed
 
 _PREFIX: Final = "DICT_"
-USUAL: Final = (
-    "4X4_50", "5X5_50", "6X6_50", "7X7_50", "APRILTAG_36h11", "APRILTAG_25h9", "APRILTAG_16h5", "ARUCO_ORIGINAL",
-    "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
+_OFTEN: Final = ("4X4_50", "5X5_50", "6X6_50", "7X7_50", "APRILTAG_36h11", "APRILTAG_25h9", "APRILTAG_16h5")
+_SELDOM: Final = (
+    "ARUCO_ORIGINAL", "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
 )  # fmt: skip
+USUAL: Final = (*_OFTEN, *_SELDOM)
 """Families that are tried where none is given or the given one is not seen: the most printed first, of one code the
 smallest."""
 
+MOST_MODULES: Final = 9
+"""Modules across the largest tags with their black border, of 7X7."""
 _MODULE_PX: Final = 8
 """Size at which OpenCV reads a module, leaving a share of 0.13 out on each side: of its own 4 px that is none, and of a
 module of 4.5 px in the picture neighbours count, for corners are found in whole pixels."""
@@ -76,6 +78,11 @@ class FoundTag:
     number: int
     corners_px: Floats
 
+    def holds(self, x_px: float, y_px: float) -> bool:
+        """Return whether a place lies in it."""
+        rim = self.corners_px.astype(np.float32)
+        return bool(cv2.pointPolygonTest(rim, (x_px, y_px), measureDist=False) >= 0.0)
+
 
 def find_tags(luma: NDArray[np.uint8], family: str) -> list[FoundTag]:
     """Return the tags of a family in a picture, by OpenCV's detector."""
@@ -92,22 +99,20 @@ class TagsSeen:
 
     def __init__(self) -> None:
         self.pictures = 0
-        self._last: list[Floats] = []
         self._shown: dict[str, Counter[int]] = {family: Counter() for family in USUAL}
 
     def take(self, luma: NDArray[np.uint8]) -> None:
-        """Note the tags of a picture; a number that it shows twice is none."""
-        self.pictures += 1
-        self._last = []
-        for family, found in usual_tags(luma).items():
-            self._last += [tag.corners_px for tag in found]
-            numbers = Counter(tag.number for tag in found)
-            self._shown[family].update(number for number, times in numbers.items() if times == 1)
+        """Note the tags of a picture; a number that it shows twice is none.
 
-    def hold(self, places: Sequence[tuple[float, float]]) -> bool:
-        """Return whether all of some places lie in tags of the last picture."""
-        rims = [corners.astype(np.float32) for corners in self._last]
-        return all(any(cv2.pointPolygonTest(rim, place, measureDist=False) >= 0.0 for rim in rims) for place in places)
+        Nine tenths of all tags are of families that are seldom printed: those count where the others show no pair.
+        """
+        self.pictures += 1
+        for families in (_OFTEN, _SELDOM):
+            for family, found in _found(luma, families).items():
+                numbers = Counter(tag.number for tag in found)
+                self._shown[family].update(number for number, times in numbers.items() if times == 1)
+            if self.pair[1]:
+                return
 
     @property
     def pair(self) -> tuple[str, list[int]]:

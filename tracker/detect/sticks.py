@@ -23,11 +23,9 @@ _LEAST: Final = 1.2
 _CLEARER: Final = 2.0
 """Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
 LIKE: Final = 1.6
-"""Markers are of one make: size, brightness step and light differ by less than this factor."""
-_SIZES: Final = (1.8, 3.0)
-"""Between two sticks the size may differ more: up to the first factor freely, to the second if nothing fits better."""
-LENGTHS: Final = 3.0
-"""By which factor the distance of their markers differs at most."""
+"""Markers are of one make: brightness step and light differ by less than this factor, and their sizes if they may."""
+SIZES: Final = 3.0
+"""By which factor the sizes of markers, and the distances of those of one stick, differ at most."""
 MOST: Final = 24
 """Dots among which the sticks are looked for: pairs of pairs go with the fourth power, and no person reads more."""
 PARALLEL: Final = 0.2
@@ -237,14 +235,14 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
     if (a.contrast > 0) != (b.contrast > 0):
         return "one of the two is dark and the other light"
     likeness = 1.0
-    for name, one, two in (
-        ("radius", a.radius_px, b.radius_px),
-        ("contrast", a.step, b.step),
-        ("light around them", a.light, b.light),
+    for name, one, two, limit in (
+        ("radius", a.radius_px, b.radius_px, SIZES),
+        ("contrast", a.step, b.step, LIKE),
+        ("light around them", a.light, b.light, LIKE),
     ):
         ratio = max(one, two) / max(min(one, two), 1e-6)
-        if ratio > LIKE:
-            return f"they differ in {name} by a factor of {ratio:.1f}; {LIKE:g} allowed"
+        if ratio > limit:
+            return f"they differ in {name} by a factor of {ratio:.1f}; {limit:g} allowed"
         likeness /= ratio
     distance, needed = _gap(a, b), 1.5 * (a.radius_px + b.radius_px) + 3.0
     if distance < needed:
@@ -295,11 +293,11 @@ def _couple_score(one: Stick, two: Stick) -> float:
     radii = [dot.radius_px for dot in (one.inner, one.outer, two.inner, two.outer)]
     steps = [dot.step for dot in (one.inner, one.outer, two.inner, two.outer)]
     unlike = max(radii) / min(radii)
-    if unlike > _SIZES[1] or max(steps) > 2.5 * min(steps):
+    if unlike > SIZES or max(steps) > 2.5 * min(steps):
         return -math.inf
-    if max(one.length_px, two.length_px) > LENGTHS * min(one.length_px, two.length_px):
+    if max(one.length_px, two.length_px) > SIZES * min(one.length_px, two.length_px):
         return -math.inf
-    unlikely = max(0.0, 1.0 - _SIZES[0] / unlike) * (one.score + two.score)
+    unlikely = max(0.0, 1.0 - LIKE / unlike) * (one.score + two.score)
     axis = crossing(one, two)
     if axis is None:
         return -unlikely

@@ -157,8 +157,11 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     ends = [place_of(one) if known else one["predicted"] for one, known in zip(readings, seen, strict=True)]
     expected = Prediction((ends[0], ends[1]), sigma_px, scene.sticks[stick], rig["shift_now"])
     height, width = luma.shape
-    places = _places(luma, markers[0], expected.region(np.flatnonzero(~seen).tolist(), (width, height)))
-    inner, outer = ([readings[end].copy()] if seen[end] else _read(scene, luma, both[end], places) for end in (0, 1))
+    region = expected.region(np.flatnonzero(~seen).tolist(), (width, height))
+    inner, outer = (
+        [readings[end].copy()] if seen[end] else _read(scene, luma, both[end], _places(luma, markers[end], region))
+        for end in (0, 1)
+    )
     pairs = list(itertools.product(inner, outer))
     lost = max(1, int(markers["lost"].sum()))
 

@@ -213,16 +213,19 @@ def test_markers_that_lag_behind_are_no_tilt(seed: int) -> None:
     assert np.sqrt(np.mean((error / np.rad2deg(found.angles.sigma_rad)) ** 2)) < 1.4
 
 
-@pytest.mark.parametrize("inner_px", [50.0, 0.3])
-def test_an_axis_with_play_turns_no_stick(inner_px: float) -> None:
-    """What moves both markers alike is no error of the angle, also where one of them lies on the axis."""
+@pytest.mark.parametrize(("inner_px", "least"), [(50.0, 0.7), (0.3, 0.6)])
+def test_an_axis_with_play_turns_no_stick(inner_px: float, least: float) -> None:
+    """What moves both markers alike is no error of the angle, also where one of them lies on the axis.
+
+    Such a one does not tell which rows are late, and the sigma holds that, too.
+    """
     rig = replace(TILTED, moving_px=(inner_px, inner_px + 70.0), tilt_deg=(0.0, 0.0), k1=0.0)
     tracks = tracks_of(rig)
     position = tracks.position_px.copy()
     position[:, 2:] += np.random.default_rng(3).normal(0.0, 0.2, (len(tracks), 1, 2))
     angles = orient(replace(tracks, position_px=position), None).angles
     error = np.rad2deg(angles.angle_rad) - rig.truth_deg
-    assert 0.7 < np.sqrt(np.mean((error / np.rad2deg(angles.sigma_rad)) ** 2)) < 1.4
+    assert least < np.sqrt(np.mean((error / np.rad2deg(angles.sigma_rad)) ** 2)) < 1.4
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -43,6 +43,20 @@ def rolled(rig: Rig, row_s: float, *, along: int, backwards: bool = False, seed:
     return replace(tracks_of(rig), position_px=position + noise)
 
 
+@pytest.mark.parametrize("along", [0, 1])
+def test_one_that_the_paths_do_not_tell_is_in_the_sigma(along: int) -> None:
+    """A marker on the axis is seen at one place whenever it is read: nothing shows which rows are late."""
+    rig = replace(STRAIGHT, moving_px=(0.0, 120.0), angle_deg=lambda t: 60.0 + 130.0 * t + 6.0 * np.sin(3.0 * t))
+    row_s = 0.5 * ROW_S
+    found = orient(rolled(rig, row_s, along=along), None)
+    assert not found.report["rolling_shutter"]["known"]
+    # Late by the time to the axis' row at any angle, which is a matter of clocks.
+    seen_s = rig.times + row_s * float(np.mean(rig.marker_px(rig.truth_deg)[:, 2, along]))
+    error = np.rad2deg(found.angles.angle_rad) - rig.angle_deg(seen_s)
+    assert np.sqrt(np.mean(error**2)) > 0.1
+    assert np.sqrt(np.mean((error / np.rad2deg(found.angles.sigma_rad)) ** 2)) < 1.4
+
+
 @pytest.mark.parametrize("camera", ["none", "lens", "pose"])
 @pytest.mark.parametrize(("along", "onwards"), [(0, "right"), (0, "left"), (1, "down")])
 def test_it_is_found_and_taken_out(tmp_path: Path, camera: str, along: int, onwards: str) -> None:

@@ -35,13 +35,18 @@ def test_four_dots_on_two_sticks_are_taken() -> None:
     np.testing.assert_allclose(np.sort(seen.sticks_px.reshape(4, 2), axis=0), np.sort(places, axis=0), atol=0.06)
 
 
+def test_markers_of_two_sizes_on_each_stick_are_taken() -> None:
+    seen = look(board(*((x, y, 9.0 if number % 2 else 5.0, grey) for number, (x, y, _, grey) in enumerate(FOUR))))
+    assert [one.taken for one in seen.candidates] == [True] * 4
+
+
 @pytest.mark.parametrize(
     ("dots", "reason"),
     [
         ((), "0 of at least 4 dots"),
         (FOUR[:3], "3 of at least 4 dots"),
         (
-            (FOUR[0], (60.1, 60.7, 12.0, 40.0), (160.6, 100.4, 5.0, 250.0), (160.2, 150.9, 12.0, 250.0)),
+            (FOUR[0], (60.1, 60.7, 16.0, 40.0), (160.6, 100.4, 5.0, 250.0), (160.2, 150.9, 16.0, 250.0)),
             "0 of at least 2",
         ),
         ((*FOUR[:2], (160.6, 100.4, 5.0, 140.0), (160.2, 150.9, 5.0, 140.0)), "like the sticks of one rig"),
@@ -63,7 +68,7 @@ def why(picture: np.ndarray, x: float, y: float) -> str:
 
 
 def test_a_dot_without_a_likeness_names_the_value_and_the_limit() -> None:
-    assert "radius by a factor of 2.4; 1.6 allowed" in why(board(FOUR[0], (60.1, 60.7, 12.0, 40.0)), 100.0, 60.0)
+    assert "radius by a factor of 3.2; 3 allowed" in why(board(FOUR[0], (60.1, 60.7, 16.0, 40.0)), 100.0, 60.0)
     assert "contrast by a factor of 2.0; 1.6 allowed" in why(board(FOUR[0], (60.1, 60.7, 5.0, 110.0)), 100.0, 60.0)
     assert "one of the two is dark and the other light" in why(board(FOUR[0], (60.1, 60.7, 5.0, 250.0)), 100.0, 60.0)
     assert "13 px apart; 18 px needed" in why(board((100.0, 60.0, 5.0, 40.0), (113.0, 60.0, 5.0, 40.0)), 100.0, 60.0)

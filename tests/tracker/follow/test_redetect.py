@@ -23,15 +23,15 @@ SIGMA_PX = 1.06 * 2.0 / 140.0 * np.sqrt(1.0 / RADIUS_PX)
 """Cramér and Rao for an edge one pixel wide, a step of 140 and noise of 2 grey levels."""
 
 
-def picture(dots: list[complex], *, seed: int, radius_px: float = RADIUS_PX) -> np.ndarray:
+def picture(dots: list[complex], *, seed: int, radius_px: float | list[float] = RADIUS_PX) -> np.ndarray:
     """Draw dark dots by counting sub-pixels, on sticks as wide as the picture: light ground everywhere."""
     fine = (np.arange(8) + 0.5) / 8.0 - 0.5
     y = (np.arange(400)[:, None] + fine).ravel()
     out = np.full((400, 440), 190.0)
-    for dot in dots:
+    for dot, radius in zip(dots, np.broadcast_to(radius_px, len(dots)), strict=True):
         x0, y0 = int(dot.real) - 10, int(dot.imag) - 10
         dx, dy = (np.arange(x0, x0 + 21)[:, None] + fine).ravel() - dot.real, y[8 * y0 : 8 * (y0 + 21)] - dot.imag
-        inside = dx[None, :] ** 2 + dy[:, None] ** 2 < radius_px**2
+        inside = dx[None, :] ** 2 + dy[:, None] ** 2 < radius**2
         out[y0 : y0 + 21, x0 : x0 + 21] -= 140.0 * inside.reshape(21, 8, 21, 8).mean(axis=(1, 3))
     return np.clip(np.rint(out + np.random.default_rng(seed).normal(0.0, 2.0, out.shape)), 0, 255).astype(np.uint8)
 
@@ -42,19 +42,21 @@ def moving(degrees: float) -> list[complex]:
     return [AXIS + 70.0 * turn, AXIS + 140.0 * turn]
 
 
-def follower_of(scene: list[complex], *, moving: int | None = 1) -> Follower:
+def follower_of(
+    scene: list[complex], *, moving: int | None = 1, radius_px: float | list[float] = RADIUS_PX
+) -> Follower:
     """Return what follows the dots of a first picture: the base's two, then the moving stick's."""
-    first = picture(scene, seed=0)
+    first = picture(scene, seed=0, radius_px=radius_px)
     dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scene]
     sticks = [Stick(dots[k], dots[k + 1], 0.0) for k in (0, 2)]
     return Follower([DotState([marker for stick in sticks for marker in markers_on(first, stick)])], moving=moving)
 
 
-def followed(scenes: list[list[complex]]) -> list[np.ndarray]:
+def followed(scenes: list[list[complex]], *, radius_px: float | list[float] = RADIUS_PX) -> list[np.ndarray]:
     """Return the rows of pictures with dots."""
-    follower = follower_of(scenes[0])
+    follower = follower_of(scenes[0], radius_px=radius_px)
     return [
-        follower.step(Frame(number, number / 30.0, picture(scene, seed=number))).copy()
+        follower.step(Frame(number, number / 30.0, picture(scene, seed=number, radius_px=radius_px))).copy()
         for number, scene in enumerate(scenes)
     ]
 
@@ -63,6 +65,11 @@ def check(row: np.ndarray, dots: list[complex]) -> None:
     assert (row["state"] == CODE["seen"]).all()
     # Five standard deviations, of which sub-pixels of 1/8 px and the template make 1.5 times the bound.
     assert row["position_px"] == pytest.approx(np.array([[d.real, d.imag] for d in dots]), abs=8.0 * SIGMA_PX)
+
+
+def test_a_stick_whose_markers_differ_in_size_is_found_after_a_jump() -> None:
+    scenes = [[*BASE, *moving(100.0 if number < 6 else 140.0)] for number in range(12)]
+    check(followed(scenes, radius_px=[9.0, 3.0, 9.0, 3.0])[-1], scenes[-1])
 
 
 def test_two_that_follow_the_same_dots_do_not_disturb_each_other() -> None:
