@@ -23,7 +23,8 @@ _LEAST: Final = 1.2
 _CLEARER: Final = 2.0
 """Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
 LIKE: Final = 1.6
-"""Markers are of one make: brightness step and light differ by less than this factor, and their sizes if they may."""
+"""Markers are of one make: brightness step and light differ by less than this factor; sizes that differ by no more are
+as likely as equal ones."""
 SIZES: Final = 3.0
 """By which factor the sizes of markers, and the distances of those of one stick, differ at most."""
 MOST: Final = 24
