@@ -95,6 +95,6 @@ def test_a_table_may_repeat_every_reading_until_the_next(digit_c):
     time_s = np.arange(0.0, 890.0)
     read = np.round(wire(time_s) / digit_c) * digit_c
     found_s, found_c = own_readings(ROWS_S, read[np.searchsorted(time_s, ROWS_S, side="right") - 1])
-    # Behind the last change no row tells where readings lie.
+    # After the last change no row tells where readings lie.
     assert found_s[:700] == pytest.approx(time_s[:700])
     assert np.array_equal(found_c[:700], read[:700])

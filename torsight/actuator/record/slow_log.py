@@ -145,8 +145,7 @@ def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
     before, after, gap_s = slope[pair - 1], slope[pair + 1], time_s[pair + 1] - time_s[pair]
     level = (before == 0.0) & (after == 0.0)
     turn = np.where(before == after, 1.0, before - after)
-    past_s = np.clip((temp_c[pair + 1] - after * gap_s - temp_c[pair]) / turn, 0.0, gap_s)
-    past_s[level] = gap_s[level]
+    past_s = np.where(level, gap_s, np.clip((temp_c[pair + 1] - after * gap_s - temp_c[pair]) / turn, 0.0, gap_s))
     times = np.concatenate([time_s[alone], time_s[pair] + past_s])
     temps = np.concatenate([temp_c[alone], temp_c[pair] + before * past_s])
     order = np.argsort(times)

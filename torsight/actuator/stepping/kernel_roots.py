@@ -190,6 +190,7 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
     last trials on either side.
     """
     c, q, g, w = state.c, state.q, state.g, state.w
+    # Nothing is known on either side yet: as wide again as ξ goes from 0 to 1.
     xi, low, high = g[XI_NOW], -1.0, 2.0
     for _ in range(80):
         made, _, by_xi = made_and_slopes(g[X_NOW], xi, c, q, p, tables)
