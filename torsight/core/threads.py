@@ -7,10 +7,12 @@ import functools
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
-from typing import Final, TypeVar
+from dataclasses import dataclass
+from typing import Any, Final, Protocol, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -99,7 +101,7 @@ def in_parallel(
     over = threading.Event()
 
     def counted(one: _T) -> _R:
-        with _at_work():
+        with at_work():
             return function(one)
 
     with ThreadPoolExecutor(WORKERS, initializer=_end_with, initargs=(over,)) as pool:
@@ -125,50 +127,68 @@ def with_help(work: Sequence[_T], function: Callable[[_T], _R]) -> list[_R]:
             later = pool.submit(lambda: [function(one) for one in work[half:]])
             return [function(one) for one in work[:half]] + later.result()
     finally:
-        _leave()
+        _AT_WORK.add(-1)
+
+
+class Event(Protocol):
+    """Something that happens once, as ``threading.Event`` and that of ``multiprocessing``."""
+
+    def is_set(self) -> bool:
+        """Return whether it has happened."""
 
 
 class _Thread(threading.local):
     """What a worker knows of its work: an event that is set once nobody waits for it, and whether it is counted."""
 
-    over: threading.Event | None = None
+    over: Event | None = None
     counted: bool = False
 
 
 _THREAD: Final = _Thread()
-_LOCK: Final = threading.Lock()
-_AT_WORK: Final = [0]
-"""How many threads work now, those apart that no one has counted."""
+
+
+@dataclass(slots=True)
+class _AtWork:
+    """How many threads work now, of all processes that share the work; those apart that no one has counted."""
+
+    lock: AbstractContextManager[Any]
+    count: MutableSequence[int]
+
+    def add(self, more: int) -> None:
+        """Count so many more."""
+        with self.lock:
+            self.count[0] += more
+
+
+_AT_WORK: Final = _AtWork(threading.Lock(), [0])
+
+
+def share_work(over: Event, lock: AbstractContextManager[Any], count: MutableSequence[int]) -> None:
+    """Let this process, a copy of another, share its work: until it is over, and with one count of who works."""
+    _THREAD.over, _AT_WORK.lock, _AT_WORK.count = over, lock, count
 
 
 @contextlib.contextmanager
-def _at_work() -> Iterator[None]:
+def at_work() -> Iterator[None]:
     """Count this thread as one that works."""
-    with _LOCK:
-        _AT_WORK[0] += 1
+    _AT_WORK.add(1)
     _THREAD.counted = True
     try:
         yield
     finally:
         _THREAD.counted = False
-        _leave()
+        _AT_WORK.add(-1)
 
 
 def _ask_for_help() -> bool:
     """Return whether one more thread may work beside this one; then it is counted."""
-    with _LOCK:
-        free = _AT_WORK[0] + (not _THREAD.counted) < WORKERS
-        _AT_WORK[0] += free
+    with _AT_WORK.lock:
+        free = _AT_WORK.count[0] + (not _THREAD.counted) < WORKERS
+        _AT_WORK.count[0] += free
     return free
 
 
-def _leave() -> None:
-    """Count one thread less."""
-    with _LOCK:
-        _AT_WORK[0] -= 1
-
-
-def _end_with(over: threading.Event) -> None:
+def _end_with(over: Event) -> None:
     """Let the work of this thread end once nobody waits for it."""
     _THREAD.over = over
 

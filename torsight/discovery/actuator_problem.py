@@ -8,9 +8,9 @@ report.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -38,6 +38,9 @@ RESOLUTION_DEG: Final = 0.1
 _NOISE_DRAWS: Final = 6
 """Draws of the temperatures' noise: a sample's standard deviation is known to three parts in ten from them (1/√12), the
 mean over a record to a few hundredths (benchmarks/discovery/tops.py, --constants)."""
+_SAMPLES: Final = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
+_OF_THE_RECORD: Final = (*_SAMPLES, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_thinned")
+"""What depends on the record alone, and is not worked out again where other laws are tried on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,7 @@ class ActuatorProblem(OptionalMembers):
         As of :class:`~torsight.actuator.model.ActuatorModel`.
     """
 
+    in_copies: ClassVar[bool] = True
     drive: Drive
     spec: ActuatorSpec
     seed: int = 0
@@ -129,11 +133,13 @@ class ActuatorProblem(OptionalMembers):
     def with_laws(self, forms: Sequence[LawForm]) -> ActuatorProblem:
         """Return the problem with these forms of laws among its candidates."""
         other = replace(self, forms=tuple(forms))
-        # What depends on the record alone is not worked out again.
-        samples = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
-        kept = (*samples, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_thinned")
-        other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
+        other.__dict__.update({name: self.__dict__[name] for name in _OF_THE_RECORD if name in self.__dict__})
         return other
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a copy of the process sends back: all but candidates, which hold functions, and models."""
+        kept = (*(one.name for one in fields(self)), *_OF_THE_RECORD)
+        return {name: self.__dict__[name] for name in kept if name in self.__dict__} | {"_models": {}}
 
     @cached_property
     def once(self) -> tuple[str, ...]:

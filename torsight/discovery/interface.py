@@ -17,15 +17,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, Protocol, Self
+from typing import ClassVar, Final, Protocol, Self, TypeVar
 
 import numpy as np
 
 from torsight.core.law import Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.threads import with_help
+from torsight.core.processes import in_copies
+from torsight.core.progress import Progress, silent
+from torsight.core.threads import in_parallel, with_help
 from torsight.core.units import Flags, Floats, Ints
 
+_T = TypeVar("_T")
+_R = TypeVar("_R")
 Propose = Callable[[Floats, Floats], tuple[Mapping[str, float], ...]]
 
 OVER_GIVEN: Final = 3.0
@@ -133,7 +137,13 @@ class NeededMembers(Protocol):
 
 
 class OptionalMembers(Protocol):
-    """What a problem may leave out, with what then holds."""
+    """What a problem may leave out, with what then holds.
+
+    ``in_copies`` says that fits may run in copies of the process, two at a time: nothing is lost that predictions leave
+    behind, and the problem can be pickled. Others run in threads, of which Python's lock lets one run at a time.
+    """
+
+    in_copies: ClassVar[bool] = False
 
     @cached_property
     def resolution(self) -> float:
@@ -218,6 +228,14 @@ class OptionalMembers(Protocol):
     ) -> list[Floats]:
         """Return ``predict`` at several points, half of them in a second thread where one is idle."""
         return with_help(values, lambda one: self.predict(one, effects))
+
+    def at_once(
+        self, work: Sequence[_T], function: Callable[[_T], _R], *, step: str = "", progress: Progress = silent
+    ) -> list[_R]:
+        """Return ``function`` of each item in order, several of them worked out at the same time."""
+        if self.in_copies:
+            return in_copies(work, function, known=(self, progress), step=step, progress=progress)
+        return in_parallel(work, function, step=step, progress=progress)
 
     def input_noise(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the standard deviation (n,) of the prediction that noise on the model's inputs causes."""

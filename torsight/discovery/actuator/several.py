@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -33,6 +33,9 @@ from torsight.discovery.interface import Candidate, OptionalMembers, Propose
 ZERO: Final = "zero_deg"
 _APART_S: Final = 3600.0
 """Time that is put between records on the common axis: long against whatever correlates within one."""
+_SAMPLES: Final = ("time_s", "observed", "sigma", "valid", "block", "rest", "share", "drivers")
+_OF_THE_RECORDS: Final = ("_clocks", "_joined", "laws", *_SAMPLES)
+"""What depends on the records alone, and is not worked out again where other laws are tried on them."""
 
 
 def own_name(name: str, record: int) -> str:
@@ -52,6 +55,7 @@ class SeveralRecords(OptionalMembers):
         Measured laws that are candidates, too.
     """
 
+    in_copies: ClassVar[bool] = True
     parts: tuple[ActuatorProblem, ...]
     forms: tuple[LawForm, ...] = ()
 
@@ -153,10 +157,13 @@ class SeveralRecords(OptionalMembers):
     def with_laws(self, forms: Sequence[LawForm]) -> SeveralRecords:
         """Return the problem with these forms of laws among its candidates."""
         other = SeveralRecords(tuple(part.with_laws(forms) for part in self.parts), tuple(forms))
-        record = ("time_s", "observed", "sigma", "valid", "block", "rest", "share", "drivers")
-        kept = ("_clocks", "_joined", "laws", *record)
-        other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
+        other.__dict__.update({name: self.__dict__[name] for name in _OF_THE_RECORDS if name in self.__dict__})
         return other
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a copy of the process sends back: all but candidates, which hold functions."""
+        kept = ("parts", "forms", *_OF_THE_RECORDS)
+        return {name: self.__dict__[name] for name in kept if name in self.__dict__}
 
     @cached_property
     def once(self) -> tuple[str, ...]:

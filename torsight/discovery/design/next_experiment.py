@@ -21,7 +21,6 @@ from torsight.actuator.drive import Drive
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
-from torsight.core.threads import in_parallel
 from torsight.core.units import DEG, Floats
 from torsight.core.words.wording import capital, effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -205,7 +204,10 @@ class _Planner:
 
     def _weigh_all(self, keys: Sequence[tuple[str, ...]]) -> dict[tuple[str, ...], _Weighed]:
         programmes = {key: Programme(tuple(self._menu[name] for name in key)) for key in keys}
-        found = in_parallel(list(programmes.values()), self._weighed, step="next experiment", progress=self._progress)
+        asked = list(programmes.values())
+        found: list[_Weighed | None] = self._problem.at_once(
+            asked, self._weighed, step="next experiment", progress=self._progress
+        )
         return {key: item for key, item in zip(programmes, found, strict=True) if item is not None}
 
     def _weighed(self, programme: Programme) -> _Weighed | None:

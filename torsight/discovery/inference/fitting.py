@@ -96,6 +96,10 @@ class Fitter:
         self.weight = weight
         self.candidates: dict[str, Candidate] = {candidate.id: candidate for candidate in problem.candidates}
 
+    def __reduce__(self) -> tuple[type[Fitter], tuple[Problem, Weight]]:
+        """Return how to make it again: candidates may hold functions that cannot be pickled."""
+        return Fitter, (self.problem, self.weight)
+
     def ordered(self, effects: Iterable[str]) -> EffectSet:
         """Return the ids in the order of the candidates."""
         chosen = set(effects)

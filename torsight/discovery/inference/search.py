@@ -17,7 +17,6 @@ import numpy as np
 
 from torsight.core.law import Law
 from torsight.core.progress import Progress
-from torsight.core.threads import in_parallel
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import (
     Explanation,
@@ -64,6 +63,7 @@ class Search:
         self._explanations: dict[EffectSet, Explanation] = {}
         self._grown: set[tuple[EffectSet, str]] = set()
         self._exchanged: set[tuple[EffectSet, str, str]] = set()
+        self._at_once = partial(problem.at_once, progress=progress)
         self._laws = {law.id: law for law in problem.laws}
         self._reading = problem.sigma
         self._correlation_samples = 1.0
@@ -86,7 +86,7 @@ class Search:
             if self._best().log_evidence < smaller + self.needed:
                 break
         self._follow_best(longest=np.inf)
-        found = in_parallel(self._in_reach(), self._sharpened, step="how well it is known", progress=self._progress)
+        found = self._at_once(self._in_reach(), self._sharpened, step="how well it is known")
         self._explanations.update((one.members, one) for one in found)
         return Field(self._best().likelihood, self._stretches, self._explanations, first)
 
@@ -258,7 +258,7 @@ class Search:
         self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
         while work := self._exchanges(size):
             self._exchanged.update(work)
-            self._keep(in_parallel(work, self._exchange, step="other forms", progress=self._progress))
+            self._keep(self._at_once(work, self._exchange, step="other forms"))
 
     def _exchanges(self, size: int) -> list[tuple[EffectSet, str, str]]:
         """Return in which of the best sets which member should make room for what."""
@@ -295,7 +295,7 @@ class Search:
         """Extend fitted sets, each by one member, unless that was done before, and keep what comes of it."""
         work = [item for item in work if item[0] in self._explanations and item not in self._grown]
         self._grown.update(work)
-        found: list[Explanation] = in_parallel(work, self._extended, step=step, progress=self._progress)
+        found: list[Explanation] = self._at_once(work, self._extended, step=step)
         self._keep(found)
 
     def _extended(self, item: tuple[EffectSet, str]) -> Explanation:
@@ -379,7 +379,7 @@ class Search:
         for one in best:
             effects = [one.fitter.candidates[name] for name in one.members if name not in self._laws]
             work += [(one, point) for effect in effects for point in effect.starting_points()]
-        found: list[Explanation] = in_parallel(work, self._from_elsewhere, step="other starts", progress=self._progress)
+        found: list[Explanation] = self._at_once(work, self._from_elsewhere, step="other starts")
         self._keep(found)
 
     def _fit_parts(self, best: Explanation) -> None:
@@ -388,7 +388,7 @@ class Search:
         Alone, one of two may explain less than what is like both.
         """
         parts = [part for part in (less(best.members, name) for name in best.members) if part]
-        found: list[Explanation] = in_parallel([(best, part) for part in parts], self._part)
+        found: list[Explanation] = self._at_once([(best, part) for part in parts], self._part)
         self._keep(found)
 
     def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:

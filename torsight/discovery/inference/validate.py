@@ -18,7 +18,6 @@ from scipy.linalg import solve_triangular
 
 from torsight.core.progress import Progress, silent
 from torsight.core.series import rms
-from torsight.core.threads import in_parallel
 from torsight.core.units import Floats, Ints
 from torsight.discovery.inference.fitting import Fit, Fitter, space_of
 from torsight.discovery.inference.measure import prior_information
@@ -71,7 +70,9 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, pr
         spread = _spread(fit, weight, kept, base=len(problem.parameters))
         return fitter.refit(fit, weight=weight, kept=kept, rough=True), spread
 
-    fits: list[tuple[Fit, Floats]] = in_parallel(labels.tolist(), without, step="held-out blocks", progress=progress)
+    fits: list[tuple[Fit, Floats]] = problem.at_once(
+        labels.tolist(), without, step="held-out blocks", progress=progress
+    )
     left, unsure = np.zeros(len(problem.observed)), []
     for label, (fold, spread) in zip(labels, fits, strict=True):
         rows = (block == label) & problem.valid
