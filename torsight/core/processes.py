@@ -18,9 +18,8 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from types import FunctionType, ModuleType
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from torsight.core import threads
 from torsight.core.progress import Progress, silent
@@ -86,8 +85,7 @@ def _within(known: object) -> list[object]:
     return list(found.values())
 
 
-@dataclass(frozen=True, slots=True)
-class _Copy:
+class _Copy(NamedTuple):
     """What a copy works on: a function of items, and at which place every object stands that was known before."""
 
     function: Callable[[Any], object]
