@@ -59,9 +59,9 @@ def suite(part: str) -> Sequence[Case]:
 
 def run_case(case: Case, record: Record) -> dict[str, Any]:
     """Discover on one case and compare with the truth."""
-    started, cpu = time.perf_counter(), time.process_time()
+    started, cpu = time.perf_counter(), sum(os.times()[:4])
     report = discover(record.table, record.spec, seed=0, where=case.name)
-    seconds, cpu_seconds = time.perf_counter() - started, time.process_time() - cpu
+    seconds, cpu_seconds = time.perf_counter() - started, sum(os.times()[:4]) - cpu
     return {
         **_hidden(case, record),
         "verdict": report.verdict,

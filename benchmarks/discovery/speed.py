@@ -66,9 +66,9 @@ def main() -> None:
             if hours not in given.hours or rate_hz not in given.rates:
                 continue
             table = make_record(scene(effect, hours=hours), seed=4, rate_hz=rate_hz).table
-            began_s, worked_s = time.perf_counter(), time.process_time()
+            began_s, worked_s = time.perf_counter(), sum(os.times()[:4])
             report = discover(table, spec)
-            took_s, worked_s = time.perf_counter() - began_s, time.process_time() - worked_s
+            took_s, worked_s = time.perf_counter() - began_s, sum(os.times()[:4]) - worked_s
             first_s = first_s or took_s
             print(
                 f"{effect}, {rate_hz:5.1f} Hz, {len(table):7d} rows, {table.time_s[-1]:6.0f} s: {took_s:6.1f} s "
