@@ -10,7 +10,7 @@ from numba.core.dispatcher import Dispatcher
 
 from torsight.actuator.record import conditioning, smoother
 from torsight.actuator.record.conditioning import Readings, condition
-from torsight.actuator.record.log_noise import measure_noise
+from torsight.actuator.record.log_noise import last_digit, measure_noise
 from torsight.core.units import Floats
 
 RATE_C_S = 0.12
@@ -200,6 +200,23 @@ def test_one_compilation_serves_frozen_strided_and_single_precision_logs_with_an
     functions = [each for module in (conditioning, smoother) for each in vars(module).values()]
     counts = {each.py_func.__name__: len(each.signatures) for each in functions if isinstance(each, Dispatcher)}
     assert max(counts.values()) == 1, counts
+
+
+@pytest.mark.parametrize("digit_c", [0.01, 0.1, 0.25])
+@pytest.mark.parametrize("noise_c", [0.0, 0.1])
+@pytest.mark.parametrize("rows", [300, 6000])
+def test_the_last_digit_is_that_of_the_readings_short_noisy_or_with_lines_between(
+    digit_c: float, noise_c: float, rows: int
+) -> None:
+    rng = np.random.default_rng(rows)
+    wire_c = 45.0 - 20.0 * np.cos(np.linspace(0.0, 7.0, rows))
+    log_c = np.round((wire_c + noise_c * rng.standard_normal(rows)) / digit_c) * digit_c
+    assert last_digit(log_c) == pytest.approx(digit_c)
+    # Rows of another instrument in two of five gaps, with temperatures on the line between two readings.
+    between = np.flatnonzero(rng.random(rows - 1) < 0.4) + rng.random()
+    table_c = np.interp(np.sort(np.append(np.arange(rows), between)), np.arange(rows), log_c)
+    assert last_digit(table_c) == pytest.approx(digit_c)
+    assert last_digit(wire_c + 0.1 * rng.standard_normal(rows)) == 0.0
 
 
 @pytest.mark.parametrize("noise_share", [0.0, 0.2, 1.0])

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.record.holds import level_holds
-from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, measure_noise, resolution
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
 from torsight.actuator.record.slow_log import between, corner_gaps, own_readings, turns_reached
 from torsight.actuator.record.smoother import smoothed
@@ -109,7 +109,7 @@ class Readings:
             return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0)
         noise, alike = measure_noise(time_s, temp_c)
         # Rounding to a last digit is noise to a slope even where it is none to the value.
-        digit = resolution(temp_c) / math.sqrt(12.0)
+        digit = last_digit(temp_c) / math.sqrt(12.0)
         least = max(noise, digit, 1e-6)
         # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
+from scipy.special import rel_entr
 
 from torsight.core.series import NORMAL_MEDIAN, constant_runs, difference_gain, differences, usual_step
 from torsight.core.units import Floats, Ints
@@ -15,10 +16,14 @@ _MAX_STRIDE_S: Final = 2.0
 nothing (benchmarks/actuator/log_constants.py)."""
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
-_MANY: Final = 0.25
-"""Share of changes that are multiples of a last digit: more than chance makes."""
-_STILL_C: Final = 1e-3
-"""Readings that differ by less are one value: no thermometer's last digit is finer."""
+_STILL_C: Final = 1e-4
+"""A tick: readings that differ by less are one value, and no thermometer's last digit is finer."""
+_BESIDE: Final = 3.0
+"""Ticks that count as a multiple of a step: its own and those beside it."""
+_FREQUENT: Final = 256
+"""Of the most frequent changes the last digit is one: noise of fifty digits makes no more of one size."""
+_SURE: Final = math.log(1000.0 * _FREQUENT)
+"""Evidence, in log units, of a last digit: a thousand to one, for as many as are tried."""
 _BIWEIGHT: Final = 1.547645
 """Size, in scales, from which a deviation counts as any larger one: half of them may be wrong, as for a median
 (Rousseeuw and Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256)."""
@@ -33,13 +38,6 @@ _SCATTER: Final = _NOISE**2 + 1.0 / 12.0 - _IN_MEAN
 all in digits (:func:`hidden_by_rounding`); what higher orders add is below 0.3 % of 1/12."""
 SHORTEST: Final = 16
 """Rows below which a log is taken as it is: a smoother has three values at its start, and each needs some five rows."""
-
-
-def resolution(temp_c: Floats) -> float:
-    """Return the step to which the log's numbers are rounded, °C (the smallest change that is not zero)."""
-    steps = np.abs(np.diff(temp_c))
-    steps = steps[steps > 1e-9]
-    return float(np.quantile(steps, 0.01)) if len(steps) else 0.0
 
 
 def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
@@ -89,17 +87,22 @@ def hidden_by_rounding(readings_c: Floats, digit_c: float) -> float:
 def last_digit(temp_c: Floats) -> float:
     """Return the step of which many changes of a log (n,) are multiples, °C; 0: there is none.
 
-    Chance puts fewer than one in five within a thousandth of a degree of a multiple, where the step makes more than
-    negligible noise (3 / 17). Readings that were taken back out of a table are not all what the logger wrote.
+    Not all need be: lines were drawn between some readings, or those of several instruments put together. Of n changes
+    chance puts a share c = 3/q within one tick of a multiple of a step of q ticks. The step of whose multiples there is
+    a share s with the most evidence, n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))), is the last digit.
     """
-    steps = np.rint(np.abs(np.diff(temp_c)) / _STILL_C)
-    steps = steps[steps > 1.0]
+    ticks = np.rint(np.abs(np.diff(temp_c)) / _STILL_C)
+    sizes, times = np.unique(ticks[ticks > 0.0], return_counts=True)
+    steps = np.sort(sizes[np.argsort(-times, kind="stable")[:_FREQUENT]])
+    steps = steps[steps > _BESIDE]
     if not len(steps):
         return 0.0
-    sizes, times = np.unique(steps, return_counts=True)
-    usual = float(sizes[np.argmax(times)])
-    off = np.abs(steps - usual * np.rint(steps / usual))
-    return usual * _STILL_C if np.mean(off <= 1.0) > _MANY else 0.0
+    multiple = np.abs(sizes - steps[:, None] * np.rint(sizes / steps[:, None])) <= 1.0
+    chance = _BESIDE / steps
+    share = np.maximum(multiple @ times / np.sum(times), chance)
+    evidence = np.sum(times) * (rel_entr(share, chance) + rel_entr(1.0 - share, 1.0 - chance))
+    best = int(np.argmax(evidence))
+    return float(steps[best]) * _STILL_C if evidence[best] > _SURE else 0.0
 
 
 def _whole(temp_c: Floats, strides: Ints) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from sync import LogReading, read_temperature_log
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
-from torsight.actuator.record.log_noise import measure_noise, resolution
+from torsight.actuator.record.log_noise import last_digit, measure_noise
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.spec import ActuatorSpec
@@ -65,7 +65,7 @@ def check_log(
             "min": float(np.nanmin(temp_c)),
             "max": float(np.nanmax(temp_c)),
             "noise": measure_noise(log.time_s[good], temp_c[good])[0],
-            "resolution": resolution(temp_c[good]),
+            "resolution": last_digit(temp_c[good]),
         }
     check.content = {
         "rows": len(log),

@@ -16,7 +16,7 @@ import numpy as np
 from sync import LogReading
 from sync.log.timestamps import longest_gap_s
 from sync.signals.heating_segments import HeatingSegment, Spring, log_signals
-from torsight.actuator.record.log_noise import SHORTEST, resolution
+from torsight.actuator.record.log_noise import SHORTEST, last_digit
 from torsight.core.series import rms, runs
 from torsight.core.units import Flags, Floats
 
@@ -56,7 +56,7 @@ def _most_restless(time_s: Floats, temp_c: Floats, segments: list[HeatingSegment
         return 0.0
     still = _sizes(time_s, temp_c, ~np.logical_or.reduce(inside))
     # A reading that stands still at rest has the error of its last digit while it moves.
-    still = np.maximum(still, resolution(temp_c) ** 2 / 12.0)
+    still = np.maximum(still, last_digit(temp_c) ** 2 / 12.0)
     changing = [rows for rows in heated if 2 * np.count_nonzero(np.diff(temp_c[rows])) >= np.count_nonzero(rows)]
     return max((_beyond(_sizes(time_s, temp_c, rows), still) for rows in changing), default=0.0)
 
