@@ -136,6 +136,10 @@ class ActuatorProblem(OptionalMembers):
         other.__dict__.update({name: self.__dict__[name] for name in _OF_THE_RECORD if name in self.__dict__})
         return other
 
+    def get_ready(self) -> None:
+        """Find the wires behind slow sensors."""
+        self.drive.sensors.get_ready()
+
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy of the process sends back: all but candidates, which hold functions, and models."""
         kept = (*(one.name for one in fields(self)), *_OF_THE_RECORD)

@@ -229,11 +229,16 @@ class OptionalMembers(Protocol):
         """Return ``predict`` at several points, half of them in a second thread where one is idle."""
         return with_help(values, lambda one: self.predict(one, effects))
 
+    def get_ready(self) -> None:
+        """Work out what many fits need: what a copy of the process works out for itself is lost with it."""
+        return
+
     def at_once(
         self, work: Sequence[_T], function: Callable[[_T], _R], *, step: str = "", progress: Progress = silent
     ) -> list[_R]:
         """Return ``function`` of each item in order, several of them worked out at the same time."""
         if self.in_copies:
+            self.get_ready()
             return in_copies(work, function, known=(self, progress), step=step, progress=progress)
         return in_parallel(work, function, step=step, progress=progress)
 

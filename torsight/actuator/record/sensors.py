@@ -11,6 +11,7 @@ import numpy as np
 
 from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.turns import at_places, turns_of
+from torsight.core.threads import with_help
 from torsight.core.units import Floats, Ints
 
 Pair = tuple[Floats, Floats]
@@ -49,6 +50,12 @@ class Sensors:
     def _readings(self) -> tuple[Readings, Readings]:
         a, b = (Readings.of(self.time_s, temp) for temp in self.temps_c)
         return a, b
+
+    def get_ready(self) -> None:
+        """Make what :meth:`lag_correction` needs, for all time constants."""
+        missing = [lag_s for lag_s in _LAG_GRID_S if lag_s not in self._known]
+        if missing and self._readings:
+            with_help(missing, self._at)
 
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
         """Return what the wires' temperatures differ from the sensors' by at the kept rows, with this time constant.

@@ -88,17 +88,23 @@ def pair_means(time_s: Floats, values: Floats, sigma: Floats, rows: Ints, half: 
 
 
 def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
-    """Return the indices of extremes of a finite series (n,) that differ from the next by at least the threshold.
+    """Return the indices of extremes of a finite series (n,) that differ from the next by at least the threshold (> 0).
 
     Minima and maxima alternate. The first and the last extreme lie wherever the series begins and ends. Only every
     ``stride``-th sample is looked at.
     """
+    looked_at = value[::stride]
+    # Only where a series turns can it be extreme: a smooth one has few such places.
+    places = np.flatnonzero(np.diff(looked_at, prepend=np.nan))
+    rises = np.diff(looked_at[places]) > 0.0
+    corner = np.ones(len(places), bool)
+    corner[1:-1] = rises[1:] != rises[:-1]
+    places = places[corner]
     turns = [0]
     low = high = 0
     lowest = highest = float(value[0])
     direction = 0
-    for place, sample in enumerate(value[::stride].tolist()):
-        index = place * stride
+    for index, sample in zip((places * stride).tolist(), looked_at[places].tolist(), strict=True):
         if sample > highest:
             high, highest = index, sample
         if sample < lowest:

@@ -160,6 +160,11 @@ class SeveralRecords(OptionalMembers):
         other.__dict__.update({name: self.__dict__[name] for name in _OF_THE_RECORDS if name in self.__dict__})
         return other
 
+    def get_ready(self) -> None:
+        """Find the wires behind slow sensors."""
+        for part in self.parts:
+            part.get_ready()
+
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy of the process sends back: all but candidates, which hold functions."""
         kept = ("parts", "forms", *_OF_THE_RECORDS)
