@@ -203,6 +203,16 @@ def test_a_place_never_goes_back_while_its_temperature_goes_on(drive, laws):
         assert (np.diff(PLACES + moved) > 0.0).all()
 
 
+def test_a_badly_mounted_sensor_of_one_wire_is_a_usual_form_and_unlike_springs_are_none(laws):
+    law = laws["temperature_b_temp_active_c"]
+    room = np.flatnonzero(law.nodes == law.covered[0])
+    for kernel in law.kernels:
+        assert kernel.matrix[room, room] == pytest.approx(0.0, abs=1e-9)
+    cooler = next(kernel for kernel in law.kernels if kernel.name == "proportional")
+    excess = law.nodes - law.covered[0]
+    assert cooler.matrix * np.mean(excess**2) == pytest.approx(np.outer(excess, excess))
+
+
 def test_beyond_the_record_a_law_is_as_uncertain_as_its_prior(laws):
     law = laws["friction_temp_active_c"]
     assert 0 < np.count_nonzero(law.reached) < len(law.nodes)

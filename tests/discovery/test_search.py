@@ -370,6 +370,21 @@ def sticking_rig() -> tuple[ActuatorProblem, dict[str, float]]:
     return problem, {p.name: p.value for p in problem.parameters} | own
 
 
+def test_what_a_set_is_worth_does_not_depend_on_which_of_its_laws_was_measured_first() -> None:
+    s = signals()
+    made = machine(0.3 * s["position"] + 0.4 * np.sin(s["warm"] - 20.0), seed=5, candidates={}, sigma=0.05)
+    search, laws = Search(made, settings=Settings(), progress=silent), {law.id: law for law in made.laws}
+    plain = search.plain()
+    found = {}
+    for first, second in (("position", "warm"), ("warm", "position")):
+        found[first] = search._with_law(search._with_law(plain, laws[first]), laws[second])
+    # Alone the one of them made up for the other, as a function that is less smooth.
+    assert found["position"].log_evidence < found["warm"].log_evidence - 10.0
+    better = search._in_better_form(found["position"])
+    assert better.log_evidence == pytest.approx(found["warm"].log_evidence, abs=1.0)
+    assert better.laws[0].place == found["warm"].laws[1].place
+
+
 def test_a_law_begins_as_its_usual_form_and_does_then_what_that_does() -> None:
     problem, values = sticking_rig()
     law = next(one for one in problem.laws if one.id == "friction_dwell_s")

@@ -22,7 +22,7 @@ from torsight.core.units import Flags, Floats
 
 TIME = "time_s"
 """The driver that is the record's own time."""
-_KEPT = 1e-5
+KEPT = 1e-5
 """Share of a kernel's largest eigenvalue below which a direction of the law is left out: a third of a per cent of its
 size."""
 _FEWEST = 4
@@ -120,7 +120,7 @@ class Law:
 def _root(covariance: Floats, largest: float) -> tuple[Floats, Floats]:
     """Return B (k, r) with B Bᵀ a covariance, and Bᵀ's inverse on its span, without directions of next to no size."""
     share, directions = np.linalg.eigh(covariance)
-    kept = np.flatnonzero(share > _KEPT * largest)[::-1]
+    kept = np.flatnonzero(share > KEPT * largest)[::-1]
     root = np.sqrt(share[kept])
     return directions[:, kept] * root, directions[:, kept] / root
 

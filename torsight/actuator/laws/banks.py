@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from torsight.actuator.laws.nodes import COLDEST
 from torsight.actuator.laws.phase_window import IN_WINDOW, exponential_lead, phase_places
 from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernels
 from torsight.core.units import DEG, Floats
@@ -53,6 +54,21 @@ def plain(nodes: Floats) -> tuple[Kernel, ...]:
     )
 
 
+def from_room(nodes: Floats) -> tuple[Kernel, ...]:
+    """Return functions of one wire's temperature that vanish where it is coldest: proportional, square, and smooth.
+
+    There a sensor, however it is mounted, is as warm as its wire. What is off everywhere alike is a spring that
+    transforms at other temperatures than the other (:func:`unlike`). The model's own values cannot take up a mean of
+    one wire's, as they do of both (:func:`plain`): the springs share them.
+    """
+    off = nodes - nodes[COLDEST]
+    smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True)
+    return (
+        *usual_kernels([("proportional", off), ("square", off * np.abs(off))]),
+        *(Kernel(kernel.name, _pinned(kernel.matrix, COLDEST), smooth=True) for kernel in smooth),
+    )
+
+
 def _centred(matrix: Floats) -> Floats:
     """Return the covariance of the same function less its mean over the nodes."""
     less_mean = np.eye(len(matrix)) - 1.0 / len(matrix)
@@ -69,10 +85,10 @@ def from_zero(nodes: Floats) -> tuple[Kernel, ...]:
     )
 
 
-def _pinned(matrix: Floats) -> Floats:
-    """Return the covariance of the same function less its value at the first node."""
-    first = matrix[0]
-    return np.asarray(matrix - first[:, None] - first[None, :] + matrix[0, 0])
+def _pinned(matrix: Floats, node: int = 0) -> Floats:
+    """Return the covariance of the same function less its value at a node."""
+    there = matrix[node]
+    return np.asarray(matrix - there[:, None] - there[None, :] + matrix[node, node])
 
 
 def through_zero(nodes: Floats) -> tuple[Kernel, ...]:

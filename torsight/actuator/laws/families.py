@@ -97,7 +97,7 @@ _ALL: Final = (
            "temperature", acts.temperature("both"), nodes.active_nodes, 0.3, banks.plain),
     *(Family(f"temperature_{one}_temp_active_c", "temperature", "temp_active_c", "°C",
              f"wire {one.upper()}'s temperature over itself", "temperature", acts.temperature(one), nodes.active_nodes,
-             0.3, banks.plain, spring=one) for one in "ab"),
+             0.3, banks.from_room, spring=one) for one in "ab"),
     Family("temperature_temp_rate_c_s", "temperature", "temp_rate_c_s", "°C", "the wires' temperatures over their rate",
            "temperature", acts.temperature_rate("both"), nodes.rate_nodes, 0.3, banks.through_zero),
     *(Family(f"temperature_{one}_temp_rate_c_s", "temperature", "temp_rate_c_s", "°C",

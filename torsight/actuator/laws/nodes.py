@@ -20,6 +20,8 @@ by 0.3 %, and one of 4 °C is up to 60° of angle."""
 _BEYOND: Final = (0.12, 0.3)
 """Nodes beyond the range that a record covers, in shares of it: there a law goes back to its prior. Nobody has reason
 to trust a model of this record further out."""
+COLDEST: Final = len(_BEYOND)
+"""Which node over temperatures is the coldest that the record covers."""
 _LEAST_WARMING_C: Final = 3.0
 """A passive spring that warms up by less tells nothing of what depends on it."""
 _AHEAD: Final = 2

@@ -10,6 +10,7 @@ family is the mean over its bank: half of the prior is on smooth functions, half
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
@@ -18,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
-from torsight.core.law import Law, LawForm
+from torsight.core.law import KEPT, Law, LawForm
 from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.likelihood import Likelihood
@@ -64,8 +65,8 @@ class Measured:
         Derivatives of the prediction by the values, in their order.
     log_evidence : float
         Of the family, comparable among fits of one record under one likelihood.
-    size : float
-        Size of the form, in the law's scale.
+    place : (int, int)
+        Which of the law's kernels and of :data:`SIZES` the form is.
     bank : float
         By how much the family's evidence differs from that of its most probable form alone.
     hopes : bool
@@ -78,9 +79,16 @@ class Measured:
     prediction: Floats
     derivative: Floats
     log_evidence: float
-    size: float
+    place: _Member
     bank: float
     hopes: bool = True
+
+    def as_fit(self, fitter: Fitter, members: EffectSet) -> Fit:
+        """Return the set in which the law was measured as a fit, by what has the law's form among its candidates."""
+        effects, names = fitter.ordered(members), list(self.values)
+        place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
+        x = np.array(list(self.values.values()))[place]
+        return fitter.known(effects, x, self.prediction, self.derivative[:, place])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,11 +103,29 @@ class _Bank:
     log_prior: Floats
 
     @classmethod
+    @functools.lru_cache(maxsize=64)
     def of(cls, law: Law) -> _Bank:
         smooth = np.array([kernel.smooth for kernel in law.kernels])
         alike = np.where(smooth, smooth.sum(), (~smooth).sum())
         kinds = 2 if 0 < smooth.sum() < len(smooth) else 1
         return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * alike * len(SIZES)))
+
+    def beside(self, evidence: Floats, place: _Member) -> float:
+        """Return by how much the evidence of the family differs from that of one member alone."""
+        return float(self.log_prior[place[0]] + logsumexp(evidence) - evidence[place])
+
+    def within(self, form: LawForm) -> _Bank:
+        """Return the bank of a form's coefficients: of the kernels that lie in its span, the others are impossible.
+
+        What is off by less than a form leaves out of its own kernel lies in it.
+        """
+        inverse, units, log_prior = np.linalg.pinv(form.basis), [], []
+        for unit, prior in zip(self.units, self.log_prior, strict=True):
+            inner = inverse @ unit.basis
+            off = np.linalg.norm(unit.basis - form.basis @ inner, 2) / np.linalg.norm(unit.basis, 2)
+            units.append(replace(unit, basis=inner))
+            log_prior.append(prior if off**2 <= KEPT else -np.inf)
+        return _Bank(self.law, tuple(units), np.array(log_prior))
 
     def form(self, kernel: int, size: int) -> LawForm:
         """Return one kernel in one size."""
@@ -263,8 +289,8 @@ class _Measurement:
         derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ form.basis])
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
         here = self._value(at_u, u, _precision(form.basis)) + float(picture.occam[place])
-        bank = float(self._bank.log_prior[kernel] + logsumexp(picture.evidence) - picture.evidence[place])
-        return Measured(self._law, form, values, at_u, derivative, here + bank, SIZES[size], bank)
+        bank = self._bank.beside(picture.evidence, place)
+        return Measured(self._law, form, values, at_u, derivative, here + bank, place, bank)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -330,6 +356,33 @@ class _Picture:
         x = solve_triangular(root.T, own - across @ values, lower=False)
         mean = np.concatenate([u[:n] + x - origin[:n], values])
         return cls(evidence, base + np.array(occam), (kernel, size), bank.form(kernel, size), mean)
+
+
+def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likelihood) -> tuple[float, Measured]:
+    """Return a law in the form that is most probable at a fit, and the log units by which it is more so than its own.
+
+    A law that made up for what was missing beside it is larger and less smooth than it need be once that is there. The
+    linear model at the fit tells of every size, and of every kernel in the form's span, without a run of the model;
+    ``prediction`` stays as it is.
+    """
+    old, names = measured.form, [p.name for p in fit.parameters]
+    own = [names.index(name) for name in old.names]
+    order = [i for i in range(len(names)) if i not in own] + own
+    n = len(names) - len(own)
+    space, x = fitter.space(fit.effects), fit.solution.x
+    information = prior_information(space, x, len(fitter.problem.parameters))[order[:n]]
+    residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
+    derivative, bank = fit.solution.jacobian[:, order], _Bank.of(measured.law)
+    picture = _Picture.of(derivative, residual, likelihood.weight(residual), u=x[order], space=space.at(order),
+                          information=information, bank=bank.within(old))  # fmt: skip
+    form = bank.form(*picture.place)
+    z = np.linalg.lstsq(form.basis, old.basis @ picture.mean[n:])[0]
+    values = {names[i]: float(value) for i, value in zip(order[:n], picture.mean, strict=False)}
+    values |= dict(zip(form.names, z.tolist(), strict=True))
+    columns = np.hstack([derivative[:, :n], derivative[:, n:] @ (np.linalg.pinv(old.basis) @ form.basis)])
+    gain = float(picture.evidence[picture.place] - picture.evidence[measured.place])
+    return gain, replace(measured, form=form, values=values, derivative=columns, place=picture.place,
+                         bank=bank.beside(picture.evidence, picture.place))  # fmt: skip
 
 
 def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:

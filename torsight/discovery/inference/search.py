@@ -33,7 +33,7 @@ from torsight.discovery.inference.explanation import (
 )
 from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less, with_member
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import SETTLED, Measured, log_evidence, measure_law
+from torsight.discovery.inference.measure import SETTLED, Measured, better_form, log_evidence, measure_law
 from torsight.discovery.inference.noise import (
     Stretches,
     correlation_samples,
@@ -77,8 +77,12 @@ class Search:
             if not parents:
                 break
             self._extend(parents, size)
+            if size > 1:
+                self._take_better_forms(size)
             self._grow_otherwise(size)
             self._look_again(size)
+            if size > 1:
+                self._take_better_forms(size)
             self._fit_parts(self._best())
             # What a set that lacks something leaves is correlated by that, and says nothing of the noise yet.
             self._follow_best(longest=_FIRST_CORRELATION)
@@ -136,9 +140,12 @@ class Search:
         best = self._best()
         return (parent is best and len(best.members) == 1) or self._within_reach(parent, more=1)
 
-    def _within_reach(self, one: Explanation, *, more: int = 0) -> bool:
-        """Return whether a set, with so many members more, could be told beside the best one if all went well."""
-        return one.log_evidence + one.promise > self._reach(len(one.members) + more)
+    def _within_reach(self, one: Explanation, *, more: int = 0, gain: float = 0.0) -> bool:
+        """Return whether a set, with so many members more, could be told beside the best one if all went well.
+
+        ``gain`` is what it gains beside.
+        """
+        return one.log_evidence + one.promise + gain > self._reach(len(one.members) + more)
 
     def _reach(self, size: int) -> float:
         """Return the evidence from which a set of so many members could be told beside the best one."""
@@ -225,6 +232,40 @@ class Search:
         fitter = weighted_fitter(likelihood, problem, best.solution.prediction)
         evidence = log_evidence(fitter, best, likelihood) + family_evidence(laws)
         return Explanation(fitter, best, laws, likelihood, evidence, self._progress)
+
+    def _take_better_forms(self, size: int) -> None:
+        """Put the best sets' laws in the forms that are most probable there, one after the other.
+
+        Otherwise a law keeps the form in which it was measured: it may have done the work of what is beside it now,
+        and a set pays for freedom of which it makes no use.
+        """
+        gain = {one.members: self._better_form(one)[0] for one in self._ranked(size)}
+        ranked = sorted(self._ranked(size), key=lambda one: -one.log_evidence - gain[one.members])
+        best = ranked[: 2 * self._settings.beam]
+        work = [one for one in best if self._within_reach(one, gain=gain[one.members])]
+        self._keep(in_parallel(work, self._in_better_form, step="better forms", progress=self._progress))
+
+    def _better_form(self, one: Explanation) -> tuple[float, Measured | None]:
+        """Return the law of a set that gains most in another form, in that form, and the gain in log units."""
+        found = [better_form(law, one.fitter, one.fit, one.likelihood) for law in one.laws]
+        return max(found, key=lambda item: item[0], default=(0.0, None))
+
+    def _in_better_form(self, one: Explanation) -> Explanation:
+        """Return a set with its laws in better forms, as long as that gains something."""
+        while True:
+            gain, law = self._better_form(one)
+            if law is None or gain <= SETTLED:
+                return one
+            members, before = one.fit.effects, one.fitter.problem
+            forms = [law.form if form.id == law.law.id else form for form in before.forms]
+            problem = before.with_laws(forms)
+            law = replace(law, prediction=problem.predict(law.values, members))
+            fit = law.as_fit(Fitter(problem, one.fitter.weight), members)
+            laws = tuple(law if item.law.id == law.law.id else item for item in one.laws)
+            found = self._settled(problem, fit, laws, one.likelihood)
+            if found.log_evidence <= one.log_evidence + SETTLED:
+                return one
+            one = found
 
     def _extend(self, parents: list[Explanation], size: int) -> None:
         """Fit every effect and measure every law beside each of the parents, and keep them."""
@@ -355,10 +396,7 @@ class Search:
         extended = problem.with_laws((*problem.forms, measured.form))
         likelihood = under or self._likelihood_at(extended, measured.values, (*members, measured.law.id))
         fitter = weighted_fitter(likelihood, extended, measured.prediction)
-        effects, names = fitter.ordered((*members, measured.law.id)), list(measured.values)
-        place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
-        x = np.array(list(measured.values.values()))[place]
-        fit = fitter.known(effects, x, measured.prediction, measured.derivative[:, place])
+        fit = measured.as_fit(fitter, (*members, measured.law.id))
         laws = (*laws, measured)
         if under is not None:
             evidence = log_evidence(fitter, fit, under) + family_evidence(laws)

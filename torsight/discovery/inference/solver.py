@@ -50,6 +50,11 @@ class Space:
         """Return the nearest point within the bounds."""
         return np.clip(x, self.lower, self.upper)
 
+    def at(self, places: Sequence[int]) -> Space:
+        """Return the space of some of the parameters, in the order given."""
+        rows = list(places)
+        return Space(*(one[rows] for one in (self.lower, self.upper, self.scale, self.prior_mean, self.prior_sigma)))
+
     def prior_residual(self, x: Floats) -> Floats:
         """Return the distance from the priors in standard deviations."""
         return (x - self.prior_mean) / self.prior_sigma
