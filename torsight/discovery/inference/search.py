@@ -243,7 +243,7 @@ class Search:
         ranked = sorted(self._ranked(size), key=lambda one: -one.log_evidence - gain[one.members])
         best = ranked[: 2 * self._settings.beam]
         work = [one for one in best if self._within_reach(one, gain=gain[one.members])]
-        self._keep(in_parallel(work, self._in_better_form, step="better forms", progress=self._progress))
+        self._keep(self._at_once(work, self._in_better_form, step="better forms"))
 
     def _better_form(self, one: Explanation) -> tuple[float, Measured | None]:
         """Return the law of a set that gains most in another form, in that form, and the gain in log units."""
