@@ -81,8 +81,6 @@ class Search:
                 self._take_better_forms(size)
             self._grow_otherwise(size)
             self._look_again(size)
-            if size > 1:
-                self._take_better_forms(size)
             self._fit_parts(self._best())
             # What a set that lacks something leaves is correlated by that, and says nothing of the noise yet.
             self._follow_best(longest=_FIRST_CORRELATION)
