@@ -21,6 +21,8 @@ as the moving stick goes on to the axis, by the brightness of the line to it, th
 axis lies beyond the inner marker of one of them, it lies between those of the other with the probability that is left
 for what is not usual; a dot on the axis, where sticks have a shaft or a screw, is a marker with that probability, too.
 All count once the axis is known to a marker's radius.
+The markers may be none of the dots. Such a couple is counted as one that is as clear as what is taken at first sight,
+and fits as badly as three standard deviations allow: what is fainter than that, or fits worse, is not sure.
 As long as nothing turns, the couples are those that the picture shows.
 """
 
@@ -40,13 +42,22 @@ from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import EXPLAINED
 from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.pairs import CLEARNESS, Pairs
-from tracker.detect.sticks import LIKE, MOST, SIZES, Stick, couples_in, reaches, stick_of, strip_share, towards_axis
+from tracker.detect.sticks import (
+    CLEAR,
+    MOST,
+    Stick,
+    couples_in,
+    reaches,
+    stick_of,
+    strip_share,
+    towards_axis,
+)
 from tracker.dot_paths import DotPaths
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD, turned
 from tracker.frames.frame import Frame
-from tracker.innovation import LIMITS, SIGMAS, SURE, passes
+from tracker.innovation import LIMITS, SURE, passes
 from tracker.stick_direction import square
 
 Places = NDArray[np.complex128]
@@ -110,8 +121,10 @@ class Choice:
         return cls(
             taken,
             tuple(one for one in unlike if one.probability > 1.0 - SURE),
-            1.0 - sum(one.probability for one in unlike),
-            sum(one.probability * rad**2 for one, rad in zip(others, apart, strict=True)),
+            sum(one.probability for one in couples if one not in unlike),
+            # Of no couple the angle may be any: as that of all, evenly.
+            sum(one.probability * rad**2 for one, rad in zip(others, apart, strict=True))
+            + (1.0 - sum(one.probability for one in couples)) * math.pi**2 / 3.0,
         )
 
 
@@ -121,6 +134,15 @@ class _Axis(NamedTuple):
     place: complex
     variance_px2: float
     beside_px: float
+
+
+class _Bound(NamedTuple):
+    """How likely a couple is at most, by a logarithm: numbers of the dots of base and moving stick, and the axis."""
+
+    score: float
+    base: tuple[int, int]
+    moving: tuple[int, int]
+    axis: _Axis
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,9 +213,10 @@ class Weighing:
             return self._shown()
         # Hand-held, all dots go to and fro by what the steadiest one does: their errors are larger by as much.
         shake = 1.0 + float(stands.min())
-        found = [
-            one for j in range(len(turning.ends)) for one in self._with_bases(places, turning.of(np.array([j])), shake)
-        ]
+        found, none = list[_Bound](), -math.inf
+        for j in range(len(turning.ends)):
+            more, neither = self._with_bases(places, turning.of(np.array([j])), shake)
+            found, none = found + more, max(none, neither)
         if not found:
             return self._shown()
         found.sort(key=lambda one: -one[0])
@@ -206,12 +229,15 @@ class Weighing:
             score = most + self._goes_on(one, two, axis)
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
-        return _likeliest(sure)
+        return _likeliest(sure, none=none)
 
     def _shown(self) -> list[Couple]:
         """Return the couples that the picture shows, in their order, with either pair as the base."""
         both = [pair for one, two in couples_in(self._luma, dots=self._paths.dots) for pair in ((one, two), (two, one))]
-        return _likeliest([(-0.5 * _unlike(one, two), Couple(*towards_axis(one, two), 0.0)) for one, two in both])
+        unlike = [self._pairs.unlike(self._numbers(one)[None], self._numbers(two))[0] for one, two in both]
+        return _likeliest(
+            [(-0.5 * off, Couple(*towards_axis(*two), 0.0)) for off, two in zip(unlike, both, strict=True)]
+        )
 
     def _turning(self, places: Places, stands: Floats) -> _Turning:
         """Return the pairs of dots that may be the moving stick's, by what turns explains of how they went."""
@@ -219,16 +245,14 @@ class Weighing:
         found = _circles(places, self._pairs.ends, (width, height))
         went = stands[found.ends].sum(axis=1)
         # What is left of a pair that turns is no more than a fit leaves of a dot; errors of both dots are 4 values.
-        found = found.of((found.turns < (1.0 - EXPLAINED) * went) & ((went - found.turns) > 2.0 * LIMITS[3]))
+        found = found.of((found.turns < (1.0 - EXPLAINED) * went) & (went - found.turns > LIMITS[3]))
         if not len(found.ends):
             return found
         worth = CLEARNESS * np.log(self._pairs.score_of(found.ends)) - 0.5 * found.turns
         return found.of(np.argsort(-worth, kind="stable")[:MOST])
 
-    def _with_bases(
-        self, places: Places, moving: _Turning, shake: float
-    ) -> list[tuple[float, tuple[int, int], tuple[int, int], _Axis]]:
-        """Return the likeliest bases of one pair that turns: how likely at most, both pairs, and the axis."""
+    def _with_bases(self, places: Places, moving: _Turning, shake: float) -> tuple[list[_Bound], float]:
+        """Return the likeliest bases of one pair that turns, and how likely it is that none is the markers'."""
         own, pairs = moving.ends[0], self._pairs
         beside = _beside(places, own, pairs.radius_px)
         stand = _stands(beside)
@@ -245,10 +269,13 @@ class Weighing:
         misfit += beside_px**2 / spread + np.log(spread) + pairs.unlike(ends, own)
         clear = np.log(pairs.score_of(ends)) + np.log(pairs.score_of(own[None]))
         score = CLEARNESS * clear - 0.5 * misfit
-        return [
-            (float(score[k]), tuple(ends[k].tolist()), tuple(own.tolist()), axis)
+        bounds = [
+            _Bound(float(score[k]), tuple(ends[k].tolist()), tuple(own.tolist()), axis)
             for k in np.argsort(-score, kind="stable")[:MOST].tolist()
         ]
+        beside_px2 = pairs.radius_px[own].max() ** 2 + axis.beside_px**2 + axis.variance_px2
+        none = 2.0 * CLEARNESS * math.log(CLEAR) - 0.5 * ((moving.turns[0] + rest.sum()) / shake + LIMITS[3])
+        return bounds, float(none - 0.5 * math.log(beside_px2))
 
     def _stick(self, one: int, two: int) -> Stick:
         """Return a pair as a stick, always the same one."""
@@ -340,13 +367,17 @@ def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable
     return found, bool(found) and weighing.stands(found[0])
 
 
-def _likeliest(found: list[tuple[float, Couple]]) -> list[Couple]:
-    """Return couples with their probabilities, the likeliest first, of the logarithms of how likely they are."""
+def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:
+    """Return couples with their probabilities, the likeliest first, of the logarithms of how likely they are.
+
+    ``none``: that of no couple.
+    """
     if not found:
         return []
     score = np.array([one for one, _ in found])
-    chance = np.exp(score - score.max())
-    chance /= chance.sum()
+    most = max(float(score.max()), none)
+    chance = np.exp(score - most)
+    chance /= chance.sum() + math.exp(none - most)
     order = np.argsort(-chance, kind="stable").tolist()
     return [replace(found[index][1], probability=float(chance[index])) for index in order]
 
@@ -427,13 +458,3 @@ def _any_lies_at(base: Stick, moving: Stick, place: complex) -> bool:
     """Return whether a dot of two sticks lies at a place."""
     dots = (base.inner, base.outer, moving.inner, moving.outer)
     return any(math.hypot(dot.x_px - place.real, dot.y_px - place.imag) < dot.radius_px for dot in dots)
-
-
-def _unlike(one: Stick, two: Stick) -> float:
-    """Return χ² of two sticks as those of one make: step of their dots in brightness, light around, and length."""
-    values = [
-        ([getattr(stick.inner, what) + getattr(stick.outer, what) for stick in (one, two)], LIKE)
-        for what in ("step", "light")
-    ]
-    values.append(([one.length_px, two.length_px], SIZES))
-    return sum((SIGMAS * math.log(a / b) / math.log(limit)) ** 2 for (a, b), limit in values)

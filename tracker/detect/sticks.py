@@ -250,7 +250,7 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
     if strip < _STRIP:
         share = math.floor(100.0 * strip)
         return f"{share} % of the line between them is as bright as a stick; {100.0 * _STRIP:.0f} % needed"
-    return stick_of(a, b).score
+    return strip * stick_of(a, b).score
 
 
 def _ratios(a: Dot, b: Dot) -> list[tuple[str, float, float]]:
