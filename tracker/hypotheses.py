@@ -244,8 +244,10 @@ class Weighing:
         height, width = self._luma.shape
         found = _circles(places, self._pairs.ends, (width, height))
         went = stands[found.ends].sum(axis=1)
-        # What is left of a pair that turns is no more than a fit leaves of a dot; errors of both dots are 4 values.
-        found = found.of((found.turns < (1.0 - EXPLAINED) * went) & (went - found.turns > LIMITS[3]))
+        # What is left of a pair that turns is no more than a fit leaves of a dot, and it goes further than a camera's
+        # shaking takes the steadiest dot, by its two values.
+        turns, most = found.turns < (1.0 - EXPLAINED) * went, 0.5 * float(stands.min()) * LIMITS[3]
+        found = found.of(turns & (went - found.turns > most))
         if not len(found.ends):
             return found
         worth = CLEARNESS * np.log(self._pairs.score_of(found.ends)) - 0.5 * found.turns
