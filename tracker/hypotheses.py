@@ -196,7 +196,6 @@ class Weighing:
         self._paths = DotPaths(luma, dots)
         self._time_s: list[float] = []
         self._pairs = Pairs(self._paths.dots)
-        self._sticks: dict[tuple[int, int], Stick] = {}
 
     def add(self, frame: Frame) -> None:
         """Follow every dot into the next frame."""
@@ -225,7 +224,7 @@ class Weighing:
             # What the lines to the axis say takes away only: the rest is no longer as likely as rounding.
             if most < best + math.log(np.finfo(float).eps):
                 break
-            one, two = self._stick(*base), self._stick(*moving)
+            one, two = (stick_of(*(self._paths.dots[number] for number in pair)) for pair in (base, moving))
             score = most + self._goes_on(one, two, axis)
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
@@ -278,12 +277,6 @@ class Weighing:
         beside_px2 = pairs.radius_px[own].max() ** 2 + axis.beside_px**2 + axis.variance_px2
         none = 2.0 * CLEARNESS * math.log(CLEAR) - 0.5 * ((moving.turns[0] + rest.sum()) / shake + LIMITS[3])
         return bounds, float(none - 0.5 * math.log(beside_px2))
-
-    def _stick(self, one: int, two: int) -> Stick:
-        """Return a pair as a stick, always the same one."""
-        if (one, two) not in self._sticks:
-            self._sticks[one, two] = stick_of(self._paths.dots[one], self._paths.dots[two])
-        return self._sticks[one, two]
 
     def _goes_on(self, base: Stick, moving: Stick, axis: _Axis) -> float:
         """Return the logarithm of what the lines to the axis say of two sticks."""

@@ -29,7 +29,7 @@ _SMALL_PX: Final = 7.5
 EXPLAINED: Final = 0.75
 """Share of the window's variance that a dot has to explain."""
 _MOST: Final = 120
-"""Places that are fitted in one picture."""
+"""Places that are fitted in one picture: the holes of a sheet, some ten by ten, may be as clear as the markers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +212,7 @@ def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:
         return []
     score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
     places: list[Place] = []
-    # Texture has many faint dots, so contrast counts too: the correlation times the spread is the fitted step.
+    # How clear a dot would be: a disc explains the square of the correlation, and the spread goes with its step.
     spread = _spread(level, half)
     for sign in (1.0, -1.0):
         signed = sign * score
