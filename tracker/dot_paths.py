@@ -67,7 +67,7 @@ class DotPaths:
             missed = [
                 index
                 for index in range(len(now))
-                if not self._read(luma, index, (homes[index], ahead[index]), now, spread)
+                if not self._read(luma, index, self._tried(index, homes[index], ahead[index]), now, spread)
             ]
             self._look_further(luma, [index for index in missed if self._seen[index]], ahead, now, spread)
             seen = np.isfinite(now)
@@ -80,6 +80,11 @@ class DotPaths:
             np.copyto(self._before, luma)
         self._rows.append(now)
         self._spread.append(spread)
+
+    def _tried(self, index: int, home: complex, ahead: complex) -> tuple[complex, complex]:
+        """Return the places at which a dot is looked for: one that left its first place may find another dot there."""
+        gone = self._seen[index] and abs(ahead - home) > self._markers[index].radius_px
+        return (ahead, home) if gone else (home, ahead)
 
     def _read(
         self, luma: Luma, index: int, tried: Sequence[complex], now: NDArray[np.complex128], spread: Floats
