@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
-from torsight.core.units import Floats
 from torsight.core.words.wording import listed
-from tracker.detect.dots import HUGE_PX
+from tracker.appearance.dot_fit import Dot
+from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, SIZES, are_markers, couples_in
+from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
@@ -135,28 +135,29 @@ class _Dots:
         self.start: Start | None = None
         self._source = source
         self._read, self._score = -1, -math.inf
-        self._asked: list[tuple[float, Floats]] = []
+        self._asked: list[tuple[float, NDArray[np.complex128]]] = []
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Take in a picture; return whether no later one need be looked at."""
-        found = couples_in(luma)
-        score = min(stick.score for stick in found[0]) if found else -math.inf
-        if not found or not are_markers(found[0]) or (score <= CLEAR and (self._read >= 0 or score <= self._score)):
+        dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
+        # What did not do at the same places in another picture does not do now, as far as that was followed.
+        at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
+        if len(dots) < 4 or any(index < until and _are_all_in(at, before, dots) for until, before in self._asked):
             return False
-        # What did not do at the same place in another picture does not do now, as far as that was followed.
-        places = np.array([stick.places_px for stick in found[0]])
-        radius_px = found[0][0].inner.radius_px
-        if any(index < until and np.abs(places - before).max() < radius_px for until, before in self._asked):
-            return False
-        weighed, stands = weigh_couples(luma, found, self._after(index))
+        weighed, stands = weigh_couples(luma, dots, self._after(index))
+        score = min(weighed[0].base.score, weighed[0].moving.score) if weighed else 0.0
         enough, until = False, math.inf
         if score > CLEAR:
             count, enough, until = self._count(_markers(luma, weighed[0]), index) if stands else (0, False, math.inf)
-        self._asked.append((until, places))
+        self._asked.append((until, at))
+        if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
+            return False
         if score > CLEAR:
             if count <= self._read:
                 return False
             self._read = count
+        elif self._read >= 0 or score <= self._score:
+            return False
         self._score = score
         markers = _markers(luma, weighed[0])
         self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
@@ -183,6 +184,12 @@ class _Dots:
                 until = frame.index
                 break
         return (0, False, until) if follower.moving is None else (read, 2 * read >= number, until)
+
+
+def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
+    """Return whether all dots are at places where dots were before, within their radii."""
+    radius_px = np.array([dot.radius_px for dot in dots])
+    return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:

@@ -16,11 +16,11 @@ SIGMAS: Final = 3.0
 """Standard deviations of a normal variable that are allowed: 99.73 % of what is right passes."""
 SURE: Final = math.erf(SIGMAS / math.sqrt(2.0))
 """The probability of that: what is as probable is settled."""
-_LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06, 21.85)
+LIMITS: Final = (9.0, 11.83, 14.16, 16.25, 18.21, 20.06, 21.85)
 """Quantiles of χ² with one to seven degrees of freedom for the same probability."""
 
 
 @shared
 def passes(chi_squared: float, freedom: int) -> bool:
     """Return whether what was found is what was predicted; False for what is not finite."""
-    return bool(chi_squared <= _LIMITS[freedom - 1])
+    return bool(chi_squared <= LIMITS[freedom - 1])

@@ -148,6 +148,38 @@ def test_a_screw_is_not_taken_where_light_glares_on_the_marker_beside_it(tmp_pat
     assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
 
 
+def test_sticks_before_a_sheet_with_holes_are_told_by_what_turns(tmp_path: Path) -> None:
+    film = replace(DecoyFilm.of(1, decoys=0), shake_px=np.zeros((75, 2)))
+    hole = Bar(0.0, 0.0, 0.0, (-9.0, 49.0), (0.0, 40.0), (0.0, 0.0), 4.5, 110.0, 40.0)
+    sheet = tuple(replace(hole, x=20.0 + 80.0 * i, y=20.0 + 37.0 * j) for i in range(5) for j in range(8))
+    film = replace(film, decoys=sheet)
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
+
+
+class BandedFilm(DecoyFilm):
+    """A film of sticks with a dark band between their dots, as labels have it that are put on something dark."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        for number, picture in enumerate(super().pictures()):
+            banded = picture.astype(np.float64)
+            for bar in (self.base, self.at(number)):
+                middle = bar.point(0.5 * (bar.dots[0] + bar.dots[1]))
+                y, x = np.mgrid[: self.size[1], : self.size[0]]
+                a = np.deg2rad(bar.turn_deg)
+                along = (x - middle[0]) * np.cos(a) - (y - middle[1]) * np.sin(a)
+                across = (x - middle[0]) * np.sin(a) + (y - middle[1]) * np.cos(a)
+                share = np.clip(7.5 - np.abs(along), 0.0, 1.0) * np.clip(bar.half + 0.5 - np.abs(across), 0.0, 1.0)
+                banded += share * (70.0 - banded)
+            yield np.rint(banded).astype(np.uint8)
+
+
+def test_dots_with_something_between_them_are_a_stick_where_they_turn_as_one(tmp_path: Path) -> None:
+    film = BandedFilm(**vars(replace(DecoyFilm.of(3), shake_px=np.zeros((75, 2)))))
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
+
+
 def test_couples_of_which_the_film_tells_nothing_are_as_the_picture_has_them(tmp_path: Path) -> None:
     film = replace(DecoyFilm.of(1), angle_deg=np.full(20, 100.0))
     start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Mapping
 from pathlib import Path
@@ -143,12 +144,11 @@ def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -
     from tracker.initialise import find_start
 
     seen = look(first)
-    if seen.sticks_px is None:
-        return seen, None
-    # Of several pairs of dots motion may tell others than the picture does.
-    start = find_start(Beginning(source, seconds=NAMING_S), None)
-    if start.choice is not None and start.frame == first_frame(source).index:
-        seen = look(first, taken=(start.choice.taken.base, start.choice.taken.moving))
+    # Motion may tell others than the picture does, or where that shows none.
+    with contextlib.suppress(NoResultError):
+        start = find_start(Beginning(source, seconds=NAMING_S), None)
+        if start.choice is not None and start.frame == first_frame(source).index:
+            seen = look(first, taken=(start.choice.taken.base, start.choice.taken.moving))
     named = None if seen.sticks_px is None else name_sticks(source, seen.sticks_px, seconds=NAMING_S)
     return seen, named
 

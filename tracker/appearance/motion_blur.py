@@ -59,7 +59,7 @@ def is_sharp(rig: Record, length: float) -> bool:
     return length < SHARP_PX or (shutter_known(rig) and rig.shutter_share * length < SHARP_PX)
 
 
-@lending
+@shared
 def smear_slack(rig: Record, length: float) -> float:
     """Return by which share of the brightness step a fit may be worse than at rest."""
     if length < 0.5:

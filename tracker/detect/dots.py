@@ -26,10 +26,10 @@ _LIKELY: Final = 0.5
 """Correlation from which a place is looked at; the fit then decides."""
 _SMALL_PX: Final = 7.5
 """Radius to which large dots are reduced: correlation costs the square of it, and a pixel is near enough to fit."""
-_EXPLAINED: Final = 0.75
+EXPLAINED: Final = 0.75
 """Share of the window's variance that a dot has to explain."""
-_MOST: Final = 80
-"""Places that are fitted in one picture."""
+_MOST: Final = 120
+"""Places that are fitted in one picture: the holes of a sheet, some ten by ten, may be as clear as the markers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +71,14 @@ def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: f
     radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
     room_px = 1.25 * radius_px + 1.5
     close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
-    if close is None or close.explained < _EXPLAINED:
+    if close is None or close.explained < EXPLAINED:
         return _unexplained(close)
     room = _room(luma, close)
     radius = close.radius_px
     if room < radius + 0.5:
         return f"the ground around it is plain only up to {room:.1f} px from its centre; {radius + 0.5:.1f} px needed"
     fit = fit_dot(luma, close.x_px, close.y_px, radius_px=radius, light_dot=light_dot, room_px=room)
-    if fit is None or fit.explained < _EXPLAINED:
+    if fit is None or fit.explained < EXPLAINED:
         return _unexplained(fit)
     needed = max(3.0 * fit.residual, 6.0)
     if fit.step < needed:
@@ -90,7 +90,7 @@ def _unexplained(fit: Dot | None) -> str:
     if fit is None:
         return "no disc can be fitted: too close to the border, or nothing round"
     share = math.floor(100.0 * max(fit.explained, 0.0))
-    return f"not a plain round dot: a disc explains {share} % of the window; {100.0 * _EXPLAINED:.0f} % needed"
+    return f"not a plain round dot: a disc explains {share} % of the window; {100.0 * EXPLAINED:.0f} % needed"
 
 
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
@@ -212,7 +212,7 @@ def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:
         return []
     score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
     places: list[Place] = []
-    # Texture has many faint dots, so contrast counts too: the correlation times the spread is the fitted step.
+    # How clear a dot would be: a disc explains the square of the correlation, and the spread goes with its step.
     spread = _spread(level, half)
     for sign in (1.0, -1.0):
         signed = sign * score
@@ -220,7 +220,7 @@ def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:
         rows, columns = np.nonzero((signed >= crest) & (signed > _LIKELY) & np.isfinite(signed))
         places += [
             (
-                float(signed[row, column]) * math.sqrt(spread[row + half, column + half]),
+                float(signed[row, column]) ** 8 * math.sqrt(spread[row + half, column + half]),
                 (column + half) / scale,
                 (row + half) / scale,
                 radius_px,

@@ -20,8 +20,8 @@ CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
 _LEAST: Final = 1.2
 """Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
-_CLEARER: Final = 2.0
-"""Two other dots that stand out by this factor more than the markers do are what a stick's markers should be."""
+CLEARER: Final = 2.0
+"""Pairs of which one is clearer by less than this factor are not told apart by a picture."""
 LIKE: Final = 1.6
 """Markers are of one make: brightness step and light differ by less than this factor; sizes that differ by no more are
 as likely as equal ones."""
@@ -73,7 +73,7 @@ class Stick:
 
 
 def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
-    """Return the sticks in a picture; None also where two dots of no stick stand out far more than theirs.
+    """Return the sticks in a picture; None also where two dots of no stick stand out more than theirs, if faint.
 
     ``dots`` are those of :func:`tracker.detect.dots.find_and_refuse`, where they were found already.
     """
@@ -84,8 +84,8 @@ def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> 
 def couples_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> list[tuple[Stick, Stick]]:
     """Return the couples of pairs of dots that may be the sticks in a picture, the clearest first.
 
-    After the first one come those that are as clear, within the factor by which other dots may stand out more: the
-    picture does not tell them apart. None at all where two dots of no stick stand out far more than those of the first.
+    After the first one come those that are as clear, within a factor: the picture does not tell them apart. None at all
+    where the first one is faint, and two dots of no stick stand out more: of many dots of texture some four look alike.
     """
     dots = find_and_refuse(luma)[0] if dots is None else dots
     found = choose_sticks(luma, dots)
@@ -94,10 +94,10 @@ def couples_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) ->
     worst = _worst(found[0])
     if worst <= CLEAR:
         chosen = [dot for stick in found[0] for dot in (stick.inner, stick.outer)]
-        limit = _CLEARER * min(clearness(dot) for dot in chosen)
+        limit = min(clearness(dot) for dot in chosen)
         if sum(clearness(dot) > limit and not any(dot is other for other in chosen) for dot in dots) >= 2:
             return []
-    return [couple for couple in found if _worst(couple) * _CLEARER > worst]
+    return [couple for couple in found if _worst(couple) * CLEARER > worst]
 
 
 def _worst(couple: tuple[Stick, Stick]) -> float:
@@ -226,6 +226,11 @@ def _gap(a: Dot, b: Dot) -> float:
     return math.hypot(a.x_px - b.x_px, a.y_px - b.y_px)
 
 
+def is_clear(dot: Dot) -> bool:
+    """Return whether a dot and another one like it stand out enough to be taken for markers."""
+    return clearness(dot) * dot.explained**4 > _LEAST
+
+
 def clearness(dot: Dot) -> float:
     """Return how clearly a dot stands out, by its fit and its step in brightness."""
     return dot.explained**4 * math.sqrt(dot.step)
@@ -235,28 +240,38 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
     """Return how clearly two dots lie on one stick, or in words why they do not."""
     if (a.contrast > 0) != (b.contrast > 0):
         return "one of the two is dark and the other light"
-    likeness = 1.0
-    for name, one, two, limit in (
-        ("radius", a.radius_px, b.radius_px, SIZES),
-        ("contrast", a.step, b.step, LIKE),
-        ("light around them", a.light, b.light, LIKE),
-    ):
-        ratio = max(one, two) / max(min(one, two), 1e-6)
+    for name, ratio, limit in _ratios(a, b):
         if ratio > limit:
             return f"they differ in {name} by a factor of {ratio:.1f}; {limit:g} allowed"
-        likeness /= ratio
     distance, needed = _gap(a, b), 1.5 * (a.radius_px + b.radius_px) + 3.0
     if distance < needed:
         return f"they are {distance:.0f} px apart; {needed:.0f} px needed"
-    strip = _strip_share(luma, a, b, distance)
+    strip = strip_share(luma, a, b)
     if strip < _STRIP:
         share = math.floor(100.0 * strip)
         return f"{share} % of the line between them is as bright as a stick; {100.0 * _STRIP:.0f} % needed"
-    return likeness * strip * (a.explained * b.explained) ** 4 * math.sqrt(min(a.step, b.step))
+    return strip * stick_of(a, b).score
 
 
-def _strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot, distance: float) -> float:
+def _ratios(a: Dot, b: Dot) -> list[tuple[str, float, float]]:
+    """Return in what two dots may differ, by which factor they do, and by which those of one stick may."""
+    values = (
+        ("radius", a.radius_px, b.radius_px, SIZES),
+        ("contrast", a.step, b.step, LIKE),
+        ("light around them", a.light, b.light, LIKE),
+    )
+    return [(name, max(one, two) / max(min(one, two), 1e-6), limit) for name, one, two, limit in values]
+
+
+def stick_of(a: Dot, b: Dot) -> Stick:
+    """Return two dots as a stick, with how clearly they may be the markers of one."""
+    likeness = math.prod(1.0 / ratio for _, ratio, _ in _ratios(a, b))
+    return Stick(a, b, likeness * (a.explained * b.explained) ** 4 * math.sqrt(min(a.step, b.step)))
+
+
+def strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float:
     """Return the share of the line between two dots that is as bright as the stick around them."""
+    distance = _gap(a, b)
     along = np.array([a.radius_px + 2.0, distance - b.radius_px - 2.0]) / distance
     return float(np.mean(_as_bright(luma, (a, b), (b.x_px, b.y_px), along)))
 

@@ -107,13 +107,6 @@ class DotState(Kept):
             stage = advance(self.scene, luma, time_s, stage)
         return self.scene.readings
 
-    def glance(self, luma: NDArray[np.uint8], time_s: float) -> NDArray[np.void]:
-        """Do the same without a search: what is not where it is expected is lost."""
-        stage = START
-        while stage != DONE:
-            stage = advance(self.scene, luma, time_s, stage)
-        return self.scene.readings
-
     def miss(self, time_s: float) -> None:
         """Pass over a frame that shows nothing."""
         skip(self.scene, time_s)

@@ -11,7 +11,7 @@ from typing import Final
 
 from torsight.core.compiled import compiled, lending, shared
 from tracker.appearance.disc import Record
-from tracker.appearance.lucas_kanade import Luma, Point, read_dot
+from tracker.appearance.lucas_kanade import Look, Luma, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
 from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
@@ -81,15 +81,26 @@ def read_at(scene: Scene, luma: Luma, index: int, place: Point, slack: float, ou
     return SEEN if fits(marker, out, loose) else HIDDEN
 
 
+@lending
+def _is_near(marker: Record, reading: Record, x: float, y: float) -> bool:
+    """Return whether a reading is within the basin of Lucas–Kanade, a dot's radius, of where it was begun."""
+    variance = (marker.shape.radius / SIGMAS) ** 2
+    return passes(((reading.x - x) ** 2 + (reading.y - y) ** 2) / variance, 2)
+
+
+@compiled
+def glance_at(luma: Luma, marker: Record, look: Look, place: Point, slack: float, out: Record) -> bool:
+    """Read a dot of which only its picture is known from a place; return whether it is there."""
+    inside = read_dot(luma, place[0], place[1], marker, look, (0.0, 0.0), out)
+    return inside and fits(marker, out, slack) and _is_near(marker, out, place[0], place[1])
+
+
 @compiled
 def read_marker(scene: Scene, luma: Luma, index: int) -> None:
     """Read a marker from where it is predicted, and hold what is found against the prediction."""
     reading = scene.readings[index]
     x, y = reading.predicted[0], reading.predicted[1]
     state = read_at(scene, luma, index, (x, y), 0.0, reading)
-    if state == SEEN:
-        # It is asked to be within the basin of Lucas–Kanade, a dot's radius.
-        variance = (scene.markers[index].shape.radius / SIGMAS) ** 2
-        if not passes(((reading.x - x) ** 2 + (reading.y - y) ** 2) / variance, 2):
-            state = HIDDEN
+    if state == SEEN and not _is_near(scene.markers[index], reading, x, y):
+        state = HIDDEN
     reading.state = state

@@ -41,7 +41,7 @@ OFF_CIRCLE_PX: Final = 5.0
 """Three standard deviations of a marker's distance from its axis: what a first guess of the axis is off."""
 _KNOWN: Final = (SIGMAS * STANDS_PX / OFF_CIRCLE_PX) ** 2
 """Weight, in frames, from which the axis is known as well as that."""
-_STEP_RAD: Final = math.radians(3.0)
+STEP_RAD: Final = math.radians(3.0)
 """How far the stick has to turn before another frame is added: closer ones tell the same."""
 
 
@@ -68,7 +68,7 @@ def suppose_axis(axis: Record, x: float, y: float, sigma_px: float) -> None:
 def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
     """Take in one frame with both markers, if it is of something new."""
     angle = math.atan2(outer[1] - inner[1], outer[0] - inner[0])
-    if turned(angle, axis.last_rad) < _STEP_RAD:
+    if turned(angle, axis.last_rad) < STEP_RAD:
         return
     axis.last_rad = angle
     unit, one, two = cmath.exp(1j * angle), complex(inner[0], inner[1]), complex(outer[0], outer[1])

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from torsight.core.progress import ATTENTION_S
 from torsight.core.tracks import MarkerTracks
+from tracker.detect.dots import find_and_refuse
 from tracker.detect.given_positions import LOOKED_AT
-from tracker.detect.sticks import couples_in
+from tracker.detect.sticks import is_clear
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import markers_on
@@ -47,7 +48,7 @@ class WhichMarkers:
 
     def __init__(self, luma: NDArray[np.uint8]) -> None:
         self._first = luma.copy()
-        self._weighing = Weighing(self._first, couples_in(luma))
+        self._weighing = Weighing(self._first, [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)])
         self.choice = Choice.of(self._weighing.weighed())
         self.sure = False
         self._followed = self.choice.taken
@@ -93,7 +94,7 @@ class WhichMarkers:
         most as many frames as a film is searched for markers, because the next frame waits for it.
         """
         every = 1 + self._frames // LOOKED_AT[-1]
-        self.choice = Choice.of(self._weighing.weighed(every=every))
+        self.choice = Choice.of(self._weighing.weighed())
         taken = self.choice.taken
         tracks = self._weighing.tracks(taken, every=every)
         order, report, _ = told_by_motion(tracks, self.choice, radius_px=self.radius_px)

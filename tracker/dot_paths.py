@@ -1,0 +1,118 @@
+"""Where each of many dots of a picture goes in the frames after it: every dot by itself, whatever it may be part of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.units import Floats
+from tracker.appearance.dot_fit import Dot
+from tracker.appearance.lucas_kanade import READING, Luma
+from tracker.appearance.motion_blur import smear_slack
+from tracker.follow.marker import Marker
+from tracker.follow.reading import glance_at
+from tracker.follow.state import RIG
+
+_LEVELS: Final = 3
+"""Times that the picture is halved to find a dot that went further than its radius: it is found 8 radii away."""
+
+
+class DotPaths:
+    """The dots of a picture (h, w), followed one by one.
+
+    A dot is read where it stood first, as far as the camera went, where its last step leads, and where pyramidal
+    Lucas–Kanade from the last frame finds it. One that is lost is found again where it stood or where it was seen last.
+    ``dots`` are those that can be read: not at the border. ``places`` (n, d) complex, px, are where they were in the
+    picture and in every frame after it, NaN where they were not seen, ``covariance`` (n, d, 3) xx, xy, yy, px².
+    """
+
+    def __init__(self, luma: Luma, dots: Sequence[Dot]) -> None:
+        markers = [(dot, Marker(dot)) for dot in dots]
+        read = [(dot, marker, marker.read(luma, dot.x_px, dot.y_px)) for dot, marker in markers]
+        self._markers: list[Marker] = []
+        self.dots: list[Dot] = []
+        for dot, marker, reading in read:
+            if reading is not None:
+                marker.begin(reading)
+                self.dots.append(dot)
+                self._markers.append(marker)
+        self._first = np.array([complex(one.x_px, one.y_px) for one in self._markers], np.complex128)
+        self._last, self._step, self._shift = self._first.copy(), np.zeros_like(self._first), 0.0j
+        self._seen = np.ones(len(self._first), bool)
+        self._before: Luma = luma.copy()
+        self._rows = [self._first.copy()]
+        self._spread = [np.zeros((len(self._first), 3))]
+        self._out, self._rig = np.zeros(1, READING)[0], np.zeros(1, RIG)[0]
+
+    @property
+    def places(self) -> NDArray[np.complex128]:
+        """Where the dots were, frame by frame."""
+        return np.array(self._rows)
+
+    @property
+    def covariance(self) -> Floats:
+        """How well that was read."""
+        return np.array(self._spread)
+
+    def add(self, luma: Luma | None) -> None:
+        """Follow the dots into the next frame, None where it shows nothing."""
+        now, spread = np.full_like(self._first, complex(math.nan, math.nan)), np.zeros((len(self._first), 3))
+        if luma is not None:
+            homes, ahead = self._first + self._shift, self._last + self._step
+            missed = [
+                index
+                for index in range(len(now))
+                if not self._read(luma, index, self._tried(index, homes[index], ahead[index]), now, spread)
+            ]
+            self._look_further(luma, [index for index in missed if self._seen[index]], ahead, now, spread)
+            seen = np.isfinite(now)
+            self._step = np.where(seen & self._seen, now - self._last, 0.0)
+            self._last = np.where(seen, now, self._last)
+            self._seen = seen
+            if seen.any():
+                went = (now - self._first)[seen]
+                self._shift = complex(np.median(went.real), np.median(went.imag))
+            np.copyto(self._before, luma)
+        self._rows.append(now)
+        self._spread.append(spread)
+
+    def _tried(self, index: int, home: complex, ahead: complex) -> tuple[complex, complex]:
+        """Return the places at which a dot is looked for: one that left its first place may find another dot there."""
+        gone = self._seen[index] and abs(ahead - home) > self._markers[index].radius_px
+        return (ahead, home) if gone else (home, ahead)
+
+    def _read(
+        self, luma: Luma, index: int, tried: Sequence[complex], now: NDArray[np.complex128], spread: Floats
+    ) -> bool:
+        """Read a dot at the first of some places at which it is; return whether it is at any."""
+        marker, out = self._markers[index], self._out
+        for place in tried:
+            # Of a shutter nothing is known yet.
+            slack = smear_slack(self._rig, abs(place - self._last[index]))
+            if glance_at(luma, marker.record[0], marker.look, (place.real, place.imag), slack, out):
+                now[index], spread[index] = complex(out["x"], out["y"]), out["covariance"]
+                return True
+        return False
+
+    def _look_further(
+        self, luma: Luma, missed: list[int], ahead: NDArray[np.complex128], now: NDArray[np.complex128], spread: Floats
+    ) -> None:
+        """Read dots where pyramidal Lucas–Kanade finds what was around them in the last frame."""
+        if not missed:
+            return
+        half = math.ceil(2.0 * max(self._markers[index].radius_px for index in missed))
+        before, guess = (
+            at[missed].astype(np.complex64).view(np.float32).reshape(-1, 1, 2) for at in (self._last, ahead)
+        )
+        side, flags = (2 * half + 1, 2 * half + 1), cv2.OPTFLOW_USE_INITIAL_FLOW
+        found, status, _ = cv2.calcOpticalFlowPyrLK(
+            self._before, luma, before, guess, winSize=side, maxLevel=_LEVELS, flags=flags
+        )
+        for index, (x, y), good in zip(missed, found.reshape(-1, 2).tolist(), status.ravel().tolist(), strict=True):
+            if good:
+                self._read(luma, index, (complex(x, y),), now, spread)
