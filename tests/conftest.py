@@ -16,7 +16,7 @@ from hypothesis import settings
 from xdist.scheduler.loadscope import LoadScopeScheduling
 
 from torsight.core.lazy import collect_seldom
-from torsight.core.threads import VARIABLES
+from torsight.core.parallel.threads import VARIABLES
 
 # Before anything loads numpy: threads of linear algebra that wait for each other beside other workers take the engine's
 # tests five times as long, and every stage of the product computes with one.
@@ -77,7 +77,7 @@ def own_temporary_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterato
 def one_fit_at_a_time() -> Iterator[None]:
     """Beside other workers of pytest a search's second thread takes more time than it saves."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("torsight.core.threads.WORKERS", 1)
+        patch.setattr("torsight.core.parallel.threads.WORKERS", 1)
         yield
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import AnyPath
 from torsight.core.frozen import Frozen
+from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import Progress, silent
-from torsight.core.threads import one_thread
 from torsight.core.tracks import LEAST_SURE, MarkerTracks
 from torsight.core.words.shown import Shown
 from tracker.angle.axis_of_circles import turned_round

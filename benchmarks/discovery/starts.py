@@ -19,8 +19,8 @@ import blind
 import numpy as np
 
 from torsight.actuator.model import ActuatorModel
+from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import silent
-from torsight.core.threads import one_thread
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.search import Search
 from torsight.discovery.settings import Settings

@@ -29,8 +29,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from half_and_twice import half_and_twice
 
 from torsight.actuator.model import ActuatorModel
+from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import silent
-from torsight.core.threads import one_thread
 from torsight.core.units import Floats
 from torsight.discovery import actuator_problem
 from torsight.discovery.actuator import temperature_errors

@@ -31,7 +31,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "tracker")]
 import hardships  # noqa: E402
 from flat_films import FlatFilm, Hand, Sprite, tag, texture_picture  # noqa: E402
 
-from torsight.core.threads import one_thread  # noqa: E402
+from torsight.core.parallel.threads import one_thread  # noqa: E402
 from tracker.angle.orient import orient  # noqa: E402
 from tracker.angle.plane import stick_direction  # noqa: E402
 from tracker.detect.marker_file import MarkerHints, read_markers  # noqa: E402

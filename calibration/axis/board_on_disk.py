@@ -24,7 +24,7 @@ from torsight.core.optics.axis import pose_along, tilt_of
 from torsight.core.optics.camera import Intrinsics, Pose
 from torsight.core.optics.circles import axis_basis, tilted
 from torsight.core.optics.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
-from torsight.core.threads import one_thread
+from torsight.core.parallel.threads import one_thread
 from torsight.core.units import Floats
 from torsight.core.words.wording import number
 

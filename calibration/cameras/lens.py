@@ -20,9 +20,9 @@ from calibration.views.detect import View, board_normals
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import project, rotation_matrix
+from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import Progress, silent
 from torsight.core.series import rms
-from torsight.core.threads import one_thread
 from torsight.core.units import Floats, Ints
 from torsight.core.words.wording import counted
 

@@ -14,8 +14,8 @@ from calibration.views.detect import FEWEST_CORNERS, View
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Intrinsics, RightCamera
 from torsight.core.optics.geometry import epipolar_distance_px, rotation_vector
+from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import Progress, silent
-from torsight.core.threads import one_thread
 from torsight.core.units import Floats, Ints
 from torsight.core.words.wording import counted
 

@@ -22,8 +22,8 @@ from calibration.views.picture_files import (
 )
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.paths import AnyPath
+from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import Progress, silent
-from torsight.core.threads import one_thread
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 

@@ -23,9 +23,9 @@ from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
 from sync.signals.changepoints import MAX_LAG_S
 from torsight.core.errors import NoResultError
+from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import REACH
 from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
-from torsight.core.threads import one_thread
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
 from torsight.core.words.plausible import FINEST_S, LATEST_S, require_turns, require_units

@@ -24,7 +24,7 @@ METHODS = {
 IN_MEMORY = {
     "torsight/discovery/own/model/evaluate.py": "cloudpickle",
     "torsight/discovery/own/model/model_file.py": "cloudpickle",
-    "torsight/core/processes.py": "pickle",
+    "torsight/core/parallel/processes.py": "pickle",
 }
 
 

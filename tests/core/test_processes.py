@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from torsight.core.processes import in_copies
-from torsight.core.threads import go_on, in_parallel, with_help
+from torsight.core.parallel.processes import in_copies
+from torsight.core.parallel.threads import go_on, in_parallel, with_help
 
 pytestmark = pytest.mark.skipif(
     "fork" not in multiprocessing.get_all_start_methods() or sys.platform == "darwin",
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(autouse=True)
 def two_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torsight.core.threads.WORKERS", 2)
+    monkeypatch.setattr("torsight.core.parallel.threads.WORKERS", 2)
 
 
 def test_results_come_in_order_from_two_other_processes_and_what_was_known_as_itself() -> None:
@@ -135,7 +135,7 @@ def _shared_out() -> int:
 def test_copies_end_with_a_process_that_is_killed() -> None:
     script = (
         "import os, sys, time\n"
-        "from torsight.core.processes import in_copies\n"
+        "from torsight.core.parallel.processes import in_copies\n"
         "def work(item):\n"
         "    print(os.getpid(), flush=True)\n"
         "    time.sleep(600)\n"

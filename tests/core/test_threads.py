@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from torsight.core.threads import in_parallel, one_thread, with_help
+from torsight.core.parallel.threads import in_parallel, one_thread, with_help
 
 
 def blas_threads() -> set[int]:
@@ -29,7 +29,7 @@ def test_one_thread_inside_and_what_it_was_after_it() -> None:
 
 def test_libraries_that_are_loaded_inside_have_one_thread_too_and_nothing_stays_set() -> None:
     script = (
-        "import os, threadpoolctl, torsight.core.threads as t\n"
+        "import os, threadpoolctl, torsight.core.parallel.threads as t\n"
         "before = dict(os.environ)\n"
         "@t.one_thread()\n"
         "def inside():\n"
@@ -62,7 +62,7 @@ def shared_out(count: int) -> int:
 
 
 def test_the_only_fit_has_help_and_one_beside_another_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torsight.core.threads.WORKERS", 2)
+    monkeypatch.setattr("torsight.core.parallel.threads.WORKERS", 2)
     assert [shared_out(count) for count in (0, 1, 2, 7)] == [0, 1, 2, 2]
     together = threading.Barrier(2)
 
@@ -77,7 +77,7 @@ def test_the_only_fit_has_help_and_one_beside_another_has_none(monkeypatch: pyte
 
 
 def test_an_error_in_either_half_is_the_caller_s_and_there_is_help_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torsight.core.threads.WORKERS", 2)
+    monkeypatch.setattr("torsight.core.parallel.threads.WORKERS", 2)
     for wrong in (0, 3):
         with pytest.raises(ZeroDivisionError):
             with_help(range(4), lambda item, wrong=wrong: 1 / (item - wrong))

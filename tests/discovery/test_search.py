@@ -11,9 +11,9 @@ from linear_cases import LENGTH, machine, noise, signals
 
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from
+from torsight.core.parallel.threads import in_parallel
 from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
-from torsight.core.threads import in_parallel
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import AtPoint, Fitter

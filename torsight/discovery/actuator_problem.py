@@ -24,9 +24,9 @@ from torsight.actuator.ports import History
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
+from torsight.core.parallel.threads import with_help
 from torsight.core.parameter import Parameter
 from torsight.core.series import pair_means
-from torsight.core.threads import with_help
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.wording import EXPLAINED
 from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of

@@ -15,11 +15,11 @@ from torsight.actuator.fit_result import notes_of_drive, require_motion, taken_a
 from torsight.actuator.fitted import FittedModel, fitted_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
+from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms, share_explained
-from torsight.core.threads import one_thread
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import CONTRADICTED_SIGMAS, contradicted, unexplained
 from torsight.discovery.actuator.curves import curve_columns

@@ -22,10 +22,10 @@ from typing import ClassVar, Final, Protocol, Self, TypeVar
 import numpy as np
 
 from torsight.core.law import Law, LawForm
+from torsight.core.parallel.processes import in_copies
+from torsight.core.parallel.threads import in_parallel, with_help
 from torsight.core.parameter import Parameter
-from torsight.core.processes import in_copies
 from torsight.core.progress import Progress, silent
-from torsight.core.threads import in_parallel, with_help
 from torsight.core.units import Flags, Floats, Ints
 
 _T = TypeVar("_T")

@@ -13,10 +13,10 @@ from torsight.actuator.fit_result import FitResult, misfit, notes_of_drive, note
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.stepping.cycle import fitted_cycle
 from torsight.core.errors import require_kind
+from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.series import correlation_time, share_explained
-from torsight.core.threads import one_thread
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import (

@@ -14,11 +14,11 @@ from torsight.actuator.fit_result import require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.errors import ConfigError
+from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms
-from torsight.core.threads import one_thread
 from torsight.core.units import DEG, Floats
 from torsight.discovery.actuator.curves import curve_columns
 from torsight.discovery.actuator.several import SeveralRecords

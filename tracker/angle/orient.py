@@ -11,7 +11,7 @@ from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.optics.geometry import on_plane, rotation_matrix
-from torsight.core.threads import one_thread
+from torsight.core.parallel.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.camera_motion import Unmoved, flattened, unmoved

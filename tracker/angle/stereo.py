@@ -21,7 +21,7 @@ from torsight.core.optics.camera import Camera
 from torsight.core.optics.circles import Circles, Turns, axis_basis
 from torsight.core.optics.geometry import SpacePoints, project
 from torsight.core.optics.scale import check_scale
-from torsight.core.threads import one_thread
+from torsight.core.parallel.threads import one_thread
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Floats
 from tracker.angle.length_noise import in_motion

@@ -8,7 +8,7 @@ from made_up_views import LENS, SIZE_PX, exact_view, poses
 from calibration.cameras.lens import calibrate_lens, fit_lens, jackknife_sigma, lens_values, spread_deg
 from calibration.views.detect import find_board
 from torsight.core.errors import NoResultError
-from torsight.core.threads import one_thread
+from torsight.core.parallel.threads import one_thread
 
 TRUE = lens_values(LENS)
 

@@ -25,10 +25,10 @@ from torsight.actuator.record.conditioning import condition
 from torsight.actuator.spec import KEYS, ActuatorSpec, keys_of
 from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.errors import InputError
+from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import Estimate, Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.series import share_explained
-from torsight.core.threads import one_thread
 from torsight.core.units import MPA, Floats
 from torsight.core.words.plausible import HEATED_C
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.turns import at_places, turns_of
-from torsight.core.threads import with_help
+from torsight.core.parallel.threads import with_help
 from torsight.core.units import Floats, Ints
 
 Pair = tuple[Floats, Floats]

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.optimize import minimize
 
+from torsight.core.parallel.threads import go_on
 from torsight.core.parameter import Parameter
-from torsight.core.threads import go_on
 from torsight.core.units import Floats
 from torsight.discovery.inference.solver import Solution, Space, jacobian, looking_ahead, objective, sharpened, solve
 from torsight.discovery.inference.weight import Weight

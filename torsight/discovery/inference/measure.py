@@ -375,9 +375,9 @@ def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likeli
     derivative, bank = fit.solution.jacobian[:, order], _Bank.of(measured.law)
     picture = _Picture.of(derivative, residual, likelihood.weight(residual), u=x[order], space=space.at(order),
                           information=information, bank=bank.within(old))  # fmt: skip
-    form = bank.form(*picture.place)
-    z = np.linalg.lstsq(form.basis, old.basis @ picture.mean[n:])[0]
-    values = {names[i]: float(value) for i, value in zip(order[:n], picture.mean, strict=False)}
+    form, mean = bank.form(*picture.place), space.at(order).clip(picture.mean)
+    z = np.linalg.lstsq(form.basis, old.basis @ mean[n:])[0]
+    values = {names[i]: float(value) for i, value in zip(order[:n], mean, strict=False)}
     values |= dict(zip(form.names, z.tolist(), strict=True))
     columns = np.hstack([derivative[:, :n], derivative[:, n:] @ (np.linalg.pinv(old.basis) @ form.basis)])
     gain = float(picture.evidence[picture.place] - picture.evidence[measured.place])

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import Progress, silent
 from torsight.core.series import rms, scatter
-from torsight.core.threads import one_thread
 from torsight.core.units import Floats
 from torsight.discovery.inference import engine
 from torsight.discovery.inference.explanation import Explanation

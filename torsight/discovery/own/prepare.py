@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
+from torsight.core.parallel.threads import in_parallel
 from torsight.core.parameter import Parameter
-from torsight.core.threads import in_parallel
 from torsight.core.units import Floats
 from torsight.core.words.wording import number
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.threads import WORKERS
+from torsight.core.parallel.threads import WORKERS
 from torsight.core.units import Floats
 from torsight.discovery.own.model.values import Curve, Values, by_name
 from torsight.discovery.own.own_records import Record

@@ -21,9 +21,9 @@ from concurrent.futures.process import BrokenProcessPool
 from types import FunctionType, ModuleType
 from typing import Any, Final, NamedTuple, TypeVar
 
-from torsight.core import threads
+from torsight.core.parallel import threads
+from torsight.core.parallel.threads import at_work, in_parallel, share_work
 from torsight.core.progress import Progress, silent
-from torsight.core.threads import at_work, in_parallel, share_work
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
