@@ -99,6 +99,8 @@ _COPY: Final[list[_Copy]] = []
 
 def _begin(copy: _Copy, *shared: Any) -> None:
     """Begin as a copy, which ends when the process does of which it is one."""
+    # What was here before stays: to look through it for garbage would also copy it page by page.
+    gc.freeze()
     # An interrupt is for the process that waits: it lets its copies end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -278,12 +278,12 @@ class Search:
         self._grow(work, step="effects and laws" if size == 1 else f"sets of {size}")
 
     def _choices(self, size: int) -> list[str]:
-        """Return what a set of so many members may consist of.
+        """Return what a set of so many members may consist of: laws, which take longest, first.
 
         A law of time says when something differs and not why: beside an explanation it would take up its error.
         """
         laws = [law.id for law in self._problem.laws if size == 1 or not law.says_when]
-        return [*(candidate.id for candidate in self._problem.candidates), *laws]
+        return [*laws, *(candidate.id for candidate in self._problem.candidates)]
 
     def _grow_otherwise(self, size: int) -> None:
         """Fit the best sets from each of their parts, and with other means.
