@@ -35,7 +35,7 @@ def test_results_come_in_order_from_two_other_processes_and_what_was_known_as_it
     def work(item: int) -> tuple[int, int, object, object, object]:
         local[0] += item
         time.sleep(0.05)
-        return local[0] and item, os.getpid(), known["array"], known["function"], known["array"] * item
+        return item, os.getpid(), known["array"], known["function"], known["array"] * item
 
     told: list[float] = []
     found = in_copies(range(6), work, known=known, step="s", progress=lambda _step, done, _total: told.append(done))

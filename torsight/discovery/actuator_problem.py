@@ -31,7 +31,7 @@ from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.wording import EXPLAINED
 from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
 from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
-from torsight.discovery.interface import Candidate, OptionalMembers
+from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 RESOLUTION_DEG: Final = 0.1
 """A difference that nobody would miss: 0.02 % of the stroke."""
@@ -133,7 +133,7 @@ class ActuatorProblem(OptionalMembers):
     def with_laws(self, forms: Sequence[LawForm]) -> ActuatorProblem:
         """Return the problem with these forms of laws among its candidates."""
         other = replace(self, forms=tuple(forms))
-        other.__dict__.update({name: self.__dict__[name] for name in _OF_THE_RECORD if name in self.__dict__})
+        vars(other).update(known_of(self, _OF_THE_RECORD))
         return other
 
     def get_ready(self) -> None:
@@ -142,8 +142,7 @@ class ActuatorProblem(OptionalMembers):
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy of the process sends back: all but candidates, which hold functions, and models."""
-        kept = (*(one.name for one in fields(self)), *_OF_THE_RECORD)
-        return {name: self.__dict__[name] for name in kept if name in self.__dict__} | {"_models": {}}
+        return known_of(self, (*(one.name for one in fields(self)), *_OF_THE_RECORD)) | {"_models": {}}
 
     @cached_property
     def once(self) -> tuple[str, ...]:

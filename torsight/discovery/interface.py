@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, Final, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Final, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -96,6 +96,11 @@ class Candidate:
     def null_point(self) -> dict[str, float]:
         """Return the parameters with the effect switched off."""
         return {p.name: p.value if p.null is None else p.null for p in self.parameters}
+
+
+def known_of(problem: object, names: Sequence[str]) -> dict[str, Any]:
+    """Return those members of a problem among so many that were given or worked out already."""
+    return {name: vars(problem)[name] for name in names if name in vars(problem)}
 
 
 class NeededMembers(Protocol):

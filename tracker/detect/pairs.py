@@ -10,7 +10,7 @@ import numpy as np
 
 from torsight.core.units import Floats, Ints
 from tracker.appearance.dot_fit import Dot
-from tracker.detect.sticks import CLEARER, LIKE, SIZES
+from tracker.detect.sticks import CLEARER, LIKE, SIZES, least_length
 from tracker.innovation import SIGMAS
 
 CLEARNESS: Final = 0.5 * SIGMAS**2 / math.log(CLEARER)
@@ -28,7 +28,7 @@ class Pairs:
             .T
         )
         one, two = np.triu_indices(len(dots), 1)
-        distance, needed = self._length(one, two), 1.5 * (self.radius_px[one] + self.radius_px[two]) + 3.0
+        distance, needed = self._length(one, two), least_length(self.radius_px[one], self.radius_px[two])
         alike = (np.sign(sign[one]) == np.sign(sign[two])) & (distance >= needed)
         for what, limit in ((self.radius_px, SIZES), (self._step, LIKE), (self._light, LIKE)):
             alike &= np.abs(np.log(what[one] / what[two])) < math.log(limit)

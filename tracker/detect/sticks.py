@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeVar
 
 import cv2
 import numpy as np
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from torsight.core.units import Flags, Floats
 from tracker.appearance.dot_fit import EDGE_PX, Dot
 from tracker.detect.dots import find_and_refuse
+
+_Real = TypeVar("_Real", float, Floats)
 
 CLEAR: Final = 2.0
 """Score from which a pair of dots is taken at first sight."""
@@ -236,6 +238,11 @@ def clearness(dot: Dot) -> float:
     return dot.explained**4 * math.sqrt(dot.step)
 
 
+def least_length(one_px: _Real, two_px: _Real) -> _Real:
+    """Return how far apart two dots of these radii have to be on one stick."""
+    return 1.5 * (one_px + two_px) + 3.0
+
+
 def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
     """Return how clearly two dots lie on one stick, or in words why they do not."""
     if (a.contrast > 0) != (b.contrast > 0):
@@ -243,7 +250,7 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
     for name, ratio, limit in _ratios(a, b):
         if ratio > limit:
             return f"they differ in {name} by a factor of {ratio:.1f}; {limit:g} allowed"
-    distance, needed = _gap(a, b), 1.5 * (a.radius_px + b.radius_px) + 3.0
+    distance, needed = _gap(a, b), least_length(a.radius_px, b.radius_px)
     if distance < needed:
         return f"they are {distance:.0f} px apart; {needed:.0f} px needed"
     strip = strip_share(luma, a, b)

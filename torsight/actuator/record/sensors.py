@@ -54,6 +54,7 @@ class Sensors:
     def get_ready(self) -> None:
         """Make what :meth:`lag_correction` needs, for all time constants."""
         missing = [lag_s for lag_s in _LAG_GRID_S if lag_s not in self._known]
+        # The readings are made before two threads ask for them.
         if missing and self._readings:
             with_help(missing, self._at)
 

@@ -28,7 +28,7 @@ from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.interface import Candidate, OptionalMembers, Propose
+from torsight.discovery.interface import Candidate, OptionalMembers, Propose, known_of
 
 ZERO: Final = "zero_deg"
 _APART_S: Final = 3600.0
@@ -157,7 +157,7 @@ class SeveralRecords(OptionalMembers):
     def with_laws(self, forms: Sequence[LawForm]) -> SeveralRecords:
         """Return the problem with these forms of laws among its candidates."""
         other = SeveralRecords(tuple(part.with_laws(forms) for part in self.parts), tuple(forms))
-        other.__dict__.update({name: self.__dict__[name] for name in _OF_THE_RECORDS if name in self.__dict__})
+        vars(other).update(known_of(self, _OF_THE_RECORDS))
         return other
 
     def get_ready(self) -> None:
@@ -167,8 +167,7 @@ class SeveralRecords(OptionalMembers):
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy of the process sends back: all but candidates, which hold functions."""
-        kept = ("parts", "forms", *_OF_THE_RECORDS)
-        return {name: self.__dict__[name] for name in kept if name in self.__dict__}
+        return known_of(self, ("parts", "forms", *_OF_THE_RECORDS))
 
     @cached_property
     def once(self) -> tuple[str, ...]:

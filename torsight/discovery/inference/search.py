@@ -237,9 +237,9 @@ class Search:
         Otherwise a law keeps the form in which it was measured: it may have done the work of what is beside it now,
         and a set pays for freedom of which it makes no use.
         """
-        gain = {one.members: self._better_form(one)[0] for one in self._ranked(size)}
-        ranked = sorted(self._ranked(size), key=lambda one: -one.log_evidence - gain[one.members])
-        best = ranked[: 2 * self._settings.beam]
+        ranked = self._ranked(size)
+        gain = {one.members: self._better_form(one)[0] for one in ranked}
+        best = sorted(ranked, key=lambda one: -one.log_evidence - gain[one.members])[: 2 * self._settings.beam]
         work = [one for one in best if self._within_reach(one, gain=gain[one.members])]
         self._keep(self._at_once(work, self._in_better_form, step="better forms"))
 
