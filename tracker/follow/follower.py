@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +15,7 @@ from tracker.checkpoint import Kept
 from tracker.follow.camera_state import TURN_RAD, base_shift
 from tracker.follow.followed_dots import DotState
 from tracker.follow.judgement import MOVED_RAD
-from tracker.follow.learning import write_row
+from tracker.follow.learning import level_of, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
@@ -24,8 +23,6 @@ from tracker.innovation import SIGMAS
 from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN
 from tracker.stick_direction import square, stick_direction
 
-_ROWS: Final = 16
-"""Every so many rows one tells how bright a picture is: as well as all of them, in an eighth of the time."""
 _DARK_SHARE: Final = 0.4
 """Share of the usual brightness of the picture below which the light is off: dots no longer show then."""
 
@@ -102,7 +99,7 @@ class Follower(Kept):
         """Follow the sticks into the next frame and return its row, which the next frame overwrites."""
         if frame.luma is None or frame.damaged:
             return self._row(self._pass(frame.time_s, DAMAGED), frame.time_s)
-        level = cv2.mean(frame.luma[::_ROWS])[0]
+        level = level_of(frame.luma)
         return self._row(self._read(frame.luma, frame.time_s, level), frame.time_s, level)
 
     def pass_over(self, frame: Frame) -> NDArray[np.void]:
@@ -110,8 +107,7 @@ class Follower(Kept):
         return self._row(nothing(LOST, markers=4), frame.time_s)
 
     def _row(self, readings: NDArray[np.void], time_s: float, level: float = 0.0) -> NDArray[np.void]:
-        write_row(readings, self._rows[0])
-        self._rows["time_s"], self._rows["level"] = time_s, level
+        write_row(readings, self._rows, time_s, level)
         row: NDArray[np.void] = self._rows[0]
         return row
 

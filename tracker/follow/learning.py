@@ -28,6 +28,8 @@ from tracker.rows import SEEN
 _CHANGE_PX: Final = 1.0 / PHASES
 """Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order, as places
 between those at which models are kept."""
+_ROWS: Final = 16
+"""Every so many rows one tells how bright a picture is: as well as all of them, in an eighth of the time."""
 SIZES: Final = (0.7, 1.4)
 """Size over the first one within which a marker is followed: of a stick that turns in a plane seen from up to 45
 degrees aside."""
@@ -166,8 +168,21 @@ def _note_stick(scene: Scene, stick: int) -> None:
 
 
 @shared
-def write_row(readings: Record, row: Record) -> None:
-    """Write what is noted of a frame (see :mod:`tracker.rows`); of markers that are not seen nothing but why."""
+def level_of(luma: Luma) -> float:
+    """Return how bright a picture is, a mean grey level, by some of its rows."""
+    total, count = 0, 0
+    for y in range(0, luma.shape[0], _ROWS):
+        for x in range(luma.shape[1]):
+            total += luma[y, x]
+        count += luma.shape[1]
+    return total * (1.0 / count)
+
+
+@shared
+def write_row(readings: Record, rows: Record, time_s: float, level: float) -> None:
+    """Write what is noted of a frame (see :mod:`tracker.rows`) into rows (1,); of unseen markers nothing but why."""
+    row = rows[0]
+    row.time_s, row.level = time_s, level
     for index in range(len(readings)):
         reading = readings[index]
         taken = reading.state == SEEN

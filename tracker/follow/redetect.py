@@ -92,13 +92,11 @@ class Prediction:
         own["start_rad"] = direction(*ends)
         return replace(self, own=own)
 
-    def region(self, ends: Sequence[int], size_px: tuple[int, int]) -> Region:
-        """Return where some of its markers may be in a picture (width, height)."""
-        middle = np.mean([self.ends[end] for end in ends], axis=0)
-        half = SIGMAS * self.sigma_px + (0.5 * math.dist(*self.ends) if len(ends) > 1 else 0.0)
-        low, high = middle - half, middle + half
+    def region(self, end: int, size_px: tuple[int, int]) -> Region:
+        """Return where one of its markers may be in a picture (width, height)."""
+        low, high = (np.add(self.ends[end], reach) for reach in (-SIGMAS * self.sigma_px, SIGMAS * self.sigma_px))
         if self.own["axis"]["known"] and not self.own["still"]:
-            reach = max(arm_px(self.own["axis"], end) + SIGMAS * own_circle_sigma_px(self.own, end) for end in ends)
+            reach = arm_px(self.own["axis"], end) + SIGMAS * own_circle_sigma_px(self.own, end)
             centre = self.own["axis"]["centre"] + self.shift
             low, high = np.maximum(low, centre - reach), np.minimum(high, centre + reach)
         low, high = (np.clip(rim, 0.0, size_px).astype(int).tolist() for rim in (np.floor(low), np.ceil(high)))
@@ -156,10 +154,11 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
         return []
     ends = [place_of(one) if known else one["predicted"] for one, known in zip(readings, seen, strict=True)]
     expected = Prediction((ends[0], ends[1]), sigma_px, scene.sticks[stick], rig["shift_now"])
-    height, width = luma.shape
-    region = expected.region(np.flatnonzero(~seen).tolist(), (width, height))
+    size_px = luma.shape[1], luma.shape[0]
     inner, outer = (
-        [readings[end].copy()] if seen[end] else _read(scene, luma, both[end], _places(luma, markers[end], region))
+        [readings[end].copy()]
+        if seen[end]
+        else _read(scene, luma, both[end], _places(luma, markers[end], expected.region(end, size_px)))
         for end in (0, 1)
     )
     pairs = list(itertools.product(inner, outer))

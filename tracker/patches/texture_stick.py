@@ -235,7 +235,7 @@ class TextureStick(Kept):
         """Return the places around where the stick is expected that look like it, the likeliest first."""
         height, width = luma.shape
         found: list[tuple[Fit, Fit]] = []
-        for candidate in self._search.find(luma, expected.region([0], (width, height))):
+        for candidate in self._search.find(luma, expected.region(0, (width, height))):
             one = self._tracks[0].patch.align(
                 luma, similarity(candidate.x_px, candidate.y_px, turn_rad=candidate.turn_rad)
             )

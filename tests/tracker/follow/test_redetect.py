@@ -232,11 +232,11 @@ def test_the_search_widens_up_to_the_whole_picture() -> None:
     for scale in (1, 4):  # whatever the size of the picture
         ends, size = ((100.0 * scale, 80.0 * scale), (160.0 * scale, 80.0 * scale)), (640 * scale, 480 * scale)
         predictions = [Prediction(ends, jump_px(60.0 * scale, lost), own, np.zeros(2)) for lost in (1, 2, 6)]
-        regions = [expected.region((0, 1), size) for expected in predictions]
-        # Three standard deviations around both markers, of a fifth of their distance.
-        half = (30 + 3 * 12) * scale
-        assert regions[0] == Region(130 * scale - half, 80 * scale - half, 130 * scale + half, 80 * scale + half)
-        assert regions[1].right == int(np.ceil((130.0 + 30.0 + 3.0 * 12.0 * 2.0**2.5) * scale))
+        regions = [expected.region(1, size) for expected in predictions]
+        # Three standard deviations around the marker, of a fifth of their distance.
+        half = 3 * 12 * scale
+        assert regions[0] == Region(160 * scale - half, 80 * scale - half, 160 * scale + half, 80 * scale + half)
+        assert regions[1].right == int(np.ceil((160.0 + 3.0 * 12.0 * 2.0**2.5) * scale))
         assert regions[2] == Region(0, 0, *size)
 
 
