@@ -18,7 +18,7 @@ from docutils.utils.math import MathError, latex2mathml
 
 from torsight import __version__
 from torsight.actuator.effects import Effect, load_effects
-from torsight.cli.main import app as command_line
+from torsight.cli.main import command_line
 from torsight.core.lazy import collect_seldom
 
 collect_seldom()
@@ -108,7 +108,7 @@ usage or configuration, 3 an input that cannot be used, 4 no result could be had
 
 def command_reference() -> str:
     """Return the reference of all commands as Markdown, in the order of the help."""
-    group: Any = typer.main.get_command(command_line)
+    group: Any = typer.main.get_command(command_line())
     return "\n".join([_HEAD, *(_section(name, command) for name, command in group.commands.items())])
 
 

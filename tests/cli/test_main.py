@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.command_line import leave
-from torsight.cli.main import COMMANDS, app
+from torsight.cli.main import COMMANDS, command_line
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -23,7 +23,7 @@ def test_every_command_is_listed(words: tuple[str, ...], capsys: pytest.CaptureF
     assert leave(*words) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in COMMANDS)
-    assert len(app.registered_commands) == len(COMMANDS)
+    assert len(command_line().registered_commands) == len(COMMANDS)
 
 
 def test_the_package_runs_as_the_command_does() -> None:
@@ -61,14 +61,20 @@ def test_a_missing_file_is_one_line_and_debug_shows_the_traceback(
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_start_up_stays_light() -> None:
-    """Help needs none of the heavy libraries: what it imports, not how long it takes, is checked."""
-    heavy = ("cv2", "scipy", "pandas", "numba", "rerun", "matplotlib", "av", "jinja2")
+@pytest.mark.parametrize(
+    ("word", "heavy"),
+    [
+        ("--help", ("cv2", "scipy", "pandas", "numba", "rerun", "matplotlib", "av", "jinja2")),
+        ("--version", ("numpy", "torsight.cli.track")),
+    ],
+)
+def test_start_up_stays_light(word: str, heavy: tuple[str, ...]) -> None:
+    """Neither needs the heavy libraries: what they import, not how long it takes, is checked."""
     code = f"""
 import sys, contextlib
 from torsight.cli.main import main
 with contextlib.suppress(SystemExit):
-    main(["--help"])
+    main([{word!r}])
 print([name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

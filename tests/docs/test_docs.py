@@ -21,7 +21,7 @@ from sphinx.util.inventory import InventoryFile
 from tests.core.test_paths import PACKAGES, public_functions
 from tests.docs.documented import DOCS, PAGES, ROOT, WRITTEN, command_reference, commands, documented_names, named
 from torsight.actuator.effects import ActsOn, load_effects
-from torsight.cli.main import COMMANDS, app
+from torsight.cli.main import COMMANDS, command_line
 from torsight.core.records import SyncedTable, merged_columns
 from torsight.core.tracks import MARKERS, MarkerTracks, StickAngles, angle_columns, marker_columns
 
@@ -42,7 +42,7 @@ NOTEBOOKS = {
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_command_that_is_named_is_there(page: Path) -> None:
-    group: Any = typer.main.get_command(app)
+    group: Any = typer.main.get_command(command_line())
     for command in named(page.read_text(encoding="utf-8")):
         _, name, *arguments = shlex.split(command)
         if name.startswith("-"):

@@ -10,10 +10,7 @@ from functools import cache
 from typing import Annotated, Final
 
 import typer
-from typer.core import TyperCommand
 
-from torsight.cli.answer import answering
-from torsight.cli.calibrate import TakesRows
 from torsight.cli.ends import Ended, asked_to_end
 from torsight.core.errors import InputError, TorsightError, refused_by_system
 from torsight.core.lazy import collect_seldom
@@ -43,16 +40,8 @@ COMMANDS: Final = (
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 
 
-_PARSERS: Final[dict[str, type[TyperCommand]]] = {"calibrate": TakesRows}
-"""Commands whose words are not taken as typer takes them."""
-
-app = typer.Typer(
-    name="torsight",
-    help="From a film of two sticks to a trusted model of the torsion actuator.",
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+_PARSERS: Final = {"calibrate": "TakesRows"}
+"""Commands whose words are not taken as typer takes them, and the class in their module that takes them."""
 
 
 def _version(value: bool) -> None:
@@ -63,7 +52,6 @@ def _version(value: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(invoke_without_command=True)
 def _options(
     context: typer.Context,
     *,
@@ -79,16 +67,37 @@ def _options(
         typer.echo(context.get_help())
 
 
-for _name in COMMANDS:
-    _module = importlib.import_module(f"torsight.cli.{_name}")
-    app.command(_name, cls=_PARSERS.get(_name))(answering(getattr(_module, _name), name=_name))
+@cache
+def command_line(names: tuple[str, ...] = COMMANDS) -> typer.Typer:
+    """Return the command line with some of its commands: to import all takes twice as long as to show the version."""
+    app = typer.Typer(
+        name="torsight",
+        help="From a film of two sticks to a trusted model of the torsion actuator.",
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback(invoke_without_command=True)(_options)
+    for name in names:
+        from torsight.cli.answer import answering
+
+        module = importlib.import_module(f"torsight.cli.{name}")
+        parser = getattr(module, _PARSERS[name]) if name in _PARSERS else None
+        app.command(name, cls=parser)(answering(getattr(module, name), name=name))
+    return app
 
 
 @cache
-def _parser() -> Callable[..., object]:
+def _parser(names: tuple[str, ...]) -> Callable[..., object]:
     """Return the commands in the form their parser needs, made once per process."""
-    parser: Callable[..., object] = typer.main.get_command(app)
+    parser: Callable[..., object] = typer.main.get_command(command_line(names))
     return parser
+
+
+def _named(words: Sequence[str]) -> tuple[str, ...]:
+    """Return the commands that words are about: one, none for the version, or all, to list them."""
+    first = words[0] if words else ""
+    return (first,) if first in COMMANDS else () if first == "--version" else COMMANDS
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -99,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = [word for word in words if word != "--debug"]
     try:
         with asked_to_end():
-            code = _parser()(args=words, prog_name="torsight", standalone_mode=False)
+            code = _parser(_named(words))(args=words, prog_name="torsight", standalone_mode=False)
     except TorsightError as error:
         _tell(error, debug=debug)
         code = error.exit_code

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from calibration.boards.printed_tags import draw_tags, tag_pair
 from calibration.boards.printing import write_board
-from torsight.cli.main import app
+from torsight.cli.main import command_line
 from torsight.core.errors import ConfigError
 from tracker.detect.marker_file import read_markers
 
@@ -40,7 +40,7 @@ def test_tags_are_found_at_true_size_with_their_border(
 def test_the_command_writes_what_track_reads(tmp_path: Path) -> None:
     out = tmp_path / "tags.pdf"
     command = ["board", "--tags", "--family", "5X5_50", "--side-mm", "25", "--out", str(out), "--json"]
-    result = CliRunner().invoke(app, command)
+    result = CliRunner().invoke(command_line(), command)
     assert result.exit_code == 0
     assert json.loads(result.stdout)["result"]["family"] == "5X5_50"
     assert {path.name for path in tmp_path.iterdir()} == {"tags.pdf", "tags.png", "tags.toml"}
