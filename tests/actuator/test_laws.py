@@ -52,11 +52,21 @@ def test_zero_is_the_plain_model(name, drive, laws):
     np.testing.assert_allclose(simulated(drive, form, np.zeros(len(form.names))).angle_rad, plain, rtol=0.0, atol=1e-9)
 
 
-def test_a_constant_law_of_friction_is_more_friction(drive, laws):
-    form = laws["friction_angle_deg"].free()
+@pytest.mark.parametrize("family", ["friction_angle_deg", "friction_temp_active_c", "friction_temp_rate_c_s"])
+def test_a_constant_law_of_friction_is_more_friction(family, drive, laws):
+    form = laws[family].free()
     more = ActuatorModel(reference_spec()).simulate(drive, {"tau_c_mnm": 0.79 * 1.2}).angle_rad
     found = simulated(drive, form, np.full(len(form.names), 0.2)).angle_rad
     np.testing.assert_allclose(found, more, rtol=0.0, atol=1e-9)
+
+
+def test_friction_over_the_rate_of_the_temperature_where_it_falls_leaves_the_first_heating_alone(drive, laws):
+    law = laws["friction_temp_rate_c_s"]
+    found = simulated(drive, law.free(), np.where(law.nodes < -0.02, 0.3, 0.0)).angle_rad
+    plain = ActuatorModel(reference_spec()).simulate(drive).angle_rad
+    heating = np.arange(len(plain)) < np.argmax(drive.temp_a_c)
+    np.testing.assert_allclose(found[heating], plain[heating], rtol=0.0, atol=1e-9)
+    assert np.max(np.abs(found - plain)) > 1.0 * DEG
 
 
 def test_friction_over_the_speed_that_rises_in_proportion_is_viscous(drive, laws):

@@ -50,6 +50,11 @@ def friction_passive(ports: Ports, law: Curve) -> Ports:
     return _scaled_friction(ports, law(by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[1]))
 
 
+def friction_temp_rate(ports: Ports, law: Curve) -> Ports:
+    """Change the friction over the rate of the driven spring's temperature by a share."""
+    return _scaled_friction(ports, law(by_role(ports.active, ports.rate_a_c_s, ports.rate_b_c_s)[0]))
+
+
 def friction_cycle(ports: Ports, law: Curve) -> Ports:
     """Change the friction from half-cycle to half-cycle by a share."""
     return _scaled_friction(ports, law(ports.half_cycle[ports.half].astype(np.float64)))

@@ -81,6 +81,8 @@ _ALL: Final = (
            "friction", acts.friction_active, nodes.active_nodes, 0.1, banks.plain),
     Family("friction_temp_passive_c", "friction", "temp_passive_c", "", "friction over the other spring's temperature",
            "friction", acts.friction_passive, nodes.passive_nodes, 0.1, banks.plain),
+    Family("friction_temp_rate_c_s", "friction", "temp_rate_c_s", "", "friction over the rate of the driven spring's"
+           " temperature", "friction", acts.friction_temp_rate, nodes.active_rate_nodes, 0.1, banks.plain),
     Family("friction_angle_rate_deg_s", "friction", "angle_rate_deg_s", "", "friction over the rate of the angle",
            "friction", acts.friction_speed, nodes.speed_nodes, 0.1, banks.from_zero),
     Family("friction_dwell_s", "friction", "dwell_s", "", "friction over the time at rest", "friction",
