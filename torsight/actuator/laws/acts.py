@@ -173,6 +173,12 @@ def winding(spring: str) -> Callable[[Ports, Curve], Ports]:
     return lambda ports, law: ports.with_side(_over_winding(ports, law), spring=spring)
 
 
+def relaxing(ports: Ports, law: Curve) -> Ports:
+    """Change the torque of cold springs over time by a share; after the record it is what it was in the end."""
+    before = 1.0 if ports.cold_scale is None else ports.cold_scale
+    return ports.changed(cold_scale=before * np.maximum(0.0, 1.0 + law(_within_record(ports, ports.time_s))))
+
+
 def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Ports]:
     """Return what adds a torque to the loading curve, mN·m; the recoverable angle follows by a share."""
 

@@ -67,6 +67,8 @@ _ALL: Final = (
     *(Family(f"winding_{one}_winding_deg", "winding", "winding_deg", "mN·m",
              f"spring {one.upper()}'s torque over its winding", "torque", acts.winding(one), nodes.winding_nodes, 0.1,
              banks.wound, spring=one) for one in "ab"),
+    Family("winding_time_s", "winding", "time_s", "", "a cold spring's torque over time", "torque", acts.relaxing,
+           nodes.time_nodes, 0.01, banks.relaxing, time_like=True),
     Family("loading_winding_deg", "winding", "winding_deg", "mN·m", "the loading curve over the winding", "torque",
            acts.loading("both"), nodes.winding_nodes, 0.1, banks.wound),
     *(Family(f"loading_{one}_winding_deg", "winding", "winding_deg", "mN·m",
