@@ -35,7 +35,7 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 EFFECT: Final = Effect(
     id="clamp_slip",
-    family="rig",
+    family="mechanics",
     acts_on="torque",
     title="a spring's end slipped in its clamp",
     parameters=(
