@@ -52,11 +52,21 @@ def test_zero_is_the_plain_model(name, drive, laws):
     np.testing.assert_allclose(simulated(drive, form, np.zeros(len(form.names))).angle_rad, plain, rtol=0.0, atol=1e-9)
 
 
-def test_a_constant_law_of_friction_is_more_friction(drive, laws):
-    form = laws["friction_angle_deg"].free()
+@pytest.mark.parametrize("family", ["friction_angle_deg", "friction_temp_active_c", "friction_temp_rate_c_s"])
+def test_a_constant_law_of_friction_is_more_friction(family, drive, laws):
+    form = laws[family].free()
     more = ActuatorModel(reference_spec()).simulate(drive, {"tau_c_mnm": 0.79 * 1.2}).angle_rad
     found = simulated(drive, form, np.full(len(form.names), 0.2)).angle_rad
     np.testing.assert_allclose(found, more, rtol=0.0, atol=1e-9)
+
+
+def test_friction_over_the_rate_of_the_temperature_where_it_falls_leaves_the_first_heating_alone(drive, laws):
+    law = laws["friction_temp_rate_c_s"]
+    found = simulated(drive, law.free(), np.where(law.nodes < -0.02, 0.3, 0.0)).angle_rad
+    plain = ActuatorModel(reference_spec()).simulate(drive).angle_rad
+    heating = np.arange(len(plain)) < np.argmax(drive.temp_a_c)
+    np.testing.assert_allclose(found[heating], plain[heating], rtol=0.0, atol=1e-9)
+    assert np.max(np.abs(found - plain)) > 1.0 * DEG
 
 
 def test_friction_over_the_speed_that_rises_in_proportion_is_viscous(drive, laws):
@@ -103,6 +113,18 @@ def test_spring_b_with_other_values_is_another_rig_for_b_alone(drive, laws):
     second = drive.cycles.half == 1
     begins = [drive.temp_b_c[second][np.abs(a[second] - a[second][0]) > 1.0 * DEG][0] for a in (plain, found)]
     assert begins[1] - begins[0] == pytest.approx(1.5, abs=0.1)
+
+
+def test_cold_springs_that_have_relaxed_before_the_record_are_weaker_martensite(drive, laws):
+    form, spec = laws["winding_time_s"].free(), reference_spec()
+    found = simulated(drive, form, np.full(len(form.names), -0.05))
+    weaker = {name: 0.95 * spec.values[name] for name in ("E_M_gpa", "E_S_gpa")}
+    expected = ActuatorModel(spec).simulate(drive, {**spec.values, **weaker})
+    # Until the first spring has begun to recover; what it recovers goes by its own stiffness.
+    first = (drive.cycles.half == 0) & (expected.xi_a == 1.0)
+    assert np.count_nonzero(first) > 10
+    for name in ("torque_a_nm", "torque_b_nm"):
+        np.testing.assert_allclose(getattr(found, name)[first], getattr(expected, name)[first], rtol=1e-9)
 
 
 def test_a_file_gives_a_law_back(drive, laws):

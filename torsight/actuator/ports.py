@@ -129,8 +129,12 @@ class Ports:
         Factor on the friction torque.
     passive_scale : (n,) float64 or None
         Factor on the torque of the spring that is not driven.
+    cold_scale : (n,) float64 or None
+        Factor on the torque of cold martensite, whichever spring is driven.
     side_a_nm, side_b_nm : (n,) float64 or None
         Torque of either spring beside that of its phase.
+    slipped_rad : two (n,) float64, or None
+        By how much the fixed ends of A and of B have slipped, so that the spring is wound by so much less.
     first_share : float
         Share of its torque that the spring that is driven first carried before the record.
     home_hold : float
@@ -198,8 +202,10 @@ class Ports:
     warmer_cooling_c: Floats = field(default_factory=lambda: np.zeros(1))
     friction_scale: Floats = field(default_factory=lambda: np.ones(1))
     passive_scale: Floats | None = None
+    cold_scale: Floats | None = None
     side_a_nm: Floats | None = None
     side_b_nm: Floats | None = None
+    slipped_rad: Pair = (None, None)
     first_share: float = 1.0
     home_hold: float = 1.0
     heating_bend: float = 0.0
@@ -256,19 +262,32 @@ class Ports:
     @property
     def load_changes(self) -> bool:
         """Whether a spring's torque changes by itself, without its phase or its angle."""
-        return not (self.passive_scale is None and self.side_a_nm is None and self.side_b_nm is None)
+        changes = (self.passive_scale, self.cold_scale, self.side_a_nm, self.side_b_nm)
+        return any(change is not None for change in changes)
 
     def load_change(self) -> Floats:
-        """Return the factor on the passive spring's torque and the driven and passive one's side torques (3, n).
-
-        No column where nothing changes.
-        """
+        """Return what changes of the springs' torques, as samples have it (4, n); no column where nothing does."""
         if not self.load_changes:
-            return np.zeros((3, 0))
+            return np.zeros((4, 0))
         n = len(self.time_s)
-        factor = np.ones(n) if self.passive_scale is None else self.passive_scale
+        factor, keeps = (np.ones(n) if one is None else one for one in (self.passive_scale, self.cold_scale))
         a, b = (np.zeros(n) if side is None else side for side in (self.side_a_nm, self.side_b_nm))
-        return np.stack([factor, *by_role(self.active, a, b)])
+        return np.stack([factor, *by_role(self.active, a, b), keeps])
+
+    @property
+    def slips(self) -> bool:
+        """Whether a fixed end of a spring slips."""
+        return any(end is not None for end in self.slipped_rad)
+
+    def slipped(self) -> Floats:
+        """Return by how much the fixed ends of A and of B have slipped (2, n), rad; no column where none does."""
+        if not self.slips:
+            return np.zeros((2, 0))
+        return np.stack([np.zeros(len(self.time_s)) if end is None else end for end in self.slipped_rad])
+
+    def with_slip(self, slipped_rad: Floats, *, spring: str) -> Ports:
+        """Return ports in which the fixed end of spring ``a`` or ``b`` has slipped by further angles (n,)."""
+        return self.changed(slipped_rad=_added(self.slipped_rad, slipped_rad, spring))
 
     def with_friction(self, factor_down: Floats, factor_up: Floats, added_nm: Floats | float = 0.0) -> Ports:
         """Return ports whose friction over :meth:`grid_rad` is multiplied and added to, for either direction."""

@@ -179,7 +179,16 @@ def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg:
     start = _unread(start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad
     per_s, temps, directions = ports.sampled()
     return kernel.run(
-        Samples(per_s, temps, ports.active, ports.half, directions, ports.friction_scale, ports.load_change()),
+        Samples(
+            per_s,
+            temps,
+            ports.active,
+            ports.half,
+            directions,
+            ports.friction_scale,
+            ports.load_change(),
+            ports.slipped(),
+        ),
         np.array(
             (ports.theta_l_scale, ports.theta_l_loss_rad, ports.warmer_heating_c, ports.warmer_cooling_c)
         ).T.copy(),
@@ -206,7 +215,7 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
     rig, grid = ports.rig, ports.grid_rad()
     # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
-    moving_load = ports.passive_share or ports.load_changes or (ports.friction_scale != 1.0).any()
+    moving_load = ports.passive_share or ports.load_changes or ports.slips or (ports.friction_scale != 1.0).any()
     unwound_a, unwound_b = ports.history.unwound_rad or (-1.0, -1.0)
     common = {
         "theta_p": rig.theta_p_rad,
@@ -220,6 +229,8 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "memory": ports.loop_memory,
         "seat": ports.seat_rad,
         "seat_spread": ports.seat_spread,
+        "slipped_a": 0.0,
+        "slipped_b": 0.0,
         "place_step": 0.0 if ports.lead is None else PLACES[1] - PLACES[0],
         "passive_share": ports.passive_share,
         "tanaka": tanaka,

@@ -50,6 +50,11 @@ def friction_passive(ports: Ports, law: Curve) -> Ports:
     return _scaled_friction(ports, law(by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[1]))
 
 
+def friction_temp_rate(ports: Ports, law: Curve) -> Ports:
+    """Change the friction over the rate of the driven spring's temperature by a share."""
+    return _scaled_friction(ports, law(by_role(ports.active, ports.rate_a_c_s, ports.rate_b_c_s)[0]))
+
+
 def friction_cycle(ports: Ports, law: Curve) -> Ports:
     """Change the friction from half-cycle to half-cycle by a share."""
     return _scaled_friction(ports, law(ports.half_cycle[ports.half].astype(np.float64)))
@@ -166,6 +171,12 @@ def _over_winding(ports: Ports, law: Curve) -> Floats:
 def winding(spring: str) -> Callable[[Ports, Curve], Ports]:
     """Return what adds a torque over the winding, whatever the phase, mN·m."""
     return lambda ports, law: ports.with_side(_over_winding(ports, law), spring=spring)
+
+
+def relaxing(ports: Ports, law: Curve) -> Ports:
+    """Change the torque of cold springs over time by a share; after the record it is what it was in the end."""
+    before = 1.0 if ports.cold_scale is None else ports.cold_scale
+    return ports.changed(cold_scale=before * np.maximum(0.0, 1.0 + law(_within_record(ports, ports.time_s))))
 
 
 def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Ports]:

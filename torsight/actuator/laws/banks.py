@@ -19,6 +19,8 @@ _LEFT = (0.01, 0.05)
 _FADES = 2.0
 """Over how many steps past a window a smooth phase law fades, a choice: a tenth of the window."""
 _LENGTHS = (0.5, 0.25, 0.12, 0.06)
+_RELAXES_S = (10.0, 100.0, 1000.0)
+"""Times from which a relaxation shows that goes with the logarithm of time: decades between a row and a record."""
 _WANDERS = 0.1
 """What a clock wanders by as a share of what it may be off: computers that nobody put together differ by seconds and
 drift by tenths of a second an hour (200 ppm), and a network's corrections move either by some tens of milliseconds
@@ -120,6 +122,18 @@ def drifting(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a slope, and smooth functions with a slope."""
     kernels = smooth_kernels(nodes, shares=(0.5, 0.2, 0.1), line=True)
     return (Kernel("slope", slope(nodes), smooth=False), *kernels)
+
+
+def relaxing(nodes: Floats) -> tuple[Kernel, ...]:
+    """Return what changes since the first node: with time, with the logarithm of time, and smoothly."""
+    off = nodes - nodes[0]
+    forms = [("proportional", off)]
+    forms += [(f"logarithm of time from {onset:g} s", np.log1p(off / onset)) for onset in _RELAXES_S]
+    smooth = smooth_kernels(nodes, shares=(0.5, 0.2, 0.1), line=True)
+    return (
+        *usual_kernels(forms),
+        *(Kernel(kernel.name, _pinned(kernel.matrix), smooth=True) for kernel in smooth),
+    )
 
 
 def wandering(nodes: Floats) -> tuple[Kernel, ...]:

@@ -67,6 +67,8 @@ _ALL: Final = (
     *(Family(f"winding_{one}_winding_deg", "winding", "winding_deg", "mN·m",
              f"spring {one.upper()}'s torque over its winding", "torque", acts.winding(one), nodes.winding_nodes, 0.1,
              banks.wound, spring=one) for one in "ab"),
+    Family("winding_time_s", "winding", "time_s", "", "a cold spring's torque over time", "torque", acts.relaxing,
+           nodes.time_nodes, 0.01, banks.relaxing, time_like=True),
     Family("loading_winding_deg", "winding", "winding_deg", "mN·m", "the loading curve over the winding", "torque",
            acts.loading("both"), nodes.winding_nodes, 0.1, banks.wound),
     *(Family(f"loading_{one}_winding_deg", "winding", "winding_deg", "mN·m",
@@ -81,6 +83,8 @@ _ALL: Final = (
            "friction", acts.friction_active, nodes.active_nodes, 0.1, banks.plain),
     Family("friction_temp_passive_c", "friction", "temp_passive_c", "", "friction over the other spring's temperature",
            "friction", acts.friction_passive, nodes.passive_nodes, 0.1, banks.plain),
+    Family("friction_temp_rate_c_s", "friction", "temp_rate_c_s", "", "friction over the rate of the driven spring's"
+           " temperature", "friction", acts.friction_temp_rate, nodes.active_rate_nodes, 0.1, banks.plain),
     Family("friction_angle_rate_deg_s", "friction", "angle_rate_deg_s", "", "friction over the rate of the angle",
            "friction", acts.friction_speed, nodes.speed_nodes, 0.1, banks.from_zero),
     Family("friction_dwell_s", "friction", "dwell_s", "", "friction over the time at rest", "friction",

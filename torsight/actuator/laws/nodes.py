@@ -79,8 +79,16 @@ def passive_nodes(drive: Drive) -> Nodes | None:
 
 def rate_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the temperatures' rates, °C/s."""
-    rate = np.concatenate([drive.rate_a_c_s, drive.rate_b_c_s])
-    low, high = np.quantile(rate, [0.002, 0.998])
+    return _over_rates(np.concatenate([drive.rate_a_c_s, drive.rate_b_c_s]))
+
+
+def active_rate_nodes(drive: Drive) -> Nodes | None:
+    """Return nodes over the rate of the driven spring's temperature, °C/s."""
+    return _over_rates(by_role(drive.cycles.active, drive.rate_a_c_s, drive.rate_b_c_s)[0])
+
+
+def _over_rates(rate_c_s: Floats) -> Nodes | None:
+    low, high = np.quantile(rate_c_s, [0.002, 0.998])
     return _over(float(low), float(high), _NODES)
 
 

@@ -41,6 +41,7 @@ from torsight.actuator.stepping.kernel_balance import (
     GUESS,
     HEATING,
     JUMP,
+    KEEPS,
     LET_GO,
     OTHER,
     OWN,
@@ -142,12 +143,12 @@ def _wound_for(x: float, limit: float, p: Scalars, tables: Floats) -> float:
 
 @shared
 def _wind_home(
-    wound: Floats, theta_start: float, first: int, scale: float, springs: NDArray[np.void], tables: Floats
+    wound: Floats, theta_start: float, first: int, scale: float, keeps: float, springs: NDArray[np.void], tables: Floats
 ) -> None:
     """Set θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
 
-    The spring that is driven first may have carried a share of its torque only. Where it is known by how much they were
-    unwound, that holds.
+    The spring that is driven first may have carried a share of its torque only; what both have of it while cold is
+    ``keeps``. Where it is known by how much they were unwound, that holds.
     """
     p = springs[0]
     if p["unwound_a"] >= 0.0:
@@ -155,13 +156,14 @@ def _wind_home(
         return
     for i in range(2):
         own = theta_start if i == 0 else p["theta_p"] - theta_start
-        hold = scale * friction_torque(theta_start, i == 1, p, tables)
+        disk = theta_start + p["slipped_a"]
+        hold = scale * friction_torque(disk, i == 1, p, tables)
         if p["has_stray"] > 0.0:
-            hold += (1.0 if i == 0 else -1.0) * from_table(theta_start, STRAY, p, tables)
-        other = loading_torque(p["theta_p"] - own, springs[1 - i], tables)
+            hold += (1.0 if i == 0 else -1.0) * from_table(disk, STRAY, p, tables)
+        other = loading_torque(p["theta_p"] - own, springs[1 - i], tables) * keeps
         other += side_torque(p["theta_p"] - own, springs[1 - i], tables)
         limit = (other + hold) / p["first_share"] if i == first else other * p["first_share"] + hold
-        wound[i] = _wound_for(own, limit - side_torque(own, springs[i], tables), springs[i], tables)
+        wound[i] = _wound_for(own, (limit - side_torque(own, springs[i], tables)) / keeps, springs[i], tables)
 
 
 @inlined
@@ -183,20 +185,22 @@ def _start_half_cycle(
     ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
     the first carries as much as the other and a share of the friction hold, from all of it one way to all the other.
     """
-    g, q, w, wound = state.g, state.q, state.w, state.wound
+    g, q, w, wound, keeps = state.g, state.q, state.w, state.wound, state.c[KEEPS]
     before, p, o = int(g[WHO]), springs[who], springs[1 - who]
     if before >= 0:
-        wound[before] = _wound_for(g[X_NOW], g[TAU_NOW] - own, springs[before], tables)
+        wound[before] = _wound_for(g[X_NOW], (g[TAU_NOW] - own) / keeps, springs[before], tables)
     x = theta_a if who == 0 else p["theta_p"] - theta_a
     g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
-    g[TAU_NOW] = cold_torque(x, wound[who], p, tables)
+    g[TAU_NOW] = cold_torque(x, wound[who], p, tables) * keeps
     if before < 0:
-        other = cold_torque(p["theta_p"] - x, wound[1 - who], o, tables) + side_torque(p["theta_p"] - x, o, tables)
+        disk = theta_a + p["slipped_a"]
+        passive = p["theta_p"] - x
+        other = cold_torque(passive, wound[1 - who], o, tables) * keeps + side_torque(passive, o, tables)
         if p["has_stray"] > 0.0:
-            other += (1.0 if who == 0 else -1.0) * from_table(theta_a, STRAY, p, tables)
-        most = other + scale * friction_torque(theta_a, who == 1, p, tables)
+            other += (1.0 if who == 0 else -1.0) * from_table(disk, STRAY, p, tables)
+        most = other + scale * friction_torque(disk, who == 1, p, tables)
         most = min(g[TAU_NOW], most / p["first_share"] - side_torque(x, p, tables))
-        least = other - scale * friction_torque(theta_a, who == 0, p, tables)
+        least = other - scale * friction_torque(disk, who == 0, p, tables)
         least = min(most, least / p["first_share"] - side_torque(x, p, tables))
         g[TAU_NOW] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
     g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
@@ -227,7 +231,7 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
         _copy(state)
         q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
         q[AT_REST] = 0.0
-        q[FLOOR] = _wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables)
+        q[FLOOR] = _wound_for(g[X_NOW], (g[TAU_NOW] - own) / state.c[KEEPS], p, tables)
         for j in range(w.shape[1]):
             w[1, j], w[2, j] = w[0, j], 0.0
         if heating:
@@ -362,7 +366,7 @@ def _load(k: int, samples: Samples, wound: float, c: Floats, g: Floats, p: Scala
         c[CROSS] = crosstalk(p["theta_p"] - g[X_NOW], c, g, o, tables)
     change = samples.load_change
     if change.shape[1] > 0:
-        c[FACTOR], c[OWN], c[OTHER] = change[0, k], change[1, k], change[2, k]
+        c[FACTOR], c[OWN], c[OTHER] = change[0, k] * c[KEEPS], change[1, k], change[2, k]
 
 
 @inlined
@@ -384,11 +388,35 @@ def _mirror_hold(first: bool, state: State, p: Scalars, o: Scalars, tables: Floa
         state.held[i] = left / SEATS if first else -state.held[i]
 
 
+@inlined
+def _give(k: int, samples: Samples, c: Floats, g: Floats, springs: NDArray[np.void]) -> float:
+    """Let cold springs relax and fixed ends slip to what a sample has; return by how much that unwinds A.
+
+    The disk stands meanwhile. A spring whose end slips unwinds elastically at the phase that it has.
+    """
+    if samples.load_change.shape[1] > 0:
+        c[KEEPS] = samples.load_change[3, k]
+    if samples.slipped.shape[1] == 0:
+        return 0.0
+    slipped_a, slipped_b = samples.slipped[0, k], samples.slipped[1, k]
+    by_a, by_b = slipped_a - springs[0]["slipped_a"], slipped_b - springs[0]["slipped_b"]
+    if by_a == 0.0 and by_b == 0.0:
+        return 0.0
+    for i in range(2):
+        springs[i]["theta_p"] -= by_a + by_b
+        springs[i]["slipped_a"], springs[i]["slipped_b"] = slipped_a, slipped_b
+    if g[WHO] >= 0.0:
+        by, p = (by_a, springs[0]) if g[WHO] == 0.0 else (by_b, springs[1])
+        g[X_NOW], c[X0] = g[X_NOW] - by, c[X0] - by
+        g[TAU_NOW] -= (p["k_a"] + g[XI_NOW] * (p["k_m"] - p["k_a"])) * by
+    return by_a
+
+
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with so many sections of the wire, not yet wound."""
-    c, q, g, w = np.zeros(16), np.zeros(8), np.zeros(18), np.ones((7, sections))
-    c[FACTOR], c[GUESS] = 1.0, 1e-3
+    c, q, g, w = np.zeros(17), np.zeros(8), np.zeros(18), np.ones((7, sections))
+    c[FACTOR], c[KEEPS], c[GUESS] = 1.0, 1.0, 1e-3
     g[WHO] = -1.0
     return State(c, q, g, w, q.copy(), w.copy(), np.empty(2), np.zeros(SEATS))
 
@@ -402,9 +430,10 @@ def step_through(
     per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
     directions, friction_scale = samples.directions, samples.friction_scale
     c, q, g, w, wound = state.c, state.q, state.g, state.w, state.wound
-    theta_a, theta_p, p, o = theta_start, springs[0]["theta_p"], springs[0], springs[1]
-    _wind_home(wound, theta_start, active[0], friction_scale[0], springs, tables)
+    theta_a, p, o = theta_start - _give(0, samples, c, g, springs), springs[0], springs[1]
+    _wind_home(wound, theta_a, active[0], friction_scale[0], c[KEEPS], springs, tables)
     for k in range(active.size):
+        theta_a -= _give(k, samples, c, g, springs)
         starts = k == 0 or half[k] != half[k - 1]
         turns = not starts and directions[0, k] != directions[0, k - 1]
         if starts or turns:
@@ -438,18 +467,18 @@ def step_through(
         g[REST_S] = 0.0 if slid else g[REST_S] + (np.inf if k == 0 else 1.0 / per_s[k])
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
             g[CHANGED] = 1.0
-        wound[1 - who] = max(wound[1 - who], theta_p - g[X_NOW])
-        theta_a = g[X_NOW] if who == 0 else theta_p - g[X_NOW]
-        out[0, k], out[5, k], out[6, k] = theta_a, c[SIGN] * g[JUMP], g[LET_GO]
+        wound[1 - who] = max(wound[1 - who], p["theta_p"] - g[X_NOW])
+        theta_a = g[X_NOW] if who == 0 else p["theta_p"] - g[X_NOW]
+        out[0, k], out[5, k], out[6, k] = theta_a + p["slipped_a"], c[SIGN] * g[JUMP], g[LET_GO]
         out[1 + who, k] = g[XI_NOW]
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
         out[4 - who, k] = passive_torque(g[X_NOW], c, o, tables)
     # By how much both are unwound, as the next half-cycle will find them.
-    wound[0], wound[1] = max(wound[0] - theta_a, 0.0), max(wound[1] - theta_p + theta_a, 0.0)
+    wound[0], wound[1] = max(wound[0] - theta_a, 0.0), max(wound[1] - p["theta_p"] + theta_a, 0.0)
     who = int(g[WHO])
     own = beside(g[X_NOW], c, p, tables)
-    wound[who] = max(_wound_for(g[X_NOW], g[TAU_NOW] - own, p, tables) - g[X_NOW], 0.0)
+    wound[who] = max(_wound_for(g[X_NOW], (g[TAU_NOW] - own) / c[KEEPS], p, tables) - g[X_NOW], 0.0)
 
 
 @compiled
@@ -471,7 +500,8 @@ def run(
         What the cycles before have changed in each half-cycle: factor on the recoverable angle, what is lost of it
         whatever the winding (rad), and by how much warmer the driven spring transforms on heating and on cooling (°C).
     springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
-        Scalars in SI units, with the values of spring A and with those of spring B.
+        Scalars in SI units, with the values of spring A and with those of spring B. Where ends slip they hold in the
+        end what is left of θ_P.
     tables : (11, m) float64
         See :mod:`torsight.actuator.stepping.kernel_laws`.
     sections : (3, m) float64
@@ -482,8 +512,8 @@ def run(
     Returns
     -------
     (7, n) float64
-        θ^A (rad), ξ of A and B, torque of A and B (N·m); by how much θ^A jumped where the disk let go after a rest
-        (rad, else 0), and after which part of the sample.
+        θ^A, as it were had A's end not slipped (rad), ξ of A and B, torque of A and B (N·m); by how much θ^A jumped
+        where the disk let go after a rest (rad, else 0), and after which part of the sample.
     (2,) float64
         By how much A and B are unwound in the end (rad).
     """

@@ -39,7 +39,7 @@ from torsight.core.units import Floats
 
 # Places in c, q and g.
 TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
-TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD, GUESS = 8, 9, 10, 11, 12, 13, 14, 15
+TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD, GUESS, KEEPS = 8, 9, 10, 11, 12, 13, 14, 15, 16
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR, BEGUN, AT_REST = 0, 1, 2, 3, 4, 5, 6, 7
 X_NOW, TAU_NOW, XI_NOW, RATE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, RATE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 SHORT, JUMP, LET_GO, RATE_3, SPAN, SPAN_2 = 11, 13, 14, 15, 16, 17
@@ -118,6 +118,12 @@ def advance(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floa
 
 
 @inlined
+def disk_angle(x: float, c: Floats, p: Scalars) -> float:
+    """Return where the disk stands at an angle of the active spring: θ^A as it were had A's end not slipped."""
+    return (x if c[SIGN] > 0.0 else p["theta_p"] - x) + p["slipped_a"]
+
+
+@inlined
 def passive_torque(x: float, c: Floats, o: Scalars, tables: Floats) -> float:
     """Return the passive spring's torque where the active one's angle is ``x``."""
     other = o["theta_p"] - x
@@ -156,15 +162,14 @@ def bare_load(x: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> fl
     """Return the torque that the active spring would carry without friction."""
     torque = passive_torque(x, c, o, tables)
     if p["has_stray"] > 0.0:
-        torque += c[SIGN] * from_table(x if c[SIGN] > 0.0 else p["theta_p"] - x, STRAY, p, tables)
+        torque += c[SIGN] * from_table(disk_angle(x, c, p), STRAY, p, tables)
     return torque
 
 
 @inlined
 def solid_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats) -> float:
     """Return the friction at an angle of the active spring for a way of sliding, whatever the speed and the rest."""
-    theta_a = x if c[SIGN] > 0.0 else p["theta_p"] - x
-    return friction_torque(theta_a, sense * c[SIGN] > 0.0, p, tables)
+    return friction_torque(disk_angle(x, c, p), sense * c[SIGN] > 0.0, p, tables)
 
 
 @inlined
@@ -234,9 +239,10 @@ def made_and_slopes(
     stiffness = p["k_a"] + xi * spread
     torque, by_x, by_xi = q[TAU_REF] + stiffness * stretch, stiffness, spread * stretch - stiffness * q[THETA_L]
     if not c[HEATING] > 0.0:
-        least = cold_torque(x, q[FLOOR], p, tables)
+        least = cold_torque(x, q[FLOOR], p, tables) * c[KEEPS]
         if torque < least:
-            torque, by_x, by_xi = least, loading_slope(x, p, tables) if x >= q[FLOOR] else p["k_m"], 0.0
+            slope = loading_slope(x, p, tables) if x >= q[FLOOR] else p["k_m"]
+            torque, by_x, by_xi = least, slope * c[KEEPS], 0.0
     torque += c[OWN]
     if p["side_row"] > 0.0:
         side, side_slope = table_and_slope(x, int(p["side_row"]), p, tables)
@@ -275,7 +281,7 @@ def load_and_slope(x: float, sense: float, c: Floats, p: Scalars, o: Scalars, ta
     if o["side_row"] > 0.0:
         side, side_slope = table_and_slope(other, int(o["side_row"]), o, tables)
         load, slope = load + side, slope - side_slope
-    theta_a = x if c[SIGN] > 0.0 else other
+    theta_a = disk_angle(x, c, p)
     friction, friction_slope = p["tau_c"], 0.0
     if p["has_friction"] > 0.0:
         friction, friction_slope = table_and_slope(

@@ -43,7 +43,7 @@ SCALARS: Final = np.dtype(
             "theta_p", "tau_c", "viscous", "viscous_power", "speed_step", "dwell_step", "passive_share", "tanaka",
             "room_c", "grid_start", "grid_step", "fixed_theta_l", "has_friction", "has_stray", "steady", "home_hold",
             "first_share", "heating_bend", "cooling_bend", "unwound_a", "unwound_b", "latent", "swing", "place_step",
-            "memory", "seat", "seat_spread",
+            "memory", "seat", "seat_spread", "slipped_a", "slipped_b",
         )
     ]
 )  # fmt: skip

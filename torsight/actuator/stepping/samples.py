@@ -31,9 +31,11 @@ class Samples(NamedTuple):
         From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``.
     friction_scale : (n,) float64
         Factor on the friction at each sample.
-    load_change : (3, n) float64
-        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); no
-        column where nothing of it is.
+    load_change : (4, n) float64
+        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); and
+        factor on the torque of cold martensite in either, beside the first; no column where nothing of it is.
+    slipped : (2, n) float64
+        By how much the fixed ends of A and of B have slipped out of their winding, rad; no column where none has.
     """
 
     per_s: Floats
@@ -43,6 +45,7 @@ class Samples(NamedTuple):
     directions: NDArray[np.int8]
     friction_scale: Floats
     load_change: Floats
+    slipped: Floats
 
 
 @compiled

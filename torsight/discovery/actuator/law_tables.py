@@ -265,6 +265,6 @@ def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:
     moved = drivers.get(driver, lambda x: x)
     if port == "friction":
         return _Scales(values["tau_c_mnm"], "mN·m", moved)
-    if port == "phase":
+    if not law.unit:
         return _Scales(100.0, "%", moved)
     return _Scales(1.0, law.unit, moved)

@@ -105,6 +105,8 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     what = _WHAT[law.port]
     if law.way:
         what = f"the transformation's lead over the phase law on {law.way}"
+    elif (law.port, law.driver) == ("winding", "time_s"):
+        what = "a cold spring's torque"
     elif law.beside_sensors:
         what = f"the {law.gives}"
     if law.spring != "both":

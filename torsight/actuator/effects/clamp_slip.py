@@ -1,0 +1,48 @@
+r"""A spring's fixed end slips in its clamp.
+
+.. math:: θ_P' = θ_P − |s| \, H(t − t_s)
+
+s angle by which the end of A (s > 0) or of B (s < 0) slips (°), t_s the time (s). The spring is wound by so much less
+from then on, in later records, too. Predicted residual: at the slip nothing, as long as friction holds; then the disk
+comes to stand by half of the slip further the way that the slipped spring pulls no more, and all strokes are a little
+shorter or longer. Source: slip of wire ends in clamps, a usual defect of torsion and bending rigs.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from torsight.actuator.effects import Effect, Values, marker_slip
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+from torsight.core.units import DEG, Floats
+
+
+def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
+    """Return times and angles at which half of a slip explains most of a residual (NaN: not measured)."""
+    steps = marker_slip.propose(time_s, residual_rad)
+    return tuple({"clamp_slip_deg": 2.0 * s["slip_deg"], "clamp_slip_time_s": s["slip_time_s"]} for s in steps)
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Unwind the spring whose end slips; after the record it is there from the start."""
+    by = values["clamp_slip_deg"] * DEG
+    at_s = -np.inf if ports.history.after_record else values["clamp_slip_time_s"]
+    return ports.with_slip(abs(by) * marker_slip.step(ports.time_s, at_s=at_s), spring="a" if by > 0.0 else "b")
+
+
+EFFECT: Final = Effect(
+    id="clamp_slip",
+    family="mechanics",
+    acts_on="torque",
+    title="a spring's end slipped in its clamp",
+    parameters=(
+        Parameter("clamp_slip_deg", 2.0, "°", -360.0, 360.0, null=0.0, symbol="s", title="slip (A's end: above 0)"),
+        # A slip while the disk rests may have been at any time of the rest; a record is no longer than about a day.
+        Parameter("clamp_slip_time_s", 0.0, "s", -1e7, 1e7, sigma=1e5, symbol="t_s", title="time of the slip"),
+    ),
+    apply=apply,
+    propose=propose,
+)
