@@ -1,4 +1,4 @@
-"""The uncertainty of a fitted model as its file keeps it: predictions take their standard deviations from it."""
+"""The uncertainty of a fitted model, as stored in its file: the basis of the standard deviations of predictions."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from torsight.core.units import Floats
 from torsight.core.words.plausible import MOST_TURNED_DEG
 
 _NO_SHARE: Final = 1e-9
-"""Variance, of one per value, below which an axis is nothing but rounding (1e-16 times the number of values): a
-prediction moves by 1/30,000 of a standard deviation along it."""
+"""Eigenvalue of the correlation matrix below which an axis is rounding error (1e-16 times the number of values): a
+prediction changes by 1/30,000 of a standard deviation along such an axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Alternative(Frozen):
     """Another explanation of the same record: its effects, all its values in public units, and its laws.
 
-    ``share`` is which part of the probability it holds, beside the model's own and the other ones.
+    ``share`` is its share of the probability, which the model and all alternatives divide among them.
     """
 
     effects: tuple[str, ...]
@@ -36,23 +36,24 @@ class Alternative(Frozen):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubt:
-    """What a fitted model does not know.
+    """The uncertainty of a fitted model.
 
     Attributes
     ----------
     names : tuple of str
-        The values that were fitted.
+        The fitted values.
     covariance : (m, m) float64
-        Of these, public units.
+        Covariance of the fitted values, public units.
     residual_deg : float
-        What is left in motion on held-out half-cycles (of the fit, where none was left out), root mean
-        square, less what errors of readings, temperatures and values account for.
+        Root mean square residual in motion on held-out half-cycles (of the fit, where none was held out), minus the
+        share that errors of readings, temperatures and values account for.
     alternatives : tuple of Alternative
-        The explanations that hold a part of the probability.
+        Other explanations that have a share of the probability.
     rest_residual_deg : float or None
-        The same at rest; None: as in motion.
+        The same residual at rest; None: as in motion.
     reading_deg : float
-        Standard deviation of a single reading in the record of the fit: the angle at which a prediction starts is one.
+        Standard deviation of a single reading in the record of the fit; the start angle of a prediction is such a
+        reading.
     """
 
     names: tuple[str, ...]
@@ -64,11 +65,11 @@ class Doubt:
 
     @property
     def left_deg(self) -> tuple[float, float]:
-        """What is left in motion and at rest."""
+        """The residuals in motion and at rest, root mean square."""
         return self.residual_deg, self.residual_deg if self.rest_residual_deg is None else self.rest_residual_deg
 
     def steps(self) -> Iterator[dict[str, float]]:
-        """Give one standard deviation along each principal axis of the values' uncertainty (name to change)."""
+        """Yield the change of the values (by name) by one standard deviation along each principal axis."""
         size, share, axes = principal_axes(self.covariance)
         for variance, axis in zip(share, axes.T, strict=True):
             if variance > _NO_SHARE:
@@ -96,9 +97,9 @@ class Doubt:
 
 
 def principal_axes(covariance: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return standard deviations (m,), and variances (m,) and axes (m, m; columns) in units of these.
+    """Return standard deviations (m,), and eigenvalues (m,) and axes (m, m; columns) of the correlation matrix.
 
-    The axes are those of the correlation matrix: values differ in size by many orders.
+    The correlation matrix is used because the values differ by many orders of magnitude.
     """
     size = np.sqrt(np.diag(covariance))
     unit = np.where(size > 0.0, size, 1.0)
@@ -107,12 +108,12 @@ def principal_axes(covariance: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
-    """Read the part of ``model.json``; ``free`` are the names that a model of this kind can fit.
+    """Read the uncertainty in ``model.json``; ``free`` are the names of the model's free parameters.
 
     Raises
     ------
     ConfigError
-        When it is damaged. What the alternatives name is not looked at here.
+        When the table is damaged. Effects and values of the alternatives are not checked here.
     """
     where = "doubt"
     names, rows, others = table.get("names"), table.get("covariance"), table.get("alternatives")
@@ -132,13 +133,13 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
         names=tuple(names),
         covariance=0.5 * (covariance + covariance.T),
         residual_deg=left_deg,
-        # Earlier files do not tell rest from motion.
+        # Earlier files do not distinguish rest and motion.
         rest_residual_deg=get_number(
             table, "rest_residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=left_deg
         ),
-        # Earlier files take the start for exact.
+        # Earlier files take the start angle as exact.
         reading_deg=get_number(table, "reading_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=0.0),
-        # Earlier files hold all of them as likely as the model's own.
+        # Earlier files have no shares: the model and all alternatives count as equally probable.
         alternatives=tuple(_alternative(other, share=1.0 / (1 + len(others))) for other in others),
     )
 

@@ -1,7 +1,7 @@
-"""A record made ready to drive the model: everything that does not depend on a parameter's value.
+"""A record prepared for the model: all preprocessing that does not depend on a parameter's value.
 
-Temperatures are conditioned at their own rate, half-cycles found, and a fast record is brought to a few rows per
-second (angles averaged over each row's interval), which loses nothing that a quasi-static model could use.
+Temperatures are conditioned at their own rate, half-cycles are detected, and a fast record is thinned to a few rows per
+second (angles averaged over each row's interval), which loses no information that a quasi-static model could use.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from torsight.core.words.wording import counted, number
 ROW_RATE_HZ: Final = 5.0
 """A record that is faster than this is thinned to about so many rows per second for a fit."""
 _ROW_STEP_C: Final = 0.25
-"""Faster heatings and coolings keep more rows: so that in 99 % of them a temperature changes by less than this, and a
-row's mean angle lies within 0.1° of the angle at its instant but where motion starts or stops within it."""
+"""Change of temperature per row that 99 % of the rows stay below; faster heatings and coolings keep more rows for that.
+A row's mean angle then lies within 0.1° of the angle at its instant, unless motion starts or stops within the row."""
 _FAR_APART_S: Final = 1.5
-"""Predictions get rows between readings that are further apart: later records behind readings every 3 s are off by 1.60
-instead of 2.31° with that, every 5 s by 4.6 instead of 16.6°, and every 2 s by 1.26 instead of 1.35°
+"""Interval of readings above which a prediction interpolates rows between them. With readings every 3 s these rows
+reduce the error on later records from 2.31 to 1.60°, every 5 s from 16.6 to 4.6°, and every 2 s from 1.35 to 1.26°
 (benchmarks/actuator/slow_logs.py, tops held for up to 15 s)."""
 
 
@@ -46,39 +46,40 @@ class Drive:
     time_s : (n,) float64
         Increasing.
     temp_a_c, temp_b_c : (n,) float64
-        Conditioned temperatures as the sensors read them, finite: of a ripple the peaks, which the wires follow.
+        Conditioned temperatures at the sensors, finite. Where a temperature has ripple: its peaks, because the
+        transformation follows them.
     peaks_a_c, peaks_b_c : (n,) float64
-        By how much those stand above the mean temperatures.
+        Height of the ripple's peaks above the mean temperatures.
     rate_a_c_s, rate_b_c_s : (n,) float64
-        Their slopes.
+        Slopes of the temperatures.
     temp_sigma_c : (n,) float64
-        What noise is left in the active spring's temperature.
+        Standard deviation of the noise that remains in the driven spring's temperature.
     noise_c : float
         Noise of the temperatures before conditioning.
     reading_s : float
-        Seconds between readings of the temperatures that are independent.
+        Seconds between readings of the temperatures whose noise is independent.
     cycles : HalfCycles
         Which spring is driven when.
     angle_rad, angle_sigma_rad : (n,) float64
-        Measured angle less the whole turns (NaN: none, or a wrong frame) and its standard deviation.
+        Measured angle minus the whole turns (NaN: no reading, or a wrong frame) and its standard deviation.
     start_angle_rad : float
-        Angle at the first row, less the whole turns.
+        Angle at the first row, minus the whole turns.
     room_c : float
-        Room temperature: the lowest that the springs come back to.
+        Room temperature: the lowest to which the springs return.
     known : (n,) bool
         False in gaps of the temperature log that are too long to bridge.
     sensors : Sensors
         The temperatures as logged.
     turning : two (k,) int64
-        At which rows of the whole drive either temperature turns.
+        Rows of the whole drive at which the temperatures of A and of B turn.
     turns : int
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
     clock_sigma_s : float or None
-        As of the record; None for a log alone.
+        Standard deviation of the record's clock offset; None for a log alone.
     left_out_s : float or None
-        Seconds at the start that are left out, because the record begins within a transformation; None: it does not.
+        Seconds cut off at the start of a record that begins within a transformation; None: the record does not.
     part_of : (Drive, (n,) float64) or None
-        The drive of which this one has some rows, and which; None for all of them.
+        The whole drive and the indices of its rows that this drive holds; None where it holds all of them.
     """
 
     time_s: Floats
@@ -121,17 +122,17 @@ class Drive:
 
     @property
     def readings_of_a_row(self) -> int:
-        """How many readings a row's angle is the mean of, where none is missing: as many before it as after it."""
+        """Number of readings, centred on a row, over which the row's angle is averaged where none is missing."""
         rows = self.whole[0].sensors.rows
         return 2 * (int(rows[1] - rows[0]) // 2) + 1
 
     @property
     def whole(self) -> tuple[Drive, Floats]:
-        """Return the whole drive, in which the log is read at other times too, and which of its rows (n,) these are."""
+        """The whole drive, which effects on clocks read at other times, and the indices (n,) of this drive's rows."""
         return self.part_of or (self, np.arange(float(len(self))))
 
     def at(self, rows: Ints) -> Drive:
-        """Return the drive at some of its rows (m,)."""
+        """Return the drive restricted to the given rows (m,)."""
         cycles = replace(self.cycles, active=self.cycles.active[rows], half=self.cycles.half[rows])
         names = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "temp_sigma_c", "peaks_a_c",
                  "peaks_b_c", "angle_rad", "angle_sigma_rad", "known")  # fmt: skip
@@ -141,10 +142,10 @@ class Drive:
 
 
 def whole_turns(angle_rad: Floats) -> int:
-    """Return by how many whole turns a reading is ahead of the actuator's own angle.
+    """Return the number of whole turns by which the readings exceed the actuator's own angle.
 
     A film cannot tell a stick at 185° from one at −175°. The actuator's range lies around zero (the paper shifts its
-    profile so that the middle is zero), so the middle of what was read decides.
+    profile so that the middle is zero), so the middle of the range of the readings decides.
     """
     return round(sum(extent(angle_rad)) / 2.0 / (2.0 * math.pi))
 
@@ -155,7 +156,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     Raises
     ------
     InputError
-        When it has fewer than 20 rows, no angle or no temperature.
+        When the record has fewer than 20 rows, no angle or no temperature.
     NoResultError
         When neither spring is heated.
     """
@@ -183,7 +184,7 @@ def prepare_log(
 ) -> Drive:
     """Return the drive of a temperature log alone, at every one of its instants.
 
-    ``readings`` are those of a log between which rows were filled in (:func:`filled_in`).
+    Where ``log`` has interpolated rows (:func:`filled_in`), ``readings`` is the log without these rows.
 
     Raises
     ------
@@ -194,9 +195,10 @@ def prepare_log(
 
 
 def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, Ints]:
-    """Return a log with rows on lines between readings that are far apart, so that a model meets its corners there.
+    """Return a log with linearly interpolated rows between readings that are far apart, and the readings' rows (n,).
 
-    Also which of its rows are those of the log (n,). Between readings of which one is missing there is nothing.
+    The model needs these rows to place the temperature's corners between two readings. Rows beside a missing reading
+    are NaN.
     """
     interval_s = usual_step(log.time_s)
     if interval_s <= _FAR_APART_S:
@@ -205,17 +207,18 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, Ints]:
     rows = np.arange(len(log)) * every
     fine = np.arange(rows[-1] + 1)
     held = fine // every
-    # A line to a number that is none is none.
+    # Interpolation towards NaN gives NaN.
     time_s, a, b = (np.interp(fine, rows, column) for column in (log.time_s, log.temp_a_c, log.temp_b_c))
     heat_a, heat_b = (None if heat is None else heat[held] for heat in (log.heat_a, log.heat_b))
     return TemperatureLog(time_s, a, b, heat_a, heat_b), rows
 
 
 def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
-    """Return the angle at the start and its sigma: the mean over the rest that the record starts with.
+    """Return the mean angle over the rest with which a record starts, and its standard deviation.
 
-    The rest is taken as long as the angle stays within five sigmas of its median so far, and the median of what follows
-    differs from it by no more than two medians of so many rows may.
+    The rest is extended block by block. It ends where more than a fifth of a block's angles lie further than five
+    standard deviations from the median of the rest so far, or where the block's median differs from that median by more
+    than the scatter of both medians explains.
     """
     valid = np.flatnonzero(np.isfinite(angle_rad))
     angle = angle_rad[valid]
@@ -235,7 +238,7 @@ def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
     middle = float(np.median(rest))
     inside = rest[np.abs(rest - middle) <= band]
     if not len(inside):
-        # A record that starts in the middle of a motion has no rest to take the mean of.
+        # A record that starts in the middle of a motion has no rest to average over.
         inside = rest[:1]
     mean_sigma = max(float(np.median(sigma[:count])), 1.2 * spread)
     return float(np.mean(inside)), mean_sigma / math.sqrt(max(1, len(inside)))
@@ -249,7 +252,10 @@ def _driven(
     start_angle_rad: float,
     where: str,
 ) -> Drive:
-    """Return the drive of a record's temperatures and switches, without an angle, from rows and their own readings."""
+    """Return the drive of a record's temperatures and heating switches, without an angle.
+
+    ``log`` holds the rows; ``readings`` holds the log's own readings, the same object where no rows were interpolated.
+    """
     time_s = log.time_s
     (filled_a, known_a), (filled_b, known_b) = _bridged(log, where=where)
     if readings is log:
@@ -286,9 +292,9 @@ def _driven(
 
 
 class _AtRows(NamedTuple):
-    """A temperature at the rows that a drive keeps: with its ripple's peaks, its slope, and as the sensor has it.
+    """A temperature at the rows that a drive keeps: with the ripple's peaks, its slope, and without the peaks.
 
-    ``turning`` are the rows at which it turns, where its slope is none.
+    ``turning`` holds the rows at which the temperature turns; its slope there is zero.
     """
 
     temp_c: Floats
@@ -308,15 +314,16 @@ def _at_rows(log: Conditioned, rows: Ints, least_turn_c: float) -> _AtRows:
 
 
 def _bridged(log: SyncedTable | TemperatureLog, *, where: str) -> tuple[tuple[Floats, Flags], tuple[Floats, Flags]]:
-    """Return both temperatures with gaps and spikes bridged, each with where it is known."""
+    """Return both temperatures with gaps and spikes bridged, each with the mask of the rows at which it is known."""
     a = _bridge(log.time_s, log.temp_a_c, where=f"{where}, column temp_a_c")
     return a, _bridge(log.time_s, log.temp_b_c, where=f"{where}, column temp_b_c")
 
 
 def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> tuple[Floats, Flags]:
-    """Return the temperature with gaps and spikes bridged by lines, and where it is known.
+    """Return the temperature with gaps and spikes bridged by lines, and the mask of the rows at which it is known.
 
-    Only a reading to whose neighbours a line may lead can be a spike: further apart it may be the top of a heating.
+    Only a reading whose neighbours are near enough for interpolation can be a spike: between readings that are further
+    apart it may be the top of a heating.
     """
     near = np.gradient(time_s) <= BRIDGED_S if len(time_s) > 1 else np.zeros(1, bool)
     good = np.isfinite(temp_c) & ~(near & spikes(time_s, temp_c))
@@ -337,5 +344,5 @@ def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:
     if every < 2:
         return np.arange(n)
     every += 1 - every % 2
-    # Whole blocks only: a row stands for as many samples on either side.
+    # Whole blocks only: a kept row represents the same number of samples on either side.
     return np.arange(every // 2, n - every // 2, every)

@@ -1,8 +1,8 @@
-"""The result of a fit of the actuator to a record, and what a record needs for a fit.
+"""The result of a fit of the actuator to a record, the requirements on a record, and the notes on a fit.
 
-The fit itself, :func:`torsight.actuator.fit_model`, is the discovery's (:mod:`torsight.discovery.model_fit`).
+The fit itself, :func:`torsight.actuator.fit_model`, is part of discovery (:mod:`torsight.discovery.model_fit`).
 
-Only the ratios E : τ_c : C show in an angle–temperature curve. Where moduli carry an uncertainty and C does not, the
+An angle–temperature curve determines only the ratios E : τ_c : C. Where moduli have an uncertainty and C has none, the
 exact C fixes the scale; where all are uncertain the priors do.
 """
 
@@ -31,10 +31,10 @@ from torsight.core.words.wording import estimate as estimate_words
 from torsight.core.words.wording import number, unexplained
 
 _SILENT: Final = 0.9
-"""Share of a prior's standard deviation that is left where the record has said nothing of a value: less than a fifth of
-all information about it is the record's (1 − 0.9² = 0.19)."""
-_ALIKE: Final = 2.0
-"""Factor within which a way is as far as the characterised values say; a choice: degrees and radians differ by 57."""
+"""Ratio of posterior to prior standard deviation above which the record says nothing about a value: less than a fifth
+of the information comes from the record (1 − 0.9² = 0.19)."""
+_SIMILAR: Final = 2.0
+"""Factor within which two ranges of the angle count as equal; a choice: degrees and radians differ by 57."""
 _SCALE_NOTE: Final = (
     "only the ratios of moduli, friction torque and stress coefficients show in an angle-temperature record: "
     "the torque's absolute size rests on the characterised values"
@@ -48,38 +48,38 @@ class FitResult(Frozen, Shown):
     Attributes
     ----------
     model : ActuatorModel
-        What was fitted.
+        The fitted model.
     values : mapping of str to float
-        All parameters, the exact ones too, public names and units.
+        All parameters, including the exact ones, public names and units.
     estimates : mapping of str to Estimate
-        The same with their sigmas and intervals; derived values of effects as well.
+        The parameters and derived values of effects, with standard deviations and intervals.
     free : tuple of str
         Names of the free parameters, in the order of ``covariance``.
     covariance : (p, p) float64
-        Of the free parameters.
+        Covariance of the free parameters.
     simulation : Simulation
         The fitted angles.
     residual_rad : (n,) float64
-        Measured less fitted angle; NaN where not measured or set aside.
+        Measured minus fitted angle; NaN where not measured or excluded.
     sigma_rad : (n,) float64
         Standard deviation of every row.
     correlation_rows : float
         Correlation time of the whitened residual.
     variance_ratio : float
-        Mean square of what is left over that which readings and temperatures account for, each independent reading
-        counted once (1: the record's noise explains it); its root is what is left in noise floors.
+        Mean square residual divided by the mean square that the noise of readings and temperatures accounts for, each
+        independent reading counted once (1: the noise explains the residual); its root is the residual in noise floors.
     rmse_deg, r2 : float
-        Over the rows that counted.
+        Root mean square error and share of the variance explained, over the fitted rows.
     cycle : Cycle
         θ_1, θ_2, θ_3, case and critical angle.
     converged : bool
         Whether the last round ended at a minimum.
     silent_about : tuple of str
-        Parameters about which the record says nothing that was not known.
+        Parameters about which the record contains no new information.
     notes : tuple of str
-        What a person should know.
+        Sentences for the reader.
     attention : tuple of str
-        Those of the notes, the first ones, that say what is wrong with the fit.
+        The first of the notes: those that state a problem of the fit.
     reading_deg : float
         Standard deviation of a single reading of the angle.
     """
@@ -110,7 +110,7 @@ class FitResult(Frozen, Shown):
 
     @property
     def doubt(self) -> Doubt:
-        """How far the fitted model may be wrong: given to ``fitted_model``, predictions say how sure they are."""
+        """The model's uncertainty from this fit alone; passed to ``fitted_model``, it gives predictions an interval."""
         return Doubt(self.free, self.covariance, self.rmse_deg, reading_deg=self.reading_deg)
 
     def facts(self) -> dict[str, str]:
@@ -158,9 +158,9 @@ class FitResult(Frozen, Shown):
 
 
 def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
-    """Refuse a record in which the actuator does not move, or as no actuator of this kind can."""
+    """Refuse a record in which the actuator does not move, or moves as no such actuator can."""
     angle = drive.angle_rad[drive.measured]
-    # A row whose whole turn is not certain says so by its sigma: that is no noise of its reading.
+    # A row whose whole turn is uncertain has a large sigma, which is no noise of the reading.
     certain = drive.angle_sigma_rad < np.pi
     read = drive.angle_sigma_rad[certain]
     noise = float(np.median(read)) if len(read) else 0.0
@@ -186,7 +186,7 @@ def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
             do="exchange the columns of A and B, or change the sign of the angle",
         )
     plain = float(np.ptp(model.angle_rad(drive, model.nominal())))
-    if plain < _ALIKE * (high - low) / DEG < _ALIKE**2 * plain:
+    if plain < _SIMILAR * (high - low) / DEG < _SIMILAR**2 * plain:
         raise InputError(
             "the angle seems to be in radians",
             where=f"{where}, column angle_deg",
@@ -197,24 +197,24 @@ def require_motion(model: ActuatorModel, drive: Drive, *, where: str) -> None:
 
 
 def _moved_and_against(drive: Drive) -> tuple[float, float]:
-    """Return how far the angle went, while a spring was heated, the way that it drives, and how far the other way."""
+    """Return the motion, rad, in the driven spring's direction while it was heated, and the motion against it."""
     drives_up = drive.cycles.active[1:] == 1
     warmer = np.where(drives_up, np.diff(drive.temp_b_c), np.diff(drive.temp_a_c)) > 0.0
-    way = np.where(warmer, np.nan_to_num(np.diff(drive.angle_rad)), 0.0) * np.where(drives_up, 1.0, -1.0)
-    strokes = np.bincount(drive.cycles.half[1:], weights=way)
+    motion = np.where(warmer, np.nan_to_num(np.diff(drive.angle_rad)), 0.0) * np.where(drives_up, 1.0, -1.0)
+    strokes = np.bincount(drive.cycles.half[1:], weights=motion)
     return float(np.sum(np.maximum(strokes, 0.0))), float(np.sum(np.maximum(-strokes, 0.0)))
 
 
 def middle_deg(drive: Drive) -> float:
-    """Return the middle of what was read, degrees: the zero, if both strokes are alike."""
+    """Return the middle of the range of the readings, degrees: the zero, if both springs' strokes are equal."""
     return sum(extent(drive.angle_rad)) / (2.0 * DEG)
 
 
 def quiet(parameters: Sequence[Parameter], values: Mapping[str, float], sigma: Floats) -> tuple[str, ...]:
-    """Return the names of the parameters about which the record says nothing that was not known.
+    """Return the names of the parameters about which the record contains no new information.
 
-    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior says anything. Of a value that is
-    moved by more than what it was uncertain by the record does say something, however uncertain it stays.
+    ``sigma`` (p,) holds their standard deviations, NaN where neither record nor prior determines them. A value that
+    moved by more than its prior's standard deviation counts as informed by the record, however uncertain it remains.
     """
     return tuple(
         parameter.name
@@ -229,9 +229,10 @@ def quiet(parameters: Sequence[Parameter], values: Mapping[str, float], sigma: F
 
 
 def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str:
-    """Return what to say where a fit leaves far more than the noise, by its mean square over the noise's; else nothing.
+    """Return the note on a fit whose residual is far above the noise; else an empty string.
 
-    ``floor_deg`` is what readings and temperatures account for, root mean square.
+    ``ratio`` is the mean square of the residual over that of the noise, ``floor_deg`` the root mean square of the noise
+    of readings and temperatures.
     """
     doubt = unexplained(float(np.sqrt(ratio)))
     if not doubt:
@@ -246,17 +247,17 @@ def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str
 
 
 def taken_as_exact(names: Sequence[str]) -> str:
-    """Return what to say of characterised values without an uncertainty."""
+    """Return the note on characterised values without an uncertainty."""
     return f"{', '.join(names)} have no uncertainty and are taken as exact: their errors would look like an effect"
 
 
 def notes_of_drive(drive: Drive) -> list[str]:
-    """Return what to say of a record that the model can not follow in all parts."""
+    """Return the notes on parts of a record that the model cannot follow."""
     return [*_begun_within(drive), *_heated_again(drive)]
 
 
 def _begun_within(drive: Drive) -> list[str]:
-    """Return what to say of a record that begins within a transformation."""
+    """Return the note on a record that begins within a transformation, if this one does."""
     if drive.left_out_s is None:
         return []
     rest = f"its first {drive.left_out_s:.0f} s, until both springs are cold, are left out"
@@ -266,7 +267,7 @@ def _begun_within(drive: Drive) -> list[str]:
 
 
 def _heated_again(drive: Drive) -> list[str]:
-    """Return what to say of springs that are heated twice in a row: what they carry then is not the model's."""
+    """Return the notes on springs that are heated twice in a row, whose torque the model then does not describe."""
     begins_s = drive.time_s[np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))]
     return [
         f"Spring {'AB'[spring]} is heated again at {begin_s:.0f} s although the other one has not wound it back: until "
@@ -278,7 +279,7 @@ def _heated_again(drive: Drive) -> list[str]:
 
 
 def nothing_explained(what: str, r2: float, *, where: str, more: str = "") -> NoResultError:
-    """Return what to tell of a model that explains nothing of the record ``where`` names."""
+    """Return the error for a model that explains nothing of the record named by ``where``."""
     return NoResultError(
         what,
         where=where,
@@ -290,7 +291,7 @@ def nothing_explained(what: str, r2: float, *, where: str, more: str = "") -> No
 
 
 def turns(result: FitResult) -> str:
-    """Return how far the fitted model and the actuator turn, in words."""
+    """Return a clause with the ranges of the fitted model and of the actuator."""
     fitted_rad = result.simulation.angle_rad
     read_rad = fitted_rad + result.residual_rad
     turned_deg, read_deg = (float(np.ptp(one[np.isfinite(one)])) / DEG for one in (fitted_rad, read_rad))
@@ -298,7 +299,11 @@ def turns(result: FitResult) -> str:
 
 
 def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, rows: float) -> tuple[str, ...]:
-    """Return what else a person should know of a fit that leaves so many times the noise's variance, so correlated."""
+    """Return the further notes on a fit.
+
+    ``quiet`` are parameters without new information, ``ratio`` is the residual's mean square over the noise's, and
+    ``rows`` its correlation time in rows.
+    """
     uncertain = (
         f"the residual is {number(float(np.sqrt(ratio)), 2)} times what the noise of angle and temperatures makes, and "
         f"one in {rows:.0f} rows of it counts as independent; the intervals allow for both"
@@ -309,7 +314,7 @@ def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, row
         notes.append(
             "moduli and stress coefficients are all uncertain: their common scale is fixed by the priors alone"
         )
-    # Of what is fitted along with them nobody had a value to confirm.
+    # Only characterised values: the others that are always fitted had no value to confirm.
     characterised = [name for name in quiet if name in model.spec.uncertainty]
     if characterised:
         notes.append(f"the record says nothing new about {', '.join(characterised)}")

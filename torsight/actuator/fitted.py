@@ -33,20 +33,20 @@ from torsight.core.words.wording import number
 
 KIND: Final = "torsight actuator model"
 _MOST_COUNTED: Final = 1_000_000
-"""Cycles or whole turns: at a cycle a minute two years without a pause."""
+"""Largest number of cycles or whole turns in a file: two years of one cycle a minute."""
 _NONE_BEFORE: Final = ("zero_deg", "static_swing")
-"""Values that models of earlier files had not: they stand at zero, where they change nothing."""
+"""Values that earlier files lack: they are taken as zero, where they have no effect."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
-"""Angles that are no further apart are one home: a choice, which the documentation tells."""
+"""Largest distance of two angles that count as the same home: a choice, stated in the documentation."""
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
-"""Martensite fraction from which a spring counts as cold. The law itself ends at 1: by its cosine the temperature is
-then within arccos(2 · 0.999 − 1) / π = 2 % of the window above M_f, 0.3 °C."""
+"""Martensite fraction above which a spring counts as cold: by the law's cosine the temperature is then at most
+arccos(2 · 0.999 − 1) / π = 2 % of the window above M_f, 0.3 °C."""
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How a record left the springs, both cold: its last angle as read, and by how much A and B were unwound."""
+    """State of the cold springs at a record's end: the last reading, and how far A and B are unwound, rad."""
 
     angle_rad: float
     unwound_rad: tuple[float, float]
@@ -54,7 +54,7 @@ class End:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class FittedModel(Frozen, Shown):
-    """Everything that a prediction needs.
+    """A fitted model with all that a prediction needs.
 
     Attributes
     ----------
@@ -63,20 +63,21 @@ class FittedModel(Frozen, Shown):
     values : mapping of str to float
         Fitted values of the free parameters, public names and units.
     cycles : (int, int)
-        How often A and B were heated in the record of the fit; effects with a memory go on counting from there.
+        Number of heatings of A and of B up to the end of the fitted record; effects with a memory continue this count.
     account : mapping
-        What people may want to know of the fit (error, noise floor, source).
+        Information on the fit for the reader (error, noise floor, source).
     turns : int
-        Whole turns by which the record's reading was ahead of the actuator's own angle.
+        Whole turns by which the record's readings exceed the actuator's own angle.
     start_angle_rad : float or None
-        The actuator's own angle at the record's start: how the springs were wound there holds for logs that start
-        there too. None where it is not known.
+        The actuator's own angle at the record's start. The fitted state of the springs there also holds for logs that
+        start at this angle. None where it is not known.
     duration_s : float
         Length of the record.
     end : End or None
-        How the record left the springs: logs that start there go on from it. None where it is not known.
+        State of the springs at the record's end, from which logs that start at its angle continue. None where it is not
+        known.
     doubt : Doubt or None
-        How far the model may be wrong; None where nobody has said.
+        The model's uncertainty; None where it is not known.
     """
 
     model: ActuatorModel
@@ -118,9 +119,10 @@ class FittedModel(Frozen, Shown):
         axes.legend()
 
     def history(self, start_angle_rad: float) -> History:
-        """Return what the record of the fit leaves behind for a log that starts at an angle.
+        """Return the history that the fitted record provides for a log that starts at an angle.
 
-        Where that is nearer to the record's end than to its start, the springs are as the record left them.
+        If this angle is within 2° of the record's end, and nearer to the end than to the record's start, the springs
+        are in their state at the end.
         """
         unwound_rad = None
         if self.end is not None:
@@ -138,14 +140,14 @@ class FittedModel(Frozen, Shown):
         log : TemperatureLog
             Times and temperatures on the log's own clock: an offset between two recorders' clocks is not applied.
         start_angle_rad : float
-            Angle as read at the first row.
+            The reading of the angle at the first row.
         where : str
             Name of the log in messages.
 
         Raises
         ------
         ConfigError
-            When the start is further than the springs are wound.
+            When the start angle is outside half of the total winding.
         InputError
             When the log cannot drive the model.
         """
@@ -159,34 +161,37 @@ class FittedModel(Frozen, Shown):
         return Prediction(angle_rad, drive, simulation, rows)
 
     def simulate(self, drive: Drive) -> Simulation:
-        """Simulate a log that is prepared, with what the record of the fit has left behind."""
+        """Simulate a prepared log, with the history that the fitted record provides."""
         start_rad = drive.start_angle_rad
         return self.model.simulate(drive, self._values_from(start_rad), history=self.history(start_rad))
 
     def jumps_rad(self, drive: Drive) -> Floats:
-        """Return how far open the rows (n,) beside a jump leave the angle: its instant is known to roundings, rad."""
+        """Return the standard deviation (n,) of the angle, rad, from the rounding of the instants of jumps."""
         start_rad = drive.start_angle_rad
         return self.model.seen_rad(drive, self._values_from(start_rad), history=self.history(start_rad))[1]
 
     def neighbours(self) -> Iterator[tuple[FittedModel, FittedModel]]:
-        """Give pairs of models one standard deviation to either side, along each axis of the values' uncertainty."""
+        """Yield pairs of models one standard deviation to either side along each axis of the values' uncertainty."""
         for step in self.doubt.steps() if self.doubt is not None else ():
             yield self._moved(step, 1.0), self._moved(step, -1.0)
 
     def alternatives(self) -> Iterator[tuple[FittedModel, float]]:
-        """Give the models of the record's other explanations, and which part of the probability each holds."""
+        """Yield the models of the record's other explanations, each with its share of the probability."""
         for other in self.doubt.alternatives if self.doubt is not None else ():
             model = replace(self.model, effects=other.effects, laws=other.laws)
             yield replace(self, model=model, values=other.values), other.share
 
-    def _moved(self, step: Mapping[str, float], way: float) -> FittedModel:
-        """Return the model with some values elsewhere, within their bounds."""
+    def _moved(self, step: Mapping[str, float], factor: float) -> FittedModel:
+        """Return the model with its values changed by ``factor * step``, within their bounds."""
         bounds = {p.name: (p.lower, p.upper) for p in self.model.all_parameters}
-        moved = {name: float(np.clip(self.values[name] + way * change, *bounds[name])) for name, change in step.items()}
+        moved = {name: float(np.clip(self.values[name] + factor * by, *bounds[name])) for name, by in step.items()}
         return replace(self, values={**self.values, **moved})
 
     def _values_from(self, start_angle_rad: float) -> dict[str, float]:
-        """Return the values for a log that starts at an angle: elsewhere than the record, the rule for homes holds."""
+        """Return the values for a log that starts at an angle.
+
+        If this is not the record's start, the values of the state at the start (family ``start``) have their null.
+        """
         values = dict(self.values)
         if self.start_angle_rad is None or abs(start_angle_rad - self.start_angle_rad) <= _SAME_HOME_RAD:
             return values
@@ -196,16 +201,17 @@ class FittedModel(Frozen, Shown):
         return values
 
     def _turns_of(self, start_angle_rad: float, *, where: str) -> int:
-        """Return the whole turns by which a start's reading is ahead of the actuator's own angle.
+        """Return the number of whole turns by which the reading at the start exceeds the actuator's own angle.
 
-        A film begins within half a turn of zero whatever that angle is: such a reading may be ahead by any turns, and
-        those nearest the record's count that put the start where the springs can be at rest. A larger one goes on in
-        the record's turn, or is the actuator's own angle, which lies within half of the total winding.
+        A film begins within half a turn of zero, whatever the actuator's own angle is. A start within half a turn may
+        thus exceed it by any number of turns: the result is the one nearest to the record's number for which the
+        springs can be at rest. A larger start angle counts turns as the record does, or is the actuator's own angle,
+        which lies within half of the total winding.
 
         Raises
         ------
         ConfigError
-            When it is neither.
+            When a larger start angle is neither.
         """
         values = self.model.spec.values
         wound_rad = DEG * values["theta_p_deg"] / 2.0
@@ -241,12 +247,11 @@ def fitted_model(
     doubt: Doubt | None = None,
     history: History | None = None,
 ) -> FittedModel:
-    """Return the model that was fitted to a record, with what the record leaves behind.
+    """Return the model that was fitted to a record, with the state of the springs at the record's start and end.
 
-    How the springs were wound when the record began (family ``start``) stays part of the model: a later record that
-    starts from the same home (within 2°) starts in the same state. One that starts where the record ended (within 2°,
-    and nearer to that) goes on from how the model leaves the springs there. ``history`` is what records before this one
-    left behind.
+    The state at the start (family ``start``) stays part of the model: a later record that starts from the same home
+    (within 2°) starts in this state. A record that starts at the end angle (within 2°, and nearer to it than to the
+    start) continues from the simulated state at the end. ``history`` is the state after the records before this one.
     """
     own = {name: float(values[name]) for name in model.nominal() if name in values}
     springs = drive.cycles.springs
@@ -265,7 +270,7 @@ def fitted_model(
 
 
 def _end(model: ActuatorModel, values: Mapping[str, float], drive: Drive, history: History | None = None) -> End | None:
-    """Return how a record leaves the springs; None where they have not cooled, or the angle is not known then."""
+    """Return the springs' state at a record's end; None where they are not cold or the last angle is not known."""
     simulation = model.simulate(drive, values, history=history)
     cold = min(simulation.xi_a[-1], simulation.xi_b[-1]) > _COLD
     if not (cold and np.isfinite(drive.angle_rad[-1])):
@@ -304,7 +309,7 @@ def _end_to_json(end: End) -> dict[str, Any]:
 
 
 def _end_from(table: Mapping[str, Any], *, most_deg: float) -> End:
-    """Read how a record left the springs; none is wound further than both together."""
+    """Read the springs' state at a record's end; neither is unwound by more than the total winding."""
     where = "end"
     check_keys(table, ("angle_deg", "unwound_deg"), where=where)
     unwound = get_table(table, "unwound_deg", where=where, required=True)
@@ -318,7 +323,7 @@ def read_model(path: AnyPath) -> FittedModel:
     Raises
     ------
     InputError
-        When the file is missing, is no model, or holds values that make none.
+        When the file is missing, is no model, or holds invalid values.
     """
     path = Path(path)
     content = read_json(path)
@@ -370,7 +375,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
 
 
 def _laws(content: Mapping[str, Any], *, where: str) -> tuple[LawForm, ...]:
-    """Return the laws of a model file; one of before there were laws has none, or a stand-in that is no longer read."""
+    """Return the laws of a model file; a file of an earlier version has none, or a stand-in that is no longer read."""
     if content.get("closure") is not None:
         raise ConfigError(
             "the model has a learned stand-in of an earlier version",
@@ -381,7 +386,7 @@ def _laws(content: Mapping[str, Any], *, where: str) -> tuple[LawForm, ...]:
 
 
 def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:
-    """Return the fitted values, each within the bounds that its fit had."""
+    """Return the fitted values, each checked against its bounds in the fit."""
     parameters = {parameter.name: parameter for parameter in model.all_parameters}
     check_keys(table, tuple(parameters), where="values")
     table = {**{name: 0.0 for name in _NONE_BEFORE if name in parameters}, **table}

@@ -47,7 +47,7 @@ class ActuatorModel:
     phase_law : str
         ``"liang_rogers"`` (the model) or ``"tanaka"``.
     theta_l_deg : float or None
-        A constant recoverable angle in place of the one that the last winding left.
+        A constant recoverable angle in place of the one that follows from the last winding.
     laws : tuple of LawForm
         Measured laws that are part of the model.
     """
@@ -57,7 +57,7 @@ class ActuatorModel:
     phase_law: PhaseLaw = "liang_rogers"
     theta_l_deg: float | None = None
     laws: tuple[LawForm, ...] = ()
-    _made: dict[int, tuple[tuple[tuple[Any, ...], Ports], ...]] = field(
+    _cache: dict[int, tuple[tuple[tuple[Any, ...], Ports], ...]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -77,7 +77,7 @@ class ActuatorModel:
 
     @cached_property
     def all_parameters(self) -> tuple[Parameter, ...]:
-        """Every parameter, the exact ones (``fixed``) too."""
+        """All parameters, including the exact ones (``fixed``)."""
         own = self.spec.parameters()
         effects = tuple(parameter for effect in self.chosen for parameter in effect.parameters)
         return own + effects + tuple(parameter for form in self.laws for parameter in form.parameters)
@@ -97,14 +97,14 @@ class ActuatorModel:
 
     @cached_property
     def _alike(self) -> bool:
-        """Whether spring B has no value for itself."""
+        """Whether no value is given for spring B alone, so that both springs have the same values."""
         return not any(name.startswith(SPRING_B) for name in self._nominal)
 
     def prepare(self, table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
         """Return the drive of a merged record: conditioned temperatures, half-cycles, start.
 
-        Where a record begins within a transformation, it is taken from where both springs are cold, if they are heated
-        after that.
+        A record that begins within a transformation is cut at the first row at which both springs are cold, if a spring
+        is heated after that row.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class ActuatorModel:
         return replace(cut, left_out_s=float(cut.time_s[0] - drive.time_s[0]))
 
     def _require_reach(self, table: SyncedTable, *, where: str) -> None:
-        """Refuse angles that span more than both springs together are wound: they are hardly in radians."""
+        """Refuse angles whose range exceeds the total winding: such values are most likely not in radians."""
         known = table.angle_rad[np.isfinite(table.angle_rad)]
         if not len(known):
             return
@@ -154,7 +154,7 @@ class ActuatorModel:
     ) -> Drive:
         """Return the drive of a temperature log alone, at its own instants.
 
-        ``readings`` are those of a log between which rows were filled in.
+        Where ``log`` has interpolated rows between its readings, ``readings`` is the log without these rows.
 
         Raises
         ------
@@ -182,7 +182,7 @@ class ActuatorModel:
         Raises
         ------
         ConfigError
-            When a value is none of the model's parameters; the message names the nearest one.
+            When a name in ``values`` is no parameter of the model; the message gives the most similar name.
         """
         if not values.keys() <= self._nominal.keys():
             self._refuse(values, tuple(self._nominal))
@@ -197,9 +197,10 @@ class ActuatorModel:
         return _acted(ports, self._parts[len(self._first) :], given)
 
     def _felt(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
-        """Return the ports after what acts on clocks and temperatures alone.
+        """Return the ports after the leading parts, which act on clocks and temperatures alone.
 
-        Most runs are of the same record with another value changed: what comes before that is the same.
+        Successive simulations of a record mostly differ in a single value: the results of all parts that do not depend
+        on this value come from the cache.
         """
         ports = self._once(0, (drive, history), _begin, drive, history, rig)
         for place, (part, names) in enumerate(self._first, 1):
@@ -207,21 +208,24 @@ class ActuatorModel:
         return self._once(-1, (ports,), lambda: ports.changed(samples=ports.sampled()))
 
     def _once(self, place: int, asked: tuple[Any, ...], make: Callable[..., Ports], *given: Any) -> Ports:
-        """Return what was made at a place of what is asked for, one of the last two times; else make it."""
-        kept = self._made.get(place, ())
+        """Return the ports of a place from the cache if either of its last two inputs was ``asked``; else compute."""
+        kept = self._cache.get(place, ())
         found = next((one for one in kept if one[0] == asked), None) or (asked, make(*given))
         if found not in kept[:1]:
-            self._made[place] = (found, *kept[:1])
+            self._cache[place] = (found, *kept[:1])
         return found[1]
 
     @cached_property
     def _first(self) -> tuple[tuple[Effect | LawForm, tuple[str, ...]], ...]:
-        """The leading parts that ask for temperatures and their own values only, as those of this library do."""
+        """The leading parts, with their parameters' names, that depend only on temperatures and these parameters.
+
+        Effects of other packages may depend on more, so that they end the sequence.
+        """
         leading = takewhile(_on_temperatures, self._parts)
         return tuple((part, tuple(parameter.name for parameter in part.parameters)) for part in leading)
 
     def _refuse(self, values: Mapping[str, float], names: Sequence[str]) -> None:
-        """Refuse values that are none of this model's, naming what has them."""
+        """Refuse names that are no parameters of this model; the message names the effect that has the parameter."""
         where = f"values of {self!r}"
         for effect in load_effects().values():
             others = [parameter.name for parameter in effect.parameters if parameter.name not in names]
@@ -235,7 +239,7 @@ class ActuatorModel:
 
     @cached_property
     def _parts(self) -> tuple[Effect | LawForm, ...]:
-        """Effects and laws in the order in which they act: by place, laws after effects."""
+        """Effects and laws in the order in which they act: by stage, within a stage laws after effects."""
         staged: list[tuple[str, Effect | LawForm]] = [(effect.acts_on, effect) for effect in self.chosen]
         staged += [(FAMILIES[form.id].stage, form) for form in self.laws]
         return tuple(part for _, part in sorted(staged, key=lambda item: STAGES.index(item[0])))
@@ -252,12 +256,12 @@ class ActuatorModel:
         values : mapping of str to float, optional
             Parameters by public name, in the unit that the name ends in; nominal values where absent.
         history : History, optional
-            What earlier records left behind.
+            State of the springs after earlier records.
 
         Raises
         ------
         ConfigError
-            When a value is none of the model's parameters; the message names the nearest one.
+            When a name in ``values`` is no parameter of the model; the message gives the most similar name.
         """
         return run_ports(self.ports(drive, values or {}, history=history), **self._as_stepped(drive))
 
@@ -268,9 +272,9 @@ class ActuatorModel:
     def seen_rad(
         self, drive: Drive, values: Mapping[str, float], *, history: History | None = None
     ) -> tuple[Floats, Floats]:
-        """Return the angle (n,) that rows are expected to show, and how far a jump between two rows leaves it open.
+        """Return the expected angle (n,) of the rows and its standard deviation (n,) from jumps between two rows.
 
-        A fit asks for it tens of thousands of times.
+        A fit calls this method tens of thousands of times.
         """
         return seen_of_ports(self.ports(drive, values, history=history), **self._as_stepped(drive))
 
@@ -296,7 +300,7 @@ def _acted(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str, 
 
 
 def _begin(drive: Drive, history: History, rig: Rig) -> Ports:
-    """Return the ports of a drive before anything acts on them; nothing writes into their arrays."""
+    """Return the ports of a drive before any effect or law acts; their arrays are shared and never written to."""
     counts = drive.cycles.counts()
     before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
     whole, log_rows = drive.whole

@@ -1,7 +1,7 @@
-"""Where an effect can act on the model: wire temperature, phase, torque, friction, reading.
+"""The ports at which an effect can act on the model: wire temperature, phase, torque, friction, reading.
 
-A :class:`Ports` is what one simulation is made of. The plain model's ports leave everything as it is; an effect is a
-function from ports to ports. Nothing here knows of any effect.
+A :class:`Ports` holds all inputs of one simulation. An effect is a function from ports to ports; the plain model's
+ports are those before any effect. This module does not depend on any effect.
 """
 
 from __future__ import annotations
@@ -25,31 +25,31 @@ from torsight.core.units import DEG, Floats, Ints
 Reading = Callable[[Floats, Floats], Floats]
 
 STEEPEST: Final = 0.9
-"""Share of the way from the second slope to K_M that a loading curve may steepen by: it is wound, not unwound."""
+"""Steepest rise of a loading curve over its second slope, as a share of K_M − K_S: unwinding with K_M is steeper."""
 REACH_RAD: Final = 100.0 * DEG
-"""Angle past an onset at which a law that grows from there has the size by which it is declared, whatever its power."""
+"""Angle beyond an onset at which a power law has its declared size, whatever the exponent."""
 _GOES_ON: Final = 0.05
-"""A transformation goes on while its temperature does, by so much of the phase law's pace at least: a choice."""
+"""Least rate of a transformation whose temperature advances, as a share of the phase law's rate: a choice."""
 _GRID_POINTS: Final = len(PLACES)
-"""Nodes of a table, 1.35° apart over the paper's angles: lines between them miss a wave five times per turn, the
-shortest that a law has, by (2π 1.35° / 72°)² / 8 = 0.2 % of its size."""
+"""Nodes of a table, 1.35° apart over the paper's angles: linear interpolation misses a wave five times per turn, the
+shortest of a law, by (2π 1.35° / 72°)² / 8 = 0.2 % of its size."""
 _GRID_MARGIN: Final = 0.25
-"""How far beyond both ends the tables over the angle go, as a share of θ_P: a choice, the last values hold beyond."""
+"""Extension of the tables over the angle beyond both ends, as a share of θ_P: a choice. The last values hold beyond."""
 SPEEDS_RAD_S: Final = np.linspace(0.0, 1.0, _GRID_POINTS)
 """Speeds of the table of friction over speed; the last value holds beyond. The paper's rig reaches 0.2 rad/s."""
 _SAMPLED: Final = frozenset(("time_s", "temp_a_c", "temp_b_c", "active", "half", "passive_share"))
-"""What the samples are made of."""
+"""Attributes that determine the samples."""
 DWELL_DECADES: Final = np.linspace(0.0, 6.0, _GRID_POINTS)
 """log10(1 + rest in s) of the table of friction after a rest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """What a record leaves behind for a later one: how often A and B had been heated before it.
+    """State of the springs when a log begins: ``cycles`` counts the earlier heatings of A and of B.
 
-    ``after_record`` is true where the simulated log comes after the record that the model was fitted to;
-    ``unwound_rad`` is by how much A and B had been wound further than they stand when the log begins; None: by the rule
-    for homes.
+    ``after_record`` is true where the simulated log comes after the record that the model was fitted to.
+    ``unwound_rad`` is the difference between the last maximum of the winding of A and of B and their winding when the
+    log begins; None: by the rule for homes.
     """
 
     cycles: tuple[int, int] = (0, 0)
@@ -58,18 +58,18 @@ class History:
 
 
 Pair = tuple[Floats | None, Floats | None]
-"""A table of spring A and one of B."""
+"""A table of spring A and a table of spring B."""
 
 
 def no_steeper(torque_nm: Floats, theta_rad: Floats, most: float, least: float = -np.inf) -> Floats:
-    """Return a torque (n,) at rising angles whose slopes, N·m/rad, are held between ``least`` and ``most``."""
+    """Return a torque (n,) at rising angles with its slopes limited to ``least`` … ``most``, N·m/rad."""
     step = np.diff(theta_rad)
     rise = np.clip(np.diff(torque_nm), least * step, most * step)
     return np.concatenate([torque_nm[:1], torque_nm[0] + np.cumsum(rise)])
 
 
 def _added(tables: Pair, torque_nm: Floats, spring: str) -> Pair:
-    """Return tables with a torque added to those of one spring (``a``, ``b``) or of ``both``."""
+    """Return the tables with a torque added to that of one spring (``a``, ``b``) or of ``both``."""
     a, b = (
         table if spring not in ("both", name) else torque_nm if table is None else table + torque_nm
         for name, table in zip("ab", tables, strict=True)
@@ -89,42 +89,43 @@ def _grids_rad(theta_p_rad: float) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Ports:
-    """Everything that drives one simulation.
+    """All inputs of one simulation.
 
     Attributes
     ----------
     rig, rig_b : Rig
-        The values of spring A with those of the rig, and of spring B.
+        The values of the rig with those of spring A, and with those of spring B.
     time_s : (n,) float64
         Times of the rows.
     temp_a_c, temp_b_c : (n,) float64
         Temperature of either wire.
     rate_a_c_s, rate_b_c_s : (n,) float64
-        Slope of the measured temperature that it comes from.
+        Slope of the measured temperature of the wire.
     active : (n,) int8
         0 while A is driven, 1 while B is.
     half : (n,) int64
         Number of the half-cycle.
     cycle : (halves,) int64
-        How often the driven spring had been heated before each half-cycle, the history's cycles included.
+        Number of heatings of the driven spring before each half-cycle, including those of the history.
     half_cycle : (halves,) int64
-        How often either spring had been heated before it.
+        Number of heatings of both springs before each half-cycle.
     room_c : float
         Room temperature.
     drive : Drive
-        What the log tells, at all of its rows.
+        The prepared log, at all of its rows.
     log_rows : (n,) float64
-        From which of its rows, and between which, the temperatures are taken.
+        Rows of the drive from which the temperatures are taken; fractions are interpolated.
     history : History
-        What earlier records left.
+        State of the springs after earlier records.
     section_weight, section_drop_c, section_drop_share : (m,) float64
-        Sections of the wire: share, and how much cooler than the sensor: absolute, and of the excess over the room.
+        Sections of the wire: weight, and temperature below that of the sensor, absolute and as a share of the excess
+        over the room.
     passive_share : float
         Share of the passive spring that transforms at its own temperature and stress.
     theta_l_scale, theta_l_loss_rad : (halves,) float64
-        Factor on the recoverable angle, and what is lost of it whatever the winding.
+        Factor on the recoverable angle, and loss of this angle independent of the winding.
     warmer_heating_c, warmer_cooling_c : (halves,) float64
-        By how much warmer the driven spring transforms than its values say.
+        Shift of the driven spring's transformation temperatures.
     friction_scale : (n,) float64
         Factor on the friction torque.
     passive_scale : (n,) float64 or None
@@ -132,49 +133,49 @@ class Ports:
     cold_scale : (n,) float64 or None
         Factor on the torque of cold martensite, whichever spring is driven.
     side_a_nm, side_b_nm : (n,) float64 or None
-        Torque of either spring beside that of its phase.
+        Torque of either spring in addition to that of its phase.
     slipped_rad : two (n,) float64, or None
-        By how much the fixed ends of A and of B have slipped, so that the spring is wound by so much less.
+        Slip of the fixed ends of A and of B: each spring's winding is reduced by it.
     first_share : float
         Share of its torque that the spring that is driven first carried before the record.
     home_hold : float
         Share of the friction that holds at the start of the record, from −1 to 1.
     heating_bend, cooling_bend : float
-        By how much the transformation runs ahead of the phase law in the middle of its window.
+        Bend of the phase law: its lead is bend · u (1 − u) at the place u in its window.
     loop_memory : float
-        By how much the transformation after an incomplete one remembers where the whole one would be: 0 scales the law
-        to what is left (Liang and Rogers), 1 holds ξ until the whole law comes to it.
+        Memory of a transformation after an incomplete one: 0 scales the law to the remaining share (Liang and Rogers),
+        1 holds ξ until the complete law reaches it.
     lead : two (g,) float64, or None
-        How far the transformation runs ahead of the phase law on heating and on cooling, in windows, over
+        Lead of the transformation over the phase law on heating and on cooling, in windows, over
         :data:`~torsight.actuator.stepping.phase.PLACES`.
     latent_c_s : float
-        By how much a wire is warmer than its sensor says per rate of its ξ.
+        Temperature of a wire above its sensor's reading per rate of ξ.
     viscous_nms, viscous_power : float
         Friction torque at 1 rad/s, and the power of the speed with which it grows.
     dwell_factor : (g,) float64 or None
         Factor on the friction that has to be overcome after a rest, over :data:`DWELL_DECADES`; None: one.
     seat_rad, seat_spread : float
-        By how far what friction acts on gives way before it slides, elastically, at τ_c, in the mean over its elements,
-        0: not at all; and by which share the first of them yield earlier and the last later.
+        Mean angle by which the friction's elastic elements yield at τ_c before the disk slides (0: no elasticity), and
+        the relative spread of their angles about the mean.
     swing : float
-        By which part of a jump after a rest inertia carries the disk past its balance, from 0 to 1.
+        Distance by which inertia carries the disk past its balance, as a share of a jump after a rest, from 0 to 1.
     speed_friction_nm : (g,) float64 or None
-        Friction torque beside the other kinds, over :data:`SPEEDS_RAD_S`; None: none.
+        Additional friction torque over :data:`SPEEDS_RAD_S`; None: none.
     friction_down_nm, friction_up_nm : (g,) float64 or None
         Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
     stray_nm : (g,) float64 or None
         Further torque along φ over θ^A.
     loading_nm : two (g,) float64, or None
-        What the loading curves of A and of B have beside their two slopes, over the spring's own angle
+        Torque of the loading curves of A and of B in addition to the two slopes, over the spring's own angle
         (:meth:`grid_rad`).
     loading_follows : (float, float)
-        Share of that by which the recoverable angle follows the loading curve.
+        Share of this torque that the recoverable angle follows.
     side_nm : two (g,) float64, or None
-        Torque that A and B make beside their phase's, over their own angle (the same grid).
+        Torque of A and of B in addition to that of their phases, over their own angle (the same grid).
     reading : tuple of functions
-        What turns φ at given times into the angle that is read, rad, applied in this order.
+        Functions from φ and times to the reading, rad, applied in this order.
     samples : three arrays, or None
-        What :meth:`sampled` gives, where it has been worked out.
+        Cached result of :meth:`sampled`.
     """
 
     rig: Rig
@@ -230,7 +231,7 @@ class Ports:
     samples: tuple[Floats, Floats, NDArray[np.int8]] | None = None
 
     def changed(self, **values: Any) -> Ports:
-        """Return ports with other values of some attributes, as :func:`dataclasses.replace` does, in less time."""
+        """Return ports with other values of some attributes; a faster :func:`dataclasses.replace`."""
         if not values.keys() <= self.__dict__.keys():
             msg = f"ports have no {', '.join(sorted(values.keys() - self.__dict__.keys()))}"
             raise TypeError(msg)
@@ -242,7 +243,7 @@ class Ports:
         return other
 
     def sampled(self) -> tuple[Floats, Floats, NDArray[np.int8]]:
-        """Return what :func:`~torsight.actuator.stepping.samples.sampled` makes of these temperatures."""
+        """Return the result of :func:`~torsight.actuator.stepping.samples.sampled` for these temperatures."""
         courses = (self.time_s, self.temp_a_c, self.temp_b_c, self.active, self.half)
         return self.samples or sampled(*courses, self.passive_share > 0.0)
 
@@ -256,17 +257,20 @@ class Ports:
 
     @property
     def steepest_bend_nm(self) -> float:
-        """The most by which a loading curve may steepen, N·m/rad."""
+        """The largest slope that a law may add to a loading curve, N·m/rad."""
         return STEEPEST * (self.rig.k_martensite - self.rig.k_stress_induced)
 
     @property
     def load_changes(self) -> bool:
-        """Whether a spring's torque changes by itself, without its phase or its angle."""
+        """Whether a spring's torque may change with time while its phase and its angle are constant."""
         changes = (self.passive_scale, self.cold_scale, self.side_a_nm, self.side_b_nm)
         return any(change is not None for change in changes)
 
     def load_change(self) -> Floats:
-        """Return what changes of the springs' torques, as samples have it (4, n); no column where nothing does."""
+        """Return the changes of the springs' torques with time, as in :class:`Samples`.
+
+        Shape (4, n); (4, 0) where nothing changes.
+        """
         if not self.load_changes:
             return np.zeros((4, 0))
         n = len(self.time_s)
@@ -290,7 +294,7 @@ class Ports:
         return self.changed(slipped_rad=_added(self.slipped_rad, slipped_rad, spring))
 
     def with_friction(self, factor_down: Floats, factor_up: Floats, added_nm: Floats | float = 0.0) -> Ports:
-        """Return ports whose friction over :meth:`grid_rad` is multiplied and added to, for either direction."""
+        """Return ports with factors on the friction over :meth:`grid_rad` per direction, and an added torque."""
         plain = np.full(_GRID_POINTS, self.rig.tau_c_nm)
         down = plain if self.friction_down_nm is None else self.friction_down_nm
         up = plain if self.friction_up_nm is None else self.friction_up_nm
@@ -302,25 +306,25 @@ class Ports:
         return self.changed(speed_friction_nm=torque_nm if before is None else before + torque_nm)
 
     def with_dwell(self, factor: Floats) -> Ports:
-        """Return ports whose friction after a rest is multiplied, over :data:`DWELL_DECADES`."""
+        """Return ports with a further factor on the friction after a rest, over :data:`DWELL_DECADES`."""
         return self.changed(dwell_factor=factor if self.dwell_factor is None else self.dwell_factor * factor)
 
     def with_lead(self, heating: Floats, cooling: Floats) -> Ports:
-        """Return ports whose transformations run further ahead of the phase law, windows over its places."""
+        """Return ports with a further lead of the transformations over the phase law, in windows over its places."""
         before = self.lead or (0.0, 0.0)
         return self.changed(lead=(before[0] + heating, before[1] + cooling))
 
     def moved_places(self) -> tuple[Floats | None, Floats | None]:
-        """Return the leads, held so that no place falls while its temperature goes on."""
+        """Return the leads, limited so that a transformation never reverses while its temperature advances."""
         if self.lead is None:
             return None, None
         heating, cooling = (no_steeper(lead, PLACES, np.inf, _GOES_ON - 1.0) for lead in self.lead)
         return heating, cooling
 
     def with_loading(self, torque_nm: Floats, *, follows: float = 1.0, spring: str = "both") -> Ports:
-        """Return ports whose loading curves have a further torque over the spring's angle (on :meth:`grid_rad`).
+        """Return ports with a further torque of the loading curves over the spring's angle (on :meth:`grid_rad`).
 
-        The recoverable angle follows it by the share ``follows``.
+        The recoverable angle follows this torque by the share ``follows``.
         """
         a, b = (spring in ("both", one) for one in "ab")
         shares = (follows if a else self.loading_follows[0], follows if b else self.loading_follows[1])
@@ -331,17 +335,17 @@ class Ports:
         return self.changed(stray_nm=torque_nm if self.stray_nm is None else self.stray_nm + torque_nm)
 
     def with_side(self, torque_nm: Floats, *, spring: str = "both") -> Ports:
-        """Return ports whose springs make a further torque over their own angle (on :meth:`grid_rad`)."""
+        """Return ports with a further torque of the springs over their own angle (on :meth:`grid_rad`)."""
         return self.changed(side_nm=_added(self.side_nm, torque_nm, spring))
 
     def with_temperatures(self, change: Callable[[Floats, Floats], tuple[Floats, Floats]]) -> Ports:
-        """Return ports whose wires' temperatures and slopes are changed by one rule."""
+        """Return ports with both wires' temperatures and slopes mapped by ``change``."""
         temp_a_c, rate_a = change(self.temp_a_c, self.rate_a_c_s)
         temp_b_c, rate_b = change(self.temp_b_c, self.rate_b_c_s)
         return self.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, rate_a_c_s=rate_a, rate_b_c_s=rate_b)
 
     def behind_sensors(self, lag_a_s: float, lag_b_s: float) -> Ports:
-        """Return ports with the wires' temperatures where sensors of these time constants are behind them."""
+        """Return ports with the wires' temperatures estimated for sensors with these time constants, s."""
         wires_c = []
         for spring, (temp_c, lag_s) in enumerate(((self.temp_a_c, lag_a_s), (self.temp_b_c, lag_b_s))):
             share, shorter, longer = self.drive.sensors.lag_correction(lag_s)
@@ -350,13 +354,13 @@ class Ports:
         return self.changed(temp_a_c=wires_c[0], temp_b_c=wires_c[1])
 
     def at_log_times(self, wanted_s: Floats) -> Ports:
-        """Return ports with the temperatures and half-cycles that stand in the log at other times (n,)."""
+        """Return ports with the temperatures and half-cycles of the log at other times (n,)."""
         moved, cycles = self.read_at(wanted_s), self.drive.cycles
         rows = np.ceil(moved.log_rows).astype(np.int64)
         return moved.changed(active=cycles.active[rows], half=cycles.half[rows])
 
     def read_at(self, wanted_s: Floats) -> Ports:
-        """Return ports with the temperatures that stand in the log at other times (n,), half-cycles as before."""
+        """Return ports with the temperatures of the log at other times (n,), half-cycles unchanged."""
         drive = self.drive
         places = np.interp(wanted_s, drive.time_s, np.arange(float(len(drive))))
         moved = self.changed(log_rows=places)
@@ -371,9 +375,9 @@ class Ports:
         return self.logged(self.drive.time_s)[0]
 
     def logged(self, *courses: Floats) -> tuple[Floats, ...]:
-        """Return courses over the log's rows where the temperatures are taken from, by lines between the rows."""
+        """Return series over the drive's rows, linearly interpolated at ``log_rows``."""
         return tuple(on_lines(course, self.log_rows) for course in courses)
 
     def with_reading(self, reading: Reading) -> Ports:
-        """Return ports with one more step from φ to the angle that is read."""
+        """Return ports with a further function from φ to the reading."""
         return self.changed(reading=(*self.reading, reading))

@@ -1,6 +1,7 @@
-"""Quantities as people write them, by the names of the files: ``E_A_gpa`` is E_A, the austenite's modulus, in GPa.
+"""Symbols and titles of quantities by their names in files: ``E_A_gpa`` is E_A, the austenite's modulus, in GPa.
 
-Those of the actuator stand here, as the paper has them; every effect states symbol and title of its own parameters.
+The actuator's quantities are listed here with the paper's symbols; every effect declares symbol and title of its own
+parameters.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from torsight.core.words.wording import effect_name, estimate
 
 
 class Quantity(NamedTuple):
-    """A symbol, with an underscore before its index, and what it means in a few words; empty where nothing is known."""
+    """A symbol, with an underscore before its index, and its meaning in a few words; empty strings where unknown."""
 
     symbol: str
     title: str
@@ -51,14 +52,14 @@ OF_THE_ACTUATOR: Final[Mapping[str, Quantity]] = MappingProxyType(
 _SUFFIXES: Final = re.compile(
     r"_(deg_per_hour|mnm_per_rad3|mnm_per_rad|mnm_s_per_rad|mpa_per_k|deg_per_s|c_per_s|gpa|mpa|mnm|deg|rad|ppm|mm|px|s|c)$"
 )
-"""Units that the names of quantities end in."""
+"""Unit at the end of a quantity's name."""
 _SPRING_B: Final = "spring_b_"
 _RECORD: Final = re.compile(r"_(\d+)$")
 
 
 @functools.cache
 def quantities() -> Mapping[str, Quantity]:
-    """Return the actuator's quantities and those of all effects, by the names of the files."""
+    """Return the actuator's quantities and those of all effects, by their names in files."""
     from torsight.actuator.effects import load_effects
 
     found = dict(OF_THE_ACTUATOR)
@@ -69,7 +70,7 @@ def quantities() -> Mapping[str, Quantity]:
 
 
 def quantity(name: str) -> Quantity:
-    """Return symbol and title of a value of the JSON outputs: also of spring B, or of a further record."""
+    """Return symbol and title of a value of the JSON outputs, also of one for spring B or for a further record."""
     known = quantities()
     if name in known:
         return known[name]
@@ -84,7 +85,7 @@ def quantity(name: str) -> Quantity:
 
 
 def plain_symbol(name: str) -> str:
-    """Return a quantity's symbol where only plain letters can stand, or its name in words without the unit."""
+    """Return a quantity's symbol for plain text, or its name in words without the unit where it has no symbol."""
     law, at, place = name.partition("@")
     if at and place.isdecimal():
         return f"{candidate_name(law)}, coefficient {int(place) + 1}"
@@ -92,7 +93,7 @@ def plain_symbol(name: str) -> str:
 
 
 def candidate_name(identifier: str) -> str:
-    """Return an effect's name, or a law's title: ``sensor lag``, ``spring B's torque over its winding``."""
+    """Return an effect's name or a law's title: ``sensor lag``, ``spring B's torque over its winding``."""
     from torsight.actuator.laws import FAMILIES
 
     return FAMILIES[identifier].title if identifier in FAMILIES else effect_name(identifier)
@@ -105,15 +106,15 @@ def with_title(name: str) -> str:
 
 
 def in_symbols(words: str, symbol: Callable[[str], str] = plain_symbol) -> str:
-    """Return a sentence with symbols in place of the files' names."""
+    """Return a sentence with symbols in place of the quantities' names."""
     pattern = r"\b(?:" + "|".join(sorted(map(re.escape, quantities()), key=len, reverse=True)) + r")\b"
     return re.sub(pattern, lambda found: symbol(found.group()), words)
 
 
 def for_people(effect: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those values of an effect of ``discovery.json`` that were made of others for people, else all of them.
+    """Return the derived values of an effect of ``discovery.json``; all its values where none are derived.
 
-    Amplitude and phase say more than a sine and a cosine.
+    Amplitude and phase, for example, are more meaningful than sine and cosine parts.
     """
     from torsight.actuator.effects import load_effects
 

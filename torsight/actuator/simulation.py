@@ -1,4 +1,4 @@
-"""A simulation of the model: the compiled rule run on ports, and the angles, fractions and torques that it gives."""
+"""Simulation of the model: the compiled stepping rule applied to ports, and the resulting angles and torques."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from torsight.core.words.shown import Shown, draw_series, share, span
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Simulation(Shown):
-    """What the model says for every row of a drive.
+    """The model's angles, fractions and torques for every row of a drive.
 
     Attributes
     ----------
@@ -36,9 +36,9 @@ class Simulation(Shown):
     torque_a_nm, torque_b_nm, friction_nm : (n,) float64
         Springs' torques, and the friction torque τ_f = τ^B − τ^A (+ stray torque) that holds or brakes.
     temp_a_c, temp_b_c : (n,) float64
-        Wire temperatures that drove it.
+        Wire temperatures of the simulation.
     unwound_rad : (float, float)
-        By how much A and B had been wound further than they stand in the end.
+        Difference between the last maximum of the winding of A and of B and the winding at the last row.
     """
 
     time_s: Floats
@@ -54,7 +54,7 @@ class Simulation(Shown):
     unwound_rad: tuple[float, float]
 
     def at(self, rows: Ints) -> Simulation:
-        """Return it at some of its rows (m,)."""
+        """Return the simulation restricted to the given rows (m,)."""
         columns = (one.name for one in fields(self) if one.name != "unwound_rad")
         return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
@@ -91,13 +91,13 @@ class Prediction(Shown):
     Attributes
     ----------
     angle_rad : (n,) float64
-        As a camera would read it; NaN where the log has no temperature for too long.
+        As a camera would read it; NaN in gaps of the temperatures that are too long to bridge.
     drive : Drive
-        The log, conditioned; with rows between its instants where these are far apart.
+        The conditioned log, with interpolated rows between its instants where these are far apart.
     simulation : Simulation
-        Everything else that the model says, at the log's instants.
+        All other quantities of the model, at the log's instants.
     rows : (n,) int64
-        Which of the drive's rows the log's instants are.
+        Rows of the drive at the log's instants.
     """
 
     angle_rad: Floats
@@ -123,7 +123,7 @@ class Prediction(Shown):
 def run_ports(
     ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
 ) -> Simulation:
-    """Run the kernel on ports, from the angle as read at the first row."""
+    """Run the stepping rule on ports, starting from the reading at the first row."""
     out, unwound = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
     phi = out[0] - 0.5 * ports.rig.theta_p_rad
     friction = out[4] - out[3]
@@ -155,12 +155,12 @@ def angle_of_ports(
 def seen_of_ports(
     ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
 ) -> tuple[Floats, Floats]:
-    """Return the angle (n,) that is expected at the rows, and its standard deviation (n,) there, rad.
+    """Return the expected angle (n,) at the rows, and its standard deviation (n,) from the instants of jumps, rad.
 
-    A film and a log say what happened between two of their rows, not when: either rounds the instant at which a disk
-    lets go to its row, so that it jumps up to a row before or after that of the model, as the sum of two roundings has
-    it (a triangle). The row before the jump and the row after it then show it with the probabilities (1 − s)² / 2 and
-    1 − s² / 2, s the part of the step that has passed.
+    Film and log each round the instant at which a disk breaks loose to one of their rows. So the measured jump comes up
+    to one row before or after the model's, with the distribution of the sum of two roundings (a triangle). The row
+    before the jump and the row after it then show the jump with the probabilities (1 − s)² / 2 and 1 − s² / 2, where s
+    is the part of the step that has passed at the model's jump.
     """
     out, _ = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
     theta_a, sigma = out[0], np.zeros(out.shape[1])
@@ -175,7 +175,7 @@ def seen_of_ports(
 
 
 def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg: float | None) -> tuple[Floats, Floats]:
-    """Return what :func:`torsight.actuator.stepping.kernel.run` gives."""
+    """Return the result of :func:`torsight.actuator.stepping.kernel.run` on ports."""
     start = _unread(start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad
     per_s, temps, directions = ports.sampled()
     return kernel.run(
@@ -208,13 +208,13 @@ def _read(phi_rad: Floats, ports: Ports) -> Floats:
 
 
 _in_order: Final = itemgetter(*(places.SCALARS.names or ()))
-"""Takes the kernel's scalars by their names: a fit asks tens of thousands of times."""
+"""Selects the kernel's scalars by name, quickly: a fit does so tens of thousands of times."""
 
 
 def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> NDArray[np.void]:
     """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
     rig, grid = ports.rig, ports.grid_rad()
-    # Where the load cannot change while the angle stands, samples at which nothing advances are passed over.
+    # Where the load cannot change at a constant angle, the kernel skips samples at which no transformation advances.
     moving_load = ports.passive_share or ports.load_changes or ports.slips or (ports.friction_scale != 1.0).any()
     unwound_a, unwound_b = ports.history.unwound_rad or (-1.0, -1.0)
     common = {
@@ -261,7 +261,7 @@ def _of_spring(ports: Ports, spring: int) -> dict[str, float]:
         "k_m": rig.k_martensite,
         "k_s": rig.k_stress_induced,
         "a_start": rig.a_start_c,
-        # A fit may try values out of order: a window never closes.
+        # A fit may try values out of order: the window keeps a least width.
         "a_width": max(rig.a_finish_c - rig.a_start_c, 0.05),
         "m_finish": rig.m_finish_c,
         "m_width": max(rig.m_start_c - rig.m_finish_c, 0.05),
@@ -275,7 +275,7 @@ def _of_spring(ports: Ports, spring: int) -> dict[str, float]:
 
 
 def _tables(ports: Ports) -> Floats:
-    """Return the kernel's tables; those that are not there are zero and never looked at."""
+    """Return the kernel's tables (k, m); absent ones are zero and never read."""
     given = (
         ports.friction_down_nm,
         ports.friction_up_nm,
@@ -295,7 +295,7 @@ def _tables(ports: Ports) -> Floats:
 
 
 def _unread(angle_rad: float, ports: Ports) -> float:
-    """Return φ at the first row from the angle as read there (the readings are near one to one)."""
+    """Return φ at the first row from the reading there, by fixed-point iteration (a reading is close to φ)."""
     if not ports.reading:
         return angle_rad
     phi = angle_rad

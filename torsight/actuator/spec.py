@@ -1,4 +1,4 @@
-"""The actuator's characterised values: ``ACTUATOR.toml`` read, checked for physical order, and as parameters.
+"""The actuator's characterised values: reading ``ACTUATOR.toml``, checking physical order, parameters of a fit.
 
 Values stay in the public units that their names end in; :class:`torsight.actuator.springs.Rig` converts them once.
 """
@@ -29,7 +29,7 @@ class _Key:
     hint: str
 
     def number(self, table: Mapping[str, Any], name: str, *, where: str) -> float:
-        """Return the value that a table gives under a name, within the range of the key."""
+        """Return the value of a name in a table, checked against the range of the key."""
         return get_number(table, name, where=where, lower=self.lower, upper=self.upper, hint=self.hint)
 
 
@@ -58,7 +58,7 @@ KEYS: Final[Mapping[str, _Key]] = {
     "tau_c_mnm": _Key("friction", "mN·m", 0.0, 1e4, "give it in mN·m"),
     "zero_deg": _Key("sticks", "°", -360.0, 360.0, _DEGREES),
 }
-"""Every key of ``ACTUATOR.toml`` with its table, unit and the range outside which it must be a slip."""
+"""Every key of ``ACTUATOR.toml`` with its table, its unit and the range outside which a value must be a mistake."""
 
 
 def keys_of(*tables: str) -> tuple[str, ...]:
@@ -68,11 +68,11 @@ def keys_of(*tables: str) -> tuple[str, ...]:
 
 _OF_SPRINGS: Final = keys_of("geometry", "material")
 ALL_KEYS: Final[Mapping[str, _Key]] = {**KEYS, **{SPRING_B + name: KEYS[name] for name in _OF_SPRINGS}}
-"""The same with the values that spring B may have for itself."""
+"""``KEYS``, and the keys of values that may be given for spring B alone."""
 _CHARACTERISED: Final = tuple(name for name in keys_of("material") if not name.startswith("C_"))
 ZERO_SIGMA_DEG: Final = 30.0
-"""Standard deviation of the sticks' zero where nobody has measured it: they are mounted by eye, more or less alike.
-Half and twice of it leave every digit of friction and zero that is printed, on two records that another rig made."""
+"""Standard deviation of the sticks' zero where it was not measured: the sticks are mounted by eye. Half and twice this
+value change no printed digit of friction and zero, on two records of an independently simulated rig."""
 
 TABLES: Final = ("geometry", "material", "assembly", "friction", "sticks", "spring_b", "uncertainty")
 _REQUIRED: Final = TABLES[:4]
@@ -96,9 +96,9 @@ class ActuatorSpec(Frozen):
     values : mapping of str to float
         Value by public name, in the unit that the name ends in (``E_A_gpa``, ``tau_c_mnm``).
     uncertainty : mapping of str to float
-        One standard deviation of those that are not exact; they are priors of a fit.
+        Standard deviations of the values that are not exact: the widths of their priors in a fit.
     source : str
-        File that they come from, for messages.
+        File that the values come from, for messages.
     """
 
     values: Mapping[str, float]
@@ -122,17 +122,17 @@ class ActuatorSpec(Frozen):
         return f"ActuatorSpec({self.source}, {len(self.values)} values, {len(self.uncertainty)} with an uncertainty)"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all values as parameters: free where they carry an uncertainty, and the friction torque always.
+        """Return all values as parameters; those with an uncertainty are free, and the friction torque always is.
 
-        The sticks' zero is among them, free within :data:`ZERO_SIGMA_DEG` where it was not measured.
+        The sticks' zero is included, with the standard deviation :data:`ZERO_SIGMA_DEG` where it was not measured.
         """
-        made = []
+        parameters = []
         zero = {} if "zero_deg" in self.values else {"zero_deg": 0.0}
         for name, value in {**self.values, **zero}.items():
             sigma = ZERO_SIGMA_DEG if name in zero else self.uncertainty.get(name)
             free = sigma is not None or name == "tau_c_mnm"
             lower, upper = fit_bounds(name, value, sigma)
-            made.append(
+            parameters.append(
                 Parameter(
                     name=name,
                     value=value,
@@ -143,11 +143,11 @@ class ActuatorSpec(Frozen):
                     fixed=not free,
                 )
             )
-        return tuple(made)
+        return tuple(parameters)
 
     @property
     def exact(self) -> tuple[str, ...]:
-        """Names of the moduli, temperatures and the critical angle that have no uncertainty: they count as exact."""
+        """Names of the moduli, temperatures and the critical angle without an uncertainty, which count as exact."""
         return tuple(name for name in _CHARACTERISED if name in self.values and name not in self.uncertainty)
 
     def to_tables(self) -> dict[str, dict[str, Any]]:
@@ -163,9 +163,10 @@ class ActuatorSpec(Frozen):
 
 
 def fit_bounds(name: str, value: float, sigma: float | None) -> tuple[float, float]:
-    """Return the bounds within which a fit may move a value: 40 sigmas, and never out of its kind's range.
+    """Return the bounds of a value in a fit: 40 standard deviations to either side, within the range of its key.
 
-    Wide on purpose: a value that is pulled many sigmas off is a finding, and a bound that holds it would hide it.
+    The bounds are wide on purpose: an estimate many standard deviations from the characterised value is a finding,
+    which a bound would hide.
     """
     key = ALL_KEYS[name]
     if name == "tau_c_mnm":
@@ -189,7 +190,7 @@ def read_actuator(path: AnyPath) -> ActuatorSpec:
 
 
 def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
-    """Return the spec of the tables of ``ACTUATOR.toml``.
+    """Return the spec given by the tables of ``ACTUATOR.toml``.
 
     Raises
     ------
@@ -221,7 +222,7 @@ def _numbers(table: Mapping[str, Any], names: Iterable[str], *, where: str) -> d
 
 
 def _spring_b(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, float], dict[str, float]]:
-    """Return values and uncertainties that the second spring has for itself: any of geometry and material."""
+    """Return the values and uncertainties for spring B alone: any keys of geometry and material."""
     check_keys(table, (*_OF_SPRINGS, "uncertainty"), where=where)
     given = {name: value for name, value in table.items() if name != "uncertainty"}
     if LENGTH_KEYS & given.keys():
@@ -231,7 +232,7 @@ def _spring_b(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, float]
 
 
 def _wanted(table_name: str, table: Mapping[str, Any], names: tuple[str, ...], *, where: str) -> tuple[str, ...]:
-    """Return the keys to read: the wire's length is given, or follows from coils and their mean diameter."""
+    """Return the keys to read: the wire's length, or the number of coils and their mean diameter."""
     if table_name != "geometry":
         return names
     if "wire_length_mm" in table:
@@ -259,7 +260,7 @@ def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, whe
 
 
 def _sigma(table: Mapping[str, Any], name: str, values: Mapping[str, float], *, where: str) -> float:
-    """Return one standard deviation of a value: a larger one than the value itself is one in another unit."""
+    """Return the standard deviation of a value; one larger than the value itself is refused as in another unit."""
     key = ALL_KEYS[name]
     upper = 30.0 if key.unit == "°C" else max(abs(values[name]), 1e-3)
     if name == "zero_deg":

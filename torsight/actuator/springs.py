@@ -57,7 +57,7 @@ class Rig:
 
     @classmethod
     def from_values(cls, values: Mapping[str, float]) -> Rig:
-        """Convert public values (``E_A_gpa``, ``theta_cr_deg``, …) to SI, those of spring A where they differ."""
+        """Convert public values (``E_A_gpa``, ``theta_cr_deg``, …) of spring A and the rig to SI units."""
         diameter_m = values["wire_diameter_mm"] * MM
         length_m = wire_length_mm(values) * MM
         stress = stress_per_torque(diameter_m)
@@ -97,32 +97,32 @@ class Rig:
 
 
 SPRING_B: Final = "spring_b_"
-"""Prefix of the names of values that the second spring has for itself."""
+"""Prefix of the names of values that hold for spring B alone."""
 
 
 LENGTH_KEYS: Final = frozenset(("wire_length_mm", "mean_diameter_mm", "active_coils"))
-"""What says how long a wire is: its length, or the other two."""
+"""Keys that determine the length of a wire: the length itself, or mean diameter and number of coils."""
 
 
 def own_of_b(values: Mapping[str, float]) -> dict[str, float]:
-    """Return what spring B has for itself, by the common names."""
+    """Return the values that hold for spring B alone, by their names without the prefix."""
     return {name.removeprefix(SPRING_B): value for name, value in values.items() if name.startswith(SPRING_B)}
 
 
 def common(values: Mapping[str, float]) -> dict[str, float]:
-    """Return what is not spring B's alone."""
+    """Return the values that do not hold for spring B alone."""
     return {name: value for name, value in values.items() if not name.startswith(SPRING_B)}
 
 
 def values_of_b(values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values with those that spring B has for itself in place of the common ones."""
+    """Return the values of spring B: its own values where given, else the common ones."""
     own = own_of_b(values)
     replaced = LENGTH_KEYS if LENGTH_KEYS & own.keys() else frozenset()
     return {**{name: value for name, value in values.items() if name not in replaced}, **own}
 
 
 def wire_length_mm(values: Mapping[str, float]) -> float:
-    """Return L_s as given, or N0 π D0 (2)."""
+    """Return L_s as given, or as N0 π D0 (2), mm."""
     if "wire_length_mm" in values:
         return values["wire_length_mm"]
     return values["active_coils"] * math.pi * values["mean_diameter_mm"]
@@ -146,10 +146,10 @@ def torsional_stiffness(rig: Rig, theta_rad: Floats, *, xi: float) -> Floats:
 def strain_ratio(
     theta_rad: Floats, *, wire_diameter_m: float, wire_length_m: float, active_coils: float, compression_m: float
 ) -> Floats:
-    """Return γ / ε of figure 4 for an axial pre-compression L_δ; it falls with θ: only bending strain is modelled.
+    """Return γ / ε of figure 4 for an axial pre-compression L_δ.
 
     Shear strain γ = (N0 + θ/2π) π d L_δ / L_s² (4), Wahl factor one; normal strain ε = C1 θ (7), from winding alone:
-    the strain from shaping is annealed away.
+    the strain from shaping is annealed away. The ratio falls with θ, so that the model has bending strain only.
     """
     coils = active_coils + theta_rad / (2.0 * math.pi)
     shear = coils * math.pi * wire_diameter_m * compression_m / wire_length_m**2

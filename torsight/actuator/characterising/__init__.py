@@ -1,1 +1,1 @@
-"""Characterisation: from the logs of four tests of a spring to its values with intervals (public units) and figures."""
+"""Characterisation: a spring's values with intervals (public units) and figures, from the logs of four tests."""

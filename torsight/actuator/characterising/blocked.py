@@ -1,6 +1,6 @@
 # mypy: disable-error-code="no-any-return"
 # Elements of numpy arrays carry no type that mypy could check against float.
-"""The blocked spring, compiled: the force whose stress shifts the transformation that makes it."""
+"""The blocked spring, compiled: its force, whose stress in turn shifts the transformation that causes the force."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from torsight.core.units import Floats
 
 @inlined
 def _law_less(xi: float, above_c: float, width_c: float, e_a: float, e_m: float, shift: float) -> float:
-    """Return the fraction that the law gives at the stress of ξ, less ξ; it falls as ξ grows."""
+    """Return the fraction by the phase law at the stress for ξ, minus ξ; this difference falls as ξ grows."""
     place = (above_c - shift * (e_a + xi * (e_m - e_a)) * (1.0 - xi)) / width_c
     if place <= 0.0:
         return 1.0 - xi
@@ -23,13 +23,13 @@ def _law_less(xi: float, above_c: float, width_c: float, e_a: float, e_m: float,
 
 @compiled
 def blocked_modulus(temp_c: Floats, low_c: float, width_c: float, e_a: float, e_m: float, shift: float) -> Floats:
-    """Return E(ξ) (1 − ξ) in GPa at the ξ whose stress it makes itself, at temperatures (n,).
+    """Return E(ξ) (1 − ξ) in GPa at temperatures (n,), with ξ consistent with the stress that it causes.
 
-    From full martensite (13) and from full austenite (14) are one cosine over their windows. More martensite means less
-    force, less stress, and so (by the law) less martensite: one root in [0, 1], bracketed (Anderson–Björck).
+    From full martensite (13) and from full austenite (14) are the same cosine over their windows. More martensite means
+    less force, less stress, and so (by the law) less martensite: one root in [0, 1], bracketed (Anderson–Björck).
 
     The window without stress begins at ``low_c``: A_s while heating, M_f while cooling; moduli are in GPa, and
-    ``shift`` is by how much the window moves, °C per GPa of E(ξ) (1 − ξ).
+    ``shift`` is the shift of the window, °C per GPa of E(ξ) (1 − ξ).
     """
     out = np.empty_like(temp_c)
     for k in range(temp_c.size):

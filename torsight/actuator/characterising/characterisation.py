@@ -1,12 +1,12 @@
-"""Values of a spring from its four tests, with intervals; the paper's section 4.1.
+"""Estimation of a spring's values, with intervals, from four tests; the paper's section 4.1.
 
 1. Free recovery (torque-free): θ = θ_d ξ(T), A_s and A_f of both phase laws.
 2. Force against angle at room temperature: slopes E_M and E_S; their lines meet in the critical angle.
-3. Block test, heating: F = C1 θ_0 E(ξ) (1 − ξ) / (C2 L_l), ξ by (13) at the stress that F itself makes: E_A and C_A.
-   The fit moves 1/C, in kelvin per megapascal.
+3. Block test, heating: F = C1 θ_0 E(ξ) (1 − ξ) / (C2 L_l), ξ by (13) at the stress that F itself causes: E_A and C_A.
+   The parameter of the fit is 1/C, in kelvin per megapascal.
 4. Block test, cooling: the same with (14): M_s, M_f and C_M.
 
-Each step takes the values of the steps before it as priors with their uncertainty.
+Each step uses the values of the steps before it as priors, with their uncertainty.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def characterise(
     Raises
     ------
     InputError
-        When a test does not hold what its step needs.
+        When a test lacks the data that its step needs.
     """
     recovery = {}
     for number, law in enumerate(SHARE_DONE):
@@ -79,7 +79,7 @@ def characterise(
 
 
 def _require_plausible(estimates: Mapping[str, Estimate], *, where: str) -> None:
-    """Refuse values that no spring has: a log in another unit than its column says."""
+    """Refuse values that no spring has, which indicate a log in another unit than its column name states."""
     for name, item in estimates.items():
         key = KEYS[name]
         if not key.lower <= item.value <= key.upper:
@@ -142,7 +142,7 @@ def free_recovery(tests: SpringTests, *, law: str) -> Step:
 
 
 def _crossing(tests: SpringTests, temps: list[Floats]) -> tuple[float, float]:
-    """Return the temperatures at which 90 % and 10 % of the first recovery are left, for a start."""
+    """Return the temperatures at which 90 % and 10 % of the first recovery remain: start values of the fit."""
     item, temp = tests.recoveries[0], temps[0]
     width = max(3, len(temp) // 40)
     angle = np.convolve(np.pad(item.angle_deg, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), "valid")
@@ -150,7 +150,7 @@ def _crossing(tests: SpringTests, temps: list[Floats]) -> tuple[float, float]:
 
 
 def _falls(share: Floats, temp: Floats) -> tuple[float, float]:
-    """Return the temperatures at which a share falls below 90 % and below 10 %; the middle and the end if never."""
+    """Return the temperatures at which a share falls below 90 % and 10 %; if never, the median and the last one."""
     start, finish = (
         temp[int(np.argmax(share < level))] if (share < level).any() else otherwise
         for level, otherwise in ((0.9, np.median(temp)), (0.1, temp[-1]))
@@ -159,7 +159,7 @@ def _falls(share: Floats, temp: Floats) -> tuple[float, float]:
 
 
 def _parts(logs: Iterable[Floats]) -> list[slice]:
-    """Return where each log lies when all are put one behind the other."""
+    """Return the slice of each log in the concatenation of all logs."""
     ends = np.cumsum([0, *(len(log) for log in logs)])
     return [slice(a, b) for a, b in pairwise(ends.tolist())]
 
@@ -218,7 +218,7 @@ def force_angle(tests: SpringTests) -> Step:
 
 
 def _experiments(tests: SpringTests) -> list[str]:
-    """Return a name for every log of force against angle: its range, and which of that range it is."""
+    """Return a name for every log of force against angle: its range, and its number among the logs of this range."""
     names: list[str] = []
     for item in tests.forces:
         kind = "large" if item.large else "small"
@@ -265,7 +265,7 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
     start -= top * tests.stress_per_force / (influence * MPA)
     width = Parameter("width_c", max(start - finish, 3.0), "°C", lower=0.5, upper=150.0)
     others = (
-        # One block test says little of it alone; in NiTi both influences are alike, here to within a factor or so.
+        # One block test determines C_M poorly; in NiTi C_A and C_M are similar: a prior at C_A, as wide as its value.
         Parameter("k_per_mpa", 1.0 / influence, "K/MPa", lower=_K_RANGE[0], upper=_K_RANGE[1], sigma=1.0 / influence),
         _carried(known, "E_A_gpa"),
         _carried(known, "E_M_gpa"),
@@ -276,8 +276,8 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
         window = {**values, "M_f_c": low, "M_s_c": low + values["width_c"]}
         return stiffness * blocked_force(tests, window, temp, cooling=True)
 
-    # One block test ties M_s, M_f and the influence of stress together, far from linear: either end of the window is
-    # fitted in its turn as a parameter, the other by the width, and the intervals are those of profiles.
+    # In one block test M_s, M_f and C_M are strongly and nonlinearly correlated. So each end of the window is fitted in
+    # turn as a parameter, with the other given by the width, and the intervals come from profile likelihoods.
     def fitted(name: str, value: float, profiled: tuple[str, ...]) -> CurveFit:
         end = Parameter(name, value, "°C", lower=-150.0, upper=200.0)
         return fit_curve(model, (end, width, *others), force, profiled=profiled, what="block test, cooling")
@@ -290,7 +290,7 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
 
 
 def blocked_force(tests: SpringTests, values: Mapping[str, float], temp_c: Floats, *, cooling: bool) -> Floats:
-    """Return E(ξ) (1 − ξ) in GPa of the blocked spring, ξ by (13) or (14) at the stress that it makes itself."""
+    """Return E(ξ) (1 − ξ) in GPa of the blocked spring, ξ by (13) or (14) at the stress that this force causes."""
     low, high = ("M_f_c", "M_s_c") if cooling else ("A_s_c", "A_f_c")
     stress_per_gpa = tests.force_per_deg_gpa * tests.block.pre_deformation_deg * tests.stress_per_force
     width_c = max(values[high] - values[low], 1e-3)
@@ -315,9 +315,9 @@ def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Floats, Floats]:
 
 
 def _influence(kelvin: Estimate) -> Estimate:
-    """Return C from its inverse, in which the curve is nearly linear: the interval's ends are those of the inverse.
+    """Return C from 1/C, in which the curve is nearly linear: the interval's ends are the inverses of those of 1/C.
 
-    The sigma is no more than the value: beyond that it says no more than that.
+    The standard deviation is limited to the value: a larger one carries no further information.
     """
     least, most = _K_RANGE
     inverse = min(max(kelvin.value, least), most)
@@ -327,7 +327,7 @@ def _influence(kelvin: Estimate) -> Estimate:
 
 
 def _carried(known: Mapping[str, Estimate], name: str) -> Parameter:
-    """Return a value of an earlier step as a prior."""
+    """Return a parameter whose prior is the estimate of an earlier step."""
     item = known[name]
     return Parameter(name, item.value, item.unit, sigma=max(item.sigma, 1e-9))
 

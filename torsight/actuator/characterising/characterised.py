@@ -1,4 +1,4 @@
-"""The result of a characterisation: the steps of one spring, and the values that they give."""
+"""The result of a characterisation: the steps of one spring, and the estimates from them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from torsight.core.words.wording import estimate as words
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step(Frozen):
-    """One step: its values, its error, and what was fitted against what was measured.
+    """One step: its estimates, its error, and the measured and fitted curves.
 
-    ``curves`` are (x, measured, fitted) by name; ``beyond`` is what the logs hold outside the part that counts.
+    ``curves`` are (x, measured, fitted) by name; ``beyond`` holds the rows of the logs outside the fitted range.
     """
 
     estimates: Mapping[str, Estimate]
@@ -38,7 +38,7 @@ class Step(Frozen):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Characterisation(Frozen, Shown):
-    """All steps of one spring, and the values that they give.
+    """All steps of one spring, and the estimates from them.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Characterisation(Frozen, Shown):
     estimates : mapping of str to Estimate
         Characterised values by the names of ``actuator.toml``.
     spec : ActuatorSpec
-        For ``actuator.toml``.
+        The content of ``actuator.toml``.
     """
 
     steps: Mapping[str, Step]

@@ -1,7 +1,7 @@
-"""Least squares of one curve, with priors and intervals that count a residual's correlation.
+"""Least squares of one curve, with priors, and intervals that account for the residual's correlation.
 
-What the characterisation of a spring needs at every step: values carried over from an earlier step enter with their
-uncertainty, so that it reaches what is fitted here.
+Every step of the characterisation of a spring uses it. Estimates of an earlier step enter as priors, so that their
+uncertainty propagates to the parameters that are fitted here.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from torsight.core.units import Floats
 Model = Callable[[Mapping[str, float]], Floats]
 
 _ROUNDS: Final = 4
-"""Fits, each with the scatter and correlation that the one before left: on the paper's logs (``torsight paper``) values
-after half of them are within 0.01 standard deviations of these, after twice of them within 2e-5."""
+"""Number of fits, each with the residual scatter and correlation of the fit before. On the paper's logs (``torsight
+paper``) the values after half as many are within 0.01 standard deviations of these, after twice as many within 2e-5."""
 _STEP: Final = 1e-4
-"""Step of the slopes in a value's own scale: half way, in digits, from rounding to the values' standard deviations."""
+"""Step of the derivatives in units of a value's scale: in digits, halfway between rounding and standard deviation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveFit(Frozen):
-    """A fitted curve: best values, the same with sigmas and 95 % intervals, and their covariance (p, p) by ``names``.
+    """A fitted curve: best values, estimates with 95 % intervals, and the covariance (p, p) in the order of ``names``.
 
-    ``fitted`` and ``residual`` (n,) are the curve, and measured less curve; ``rmse`` is in the unit of the measured
-    values, ``r2`` the share of their variance that is explained.
+    ``fitted`` is the curve (n,) and ``residual`` measured minus fitted (n,); ``rmse`` is in the unit of the measured
+    values, ``r2`` the explained share of their variance.
     """
 
     values: Mapping[str, float]
@@ -58,9 +58,9 @@ def fit_curve(
 ) -> CurveFit:
     """Fit parameters to a measured curve (n,); a parameter's ``sigma`` makes its value a prior.
 
-    Each of the ``parts`` was recorded in one go, with a scatter and a correlation of its own. Of ``profiled``
-    parameters, in which the curve is far from linear, the interval ends where the best of all others costs 95 %'s worth
-    more; of the others it follows from the curvature. ``what`` is the curve's name in messages.
+    Each of the ``parts`` is one recording, with its own scatter and correlation. The intervals of ``profiled``
+    parameters, in which the curve is strongly nonlinear, are 95 % profile-likelihood intervals; those of the other
+    parameters follow from the curvature. ``what`` is the curve's name in messages.
     """
     from scipy.optimize import least_squares
 
@@ -86,7 +86,7 @@ def fit_curve(
         found = least_squares(misfit, u, jac=partial(_slopes, misfit), bounds=(lower, upper), max_nfev=200)
         u, status = found.x, found.status
         residual = measured - curve(u)
-        # Parameters take their share of freedom from every part alike.
+        # The degrees of freedom that the parameters take up are shared by all parts in proportion to their rows.
         taken = len(measured) / max(1, len(measured) - len(names))
         for part in parts or (slice(None),):
             rows = correlation_time([residual[part]])
@@ -120,10 +120,10 @@ def fit_curve(
 
 
 def _slopes(misfit: Callable[[Floats], Floats], u: Floats) -> Floats:
-    """Return by how much each misfit (n,) grows with each value (p,): central differences, (n, p).
+    """Return the Jacobian (n, p) of the misfit (n,) by central differences.
 
-    The step is one of the values' own scales, not of the values: these are near 0 here, and steps in proportion to them
-    would be lost in rounding.
+    The steps are proportional to the scales of the values, not to the values: these are near 0 here, and steps in
+    proportion to them would be lost in rounding.
     """
     steps = _STEP * np.eye(len(u))
     return np.stack([(misfit(u + step) - misfit(u - step)) / (2.0 * _STEP) for step in steps], axis=1)
@@ -132,7 +132,7 @@ def _slopes(misfit: Callable[[Floats], Floats], u: Floats) -> Floats:
 def _profile_end(
     misfit: Callable[[Floats], Floats], best: Floats, number: int, step: float, bounds: tuple[Floats, Floats]
 ) -> float:
-    """Return where one parameter, all others at their best for it, costs 1.96² more than the best (or its bound)."""
+    """Return the end of a parameter's profile-likelihood interval: cost 1.96² above the least, or the bound."""
     from scipy.optimize import brentq, least_squares
 
     lower, upper = bounds
@@ -146,7 +146,7 @@ def _profile_end(
             whole[others], whole[number] = free, place
             return misfit(whole)
 
-        # From the best for the nearest place that was tried.
+        # Start from the optimum of the others at the nearest value tried so far.
         guess = min(found_at, key=lambda item: abs(item[0] - place))[1]
         inside = np.clip(guess, lower[others] + 1e-9, upper[others] - 1e-9)
         found = least_squares(

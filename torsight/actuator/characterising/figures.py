@@ -1,4 +1,4 @@
-"""Figures of the paper that the model or a characterisation makes, drawn to files."""
+"""The paper's figures, computed from the model or a characterisation and drawn to files."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def draw_panels(
     y_label: str,
     notes: Sequence[Mapping[str, tuple[float, float]]] = (),
 ) -> Path:
-    """Draw curves to panels side by side; ``notes`` are words at places, per panel."""
+    """Draw curves to panels side by side; ``notes`` are labels by their coordinates, per panel."""
     from matplotlib.figure import Figure
 
     figure = Figure(
@@ -70,7 +70,7 @@ def draw_panels(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionCycle:
-    """One cycle in θ^A: both torques (N·m), half-cycle of every row, friction, and the rows of the corners 1 to 4."""
+    """One cycle over θ^A: both torques (N·m), half-cycle of every row, friction, and the rows of the corners 1 to 4."""
 
     theta_rad: Floats
     torque_a_nm: Floats
@@ -149,7 +149,7 @@ def motion_figure(path: Path, cycles: Mapping[str, MotionCycle], rig: Rig) -> Pa
 def step_figure(
     path: Path, step: Step, *, title: str, x_label: str, y_label: str, others: Mapping[str, Step] | None = None
 ) -> Path:
-    """Draw a characterisation step: measured and fitted curves (figures 9 to 12), one colour for each log."""
+    """Draw the measured and fitted curves of a characterisation step (figures 9 to 12), one colour per log."""
     lines = []
     for number, (name, (x, measured, fitted)) in enumerate(step.curves.items()):
         order, colour = np.argsort(x), f"C{number}"
@@ -193,7 +193,7 @@ def characterisation_figures(folder: Path, found: Characterisation) -> list[Path
 
 
 def _only(step: Step, kind: str) -> Step:
-    """Return a step with the logs of one range alone."""
+    """Return a step restricted to the logs of one range."""
     return replace(
         step,
         curves={_short(name): item for name, item in step.curves.items() if name.startswith(kind)},

@@ -1,8 +1,8 @@
-"""The paper's figures on the reference rig, and its numbers beside ours.
+"""The paper's figures on the reference rig, and the paper's numbers beside those of this code.
 
-The tables of the paper are lost; the reference rig was chosen to satisfy every number in its text. Figures 9 to 12 are
-drawn from logs that the model makes with the scatter that the paper reports, and are characterised like measured ones;
-the rig of figure 17 is off from its characterised values by their usual errors.
+The tables of the paper are lost; the reference rig was chosen to satisfy every number in the paper's text. Figures 9 to
+12 are drawn from logs that the model simulates with the scatter that the paper reports; these logs are characterised
+like measured ones. The rig of figure 17 differs from its characterised values by their usual errors.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from torsight.core.units import DEG, MNM, MPA, Floats
 CASE_B_TAU_C_MNM: Final = 2.6
 """A friction at which the reference rig is in case (b), which begins at 1.59 mN·m (``stable_cycle``)."""
 _ANGLE_NOISE_RAD: Final = 0.1 * DEG
-"""White noise of the record that is fitted for a figure, a choice: twice what a good film leaves."""
+"""White noise of the record that is fitted for figure 17, a choice: twice the noise of a good film."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,12 +59,12 @@ class FrictionTest:
 
     @property
     def off_deg(self) -> Floats:
-        """Measured less modelled angle."""
+        """Measured minus modelled angle."""
         return self.measured_deg - self.modelled_deg
 
 
 def make_paper(out: Path, *, seed: int = 0, progress: Progress = silent) -> dict[str, Any]:
-    """Draw figures 4, 5, 7, 9 to 12 and 15 to 17 into a folder, with ``paper.json``; return its content."""
+    """Draw figures 4, 5, 7, 9 to 12 and 15 to 17 into a folder, write ``paper.json`` and return its content."""
     spec = reference_spec()
     rig = Rig.from_values(spec.values)
     case_a = play(spec.values)
@@ -107,7 +107,7 @@ def make_paper(out: Path, *, seed: int = 0, progress: Progress = silent) -> dict
 
 
 def _motion(played: Played, values: Mapping[str, float]) -> MotionCycle:
-    """Return both torques over θ^A in one cycle; the corners are where each heating and each cooling ends."""
+    """Return both torques over θ^A in one cycle; its corners are the ends of the heatings and coolings."""
     simulation, half = played.simulation, played.drive.cycles.half
     theta = simulation.phi_rad + 0.5 * Rig.from_values(values).theta_p_rad
     cooled = int(np.flatnonzero(half == 0)[-1])
@@ -119,9 +119,9 @@ def _motion(played: Played, values: Mapping[str, float]) -> MotionCycle:
 
 
 def _friction_test(*, seed: int) -> FrictionTest:
-    """Return the paper's last step: its cycle of A measured on a rig whose values are off by the usual errors.
+    """Return the paper's last step: the cycle of A measured on a rig whose values differ by the usual errors.
 
-    As in the paper all characterised values are taken as exact; the friction torque is fitted, and the sticks' zero.
+    As in the paper all characterised values are taken as exact; the friction torque and the sticks' zero are fitted.
     """
     rng = np.random.default_rng([seed, 17])
     values = dict(REFERENCE_VALUES)

@@ -1,4 +1,4 @@
-"""The paper's programme and its spring tests, played on its reference rig."""
+"""The paper's programme and spring tests, simulated on the reference rig."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _ROOM_C: Final = 23.0
 _HOT_C: Final = 76.0
 _STEP_S: Final = 0.25
 _AT_ITS_GOAL_S, _OFF_S, _END_S = 500.0, 600.0, 900.0
-"""Ten minutes of heating and five of natural cooling, as in the paper; when the temperature is at its goal is a
-choice."""
+"""Ten minutes of heating and five of natural cooling, as in the paper; the time at which the temperature reaches its
+reference is a choice."""
 _BLOCK_DEG: Final = 85.0
 _LEVER_MM: Final = 26.4
 """Pre-deformation in the block test and length of the lever, as in the paper."""
 _WARMING: Final = 0.1
-"""Share of its neighbour's heating by which the other spring warms up (figure 16 shows that it does): a choice. At half
-and at twice of it nothing moves otherwise, since 23 °C + 0.2 · 53 °C are still below A_s."""
+"""Share of the driven spring's heating by which the other spring warms up (as figure 16 shows): a choice. Half and
+twice this share change no motion, since 23 °C + 0.2 · 53 °C is still below A_s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,10 @@ class Played:
 
 
 def paper_log() -> TemperatureLog:
-    """Return ten minutes of heating and five of natural cooling of A, then of B; the other spring warms a little."""
+    """Return the log of ten minutes of heating and five of natural cooling, of A and then of B.
+
+    The other spring warms up a little.
+    """
     time_s = np.arange(0.0, _END_S, _STEP_S)
     rise = np.clip(time_s / _AT_ITS_GOAL_S, 0.0, 1.0)
     on, off = time_s < _OFF_S, np.zeros(len(time_s), np.bool_)
@@ -70,7 +73,7 @@ def paper_log() -> TemperatureLog:
 
 
 def play(values: Mapping[str, float]) -> Played:
-    """Return the paper's programme on a rig that starts from its own stable cycle."""
+    """Simulate the paper's programme on a rig that starts from its own stable cycle."""
     spec = ActuatorSpec(values, source="reference rig")
     model = ActuatorModel(spec)
     rig = Rig.from_values(values)

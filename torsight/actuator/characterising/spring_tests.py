@@ -1,4 +1,4 @@
-"""The four tests of one spring as files: ``TESTS.toml`` and the logs that it names.
+"""The four tests of one spring as files: ``TESTS.toml`` and its logs.
 
 ::
 
@@ -21,12 +21,12 @@
     file = "block.csv"
     pre_deformation_deg = -85.0
 
-    [assembly]                    # what no test of a spring can say; for actuator.toml
+    [assembly]                    # values that no test of a spring determines; for actuator.toml
     theta_p_deg = 1080.0
     [friction]
     tau_c_mnm = 0.8
 
-Files are relative to the TOML. Angles and pre-deformations may carry either sign: their sizes count.
+Paths are relative to the TOML file. Angles and pre-deformations may have either sign: their magnitudes count.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ from torsight.core.series import block_means
 from torsight.core.units import DEG, GPA, MM, Flags, Floats
 
 LARGE_RANGE_DEG: Final = (300.0, 400.0)
-"""Part of the large range that the paper fits: the beginning is martensite's own slope, the end may stiffen."""
+"""Part of the large range that the paper fits: such a log begins with the slope of E_M, and may end with stiffening."""
 _GEOMETRY: Final = keys_of("geometry")
 _MOST_ROWS: Final = 4000
-"""Rows of a test that are fitted; denser ones are averaged, since a curve has no more to say."""
+"""Largest number of rows of a test that are fitted; denser logs are averaged, without loss for so smooth a curve."""
 _LEAST_PRE_DEFORMATION_DEG: Final = 5.0
-"""A smaller one is in radians: the paper's 85° are 1.5."""
+"""A smaller value is most likely in radians: the paper's 85° are 1.5 rad."""
 _RANGES: Final = {
     "temp_c": (-275.0, 225.0, "give temperatures in °C, not in kelvin"),
     "angle_deg": (-1e5, 1e5, "give angles in degrees"),
@@ -64,7 +64,7 @@ _RANGES: Final = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recovery:
-    """Free recovery: temperatures °C, sizes of the angle °, and of the pre-deformation °."""
+    """Free recovery: temperatures (°C), magnitudes of the angle (°) and of the pre-deformation (°)."""
 
     temp_c: Floats
     angle_deg: Floats
@@ -74,7 +74,7 @@ class Recovery:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceAngle:
-    """Force against the size of the angle at room temperature, over the part that counts."""
+    """Force against the magnitude of the angle at room temperature; the fit's range is ``low_deg`` to ``high_deg``."""
 
     angle_deg: Floats
     force_n: Floats
@@ -85,7 +85,7 @@ class ForceAngle:
 
     @property
     def inside(self) -> Flags:
-        """The rows that count."""
+        """The mask of the rows to which the line is fitted."""
         return (self.angle_deg >= self.low_deg) & (self.angle_deg <= self.high_deg)
 
 
@@ -101,7 +101,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpringTests(Frozen):
-    """All four tests, and what belongs to them."""
+    """All four tests, the spring's geometry, and the values for ``actuator.toml`` that no test determines."""
 
     geometry: Mapping[str, float]
     lever_m: float
@@ -130,14 +130,14 @@ class SpringTests(Frozen):
 
 
 def read_tests(path: AnyPath) -> SpringTests:
-    """Read ``TESTS.toml`` and the logs that it names.
+    """Read ``TESTS.toml`` and its logs.
 
     Raises
     ------
     ConfigError
         For an unknown or missing key or table, or a value out of range.
     InputError
-        When a log is missing, lacks a column, or holds too little.
+        When a log is missing, lacks a column, or has too few rows.
     """
     path = Path(path)
     content = read_toml(path)
@@ -177,7 +177,7 @@ def read_tests(path: AnyPath) -> SpringTests:
 
 
 def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, where: str) -> tuple[Floats, Floats, str]:
-    """Return two columns of a log, thinned by means over neighbours, and its name."""
+    """Return two columns of a log, thinned by means over neighbouring rows, and the log's path."""
     name = folder / get_text(table, "file", where=where)
     frame = read_table(name, required=columns)
     rows = frame[list(columns)].to_numpy(np.float64)

@@ -1,8 +1,8 @@
-"""Effects that the quasi-static model lacks: one file each, found by folder.
+"""Effects that the quasi-static model lacks: one module each, found by listing this folder.
 
-A module ``effects/<id>.py`` declares ``EFFECT``, an :class:`Effect`. Adding one touches nothing else: models, fits, the
-discovery, the model file and the common test find it here. A parameter's row begins with its name, start, unit and both
-bounds.
+A module ``effects/<id>.py`` declares ``EFFECT``, an :class:`Effect`. A new module needs no other change: models, fits,
+discovery, the model file and the common test find it in this folder. The first arguments of a :class:`Parameter` are
+its name, start, unit and both bounds.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from torsight.core.words.wording import number
 ActsOn = Literal["clock", "temperature", "phase", "torque", "friction", "reading"]
 Values = Mapping[str, float]
 STAGES: Final = ("clock", "temperature", "phase", "torque", "friction", "reading")
-"""Places at which effects and laws act, in the order in which they do."""
+"""Stages at which effects and laws act, in their order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """A value for people that follows from fitted ones.
+    """A value for the report that is computed from fitted parameters.
 
     Attributes
     ----------
     name, unit : str
         Public name and unit.
     value : callable
-        From the values of the effect's parameters.
+        Function of the values of the effect's parameters.
     period : float or None
-        Period of an angle: its interval is taken around the value, not across the fold.
+        Period of an angular value: its interval is unwrapped around the value.
     symbol, title : str
-        As the equation has it, and in a few words.
+        Symbol in the effect's equation, and meaning in a few words.
     """
 
     name: str
@@ -84,25 +84,25 @@ class Effect(Shown):
     apply : callable
         Pure function from ports and values (public units) to ports.
     starts : tuple of mappings
-        Further starting points of a fit, by parameter name.
+        Further start values of a fit, by parameter name.
     starts_from : callable or None
-        From the measured angle (rad, NaN where there is none) to still further ones.
+        Function from the measured angle (rad, NaN where not measured) to further start values.
     derived : tuple of Derived
-        Further values for people, made of the fitted ones (amplitude and phase of a sine and a cosine).
+        Further values for the report, computed from the fitted ones (amplitude and phase of a sine and a cosine).
     propose : callable or None
-        From times and the plain model's residual (measured less model, rad) to starting points, best first.
+        Function from times and the plain model's residual (measured minus model, rad) to start values, best first.
     seen : callable or None
-        Logarithm of how much more probable what the tracker saw is with the effect than without it, at most zero; from
-        times and angles of all rows (s, rad), the times of those that were fitted, and values.
+        Log-likelihood ratio, at most zero, of the tracked angles with the effect against without it; a function of
+        times and angles of all rows (s, rad), the times of the fitted rows, and the parameters' values.
     jumps : bool
-        True where it changes when the angle jumps, so that derivatives see hardly anything of it; its parameters that
-        are positive are then found by trials, too.
+        True where the effect changes the instants at which the angle jumps, to which derivatives are hardly sensitive:
+        its positive parameters are then also searched without derivatives.
     is_clock : bool
-        True for an error between two recorders' clocks: it is not applied in predictions.
+        True for an error between two recorders' clocks, which is not applied in predictions.
     order : int
-        Among effects that act at the same place, smaller ones come first; then the ids decide.
+        Order among effects of the same stage, ascending; effects of equal order act in the order of their ids.
     laws : tuple of str
-        Ids of the laws (:mod:`torsight.actuator.laws`) of which it is a usual form.
+        Ids of the laws (:mod:`torsight.actuator.laws`) of which the effect is a usual form.
     """
 
     id: str
@@ -122,7 +122,7 @@ class Effect(Shown):
     laws: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, str]:
-        """Return id, title, family, where it acts, and each parameter's range."""
+        """Return id, title, family and stage, and each parameter's range."""
         facts = {"id": self.id, "title": self.title, "family": self.family, "acts on": self.acts_on}
         for one in self.parameters:
             facts[one.name] = f"starts at {number(one.value)}, {number(one.lower)} to {number(one.upper)} {one.unit}"
@@ -135,7 +135,7 @@ class Effect(Shown):
         return {key: [getattr(one, name) for one in self.parameters] for key, name in names.items()}
 
     def _draw(self, axes: Any) -> None:
-        """Draw where each parameter starts, between the bounds that it has."""
+        """Draw each parameter's start value and bounds."""
         for place, one in enumerate(self.parameters):
             axes.plot([one.lower, one.upper], [place, place], "|-", color="0.6")
             axes.plot(one.value, place, "o", color="C0")
@@ -159,16 +159,16 @@ def load_effects() -> Mapping[str, Effect]:
 
 
 def always_fitted() -> tuple[Effect, ...]:
-    """Return the effects that every fit has beside the characterised values and that are never named.
+    """Return the effects that every fit includes beside the characterised values and that discovery never names.
 
-    They say what came before the record (family ``start``), how far the laws' own form may be off (``form``), and what
-    is left between the clocks (``remainder``).
+    They describe the springs' state before the record (family ``start``), the deviation of the phase law's form
+    (``form``), and the remaining offset between the clocks (``remainder``).
     """
     return tuple(effect for effect in load_effects().values() if effect.family in ("start", "form", "remainder"))
 
 
 def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Return effects by id."""
+    """Return the effects with the given ids, in the order in which they act."""
     known = load_effects()
     for name in ids:
         if name not in known:
@@ -177,5 +177,5 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
 
 
 def _order(effect: Effect) -> tuple[int, int, str]:
-    """Return where an effect acts: clocks first, then sensors, then the rig, the camera last."""
+    """Return the sort key of an effect: stage (clocks first, the camera last), then order, then id."""
     return STAGES.index(effect.acts_on), effect.order, effect.id

@@ -2,7 +2,7 @@ r"""Play between the disk and the stick.
 
 .. math:: ψ_i = \min(\max(ψ_{i-1}, \, φ_i − w/2), \, φ_i + w/2)
 
-φ angle of the disk, ψ of the stick, w the play (°): the stick follows the disk once half the play is used up on either
+φ angle of the disk, ψ of the stick, w the play (°): the stick follows the disk once half the play is taken up on either
 side. Predicted residual: a step of w at every change of direction. Source: Tao and Kokotovic, Adaptive Control of
 Systems with Actuator Nonlinearities (1996).
 """
@@ -22,7 +22,7 @@ from torsight.core.units import DEG, Floats
 
 @compiled
 def follow(angle_rad: Floats, half_rad: float) -> Floats:
-    """Return what follows an angle through a play of twice ``half_rad``; at the start it leans to the positive side."""
+    """Return the angle of a stick that follows a disk through a play of ``2 * half_rad``, centred at the start."""
     out = np.empty_like(angle_rad)
     follower = angle_rad[0]
     for i in range(angle_rad.size):
@@ -32,7 +32,7 @@ def follow(angle_rad: Floats, half_rad: float) -> Floats:
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Let the reading follow through the play."""
+    """Let the reading follow the disk's angle through the play."""
     half_rad = 0.5 * values["play_deg"] * DEG
     return ports.with_reading(lambda phi_rad, _time_s: follow(phi_rad, half_rad))
 

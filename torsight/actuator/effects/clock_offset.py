@@ -23,7 +23,7 @@ def temperature_time(time_s: Floats, *, offset_s: float, drift_ppm: float) -> Fl
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Take temperatures and half-cycles from where they stand in the log."""
+    """Read temperatures and half-cycles from the log at the temperature log's times."""
     offset_s, drift_ppm = values["clock_offset_s"], values["clock_drift_ppm"]
     if offset_s == 0.0 and drift_ppm == 0.0:
         return ports

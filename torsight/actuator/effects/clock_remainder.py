@@ -1,12 +1,12 @@
-r"""The clocks of camera and temperature logger were put together, but not exactly.
+r"""The clocks of camera and temperature logger were synchronised, but not exactly.
 
 .. math:: T(t) → T(t) + δ_r \, dT/dt
 
-T temperature in the log (°C), t film time (s), δ_r by how much the log is still ahead (s). No effect of the rig: every
-record has a remainder of its own, and where none is allowed, small effects of the temperatures' rate have to make up
-for it. So the discovery always fits δ_r beside the characterised values and never names it; an error of the clocks that
-is larger is a clock offset. Later records have clocks of their own. Source: computers that a network keeps on one time
-agree within tens of milliseconds (Mills, RFC 5905).
+T temperature in the log (°C), t film time (s), δ_r remaining offset of the log's clock (s). It is no effect of the rig:
+every record has its own remainder, and a model without it would need small effects of the temperatures' rate to
+compensate for it. So discovery always fits δ_r beside the characterised values and never names it; a larger error of
+the clocks is a clock offset. Later records have clocks of their own. Source: computers whose clocks a network
+synchronises agree within tens of milliseconds (Mills, RFC 5905).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Take the temperatures from a little later in the log, to first order."""
+    """Read the temperatures slightly later in the log, to first order."""
     ahead_s = values["clock_remainder_s"]
     return ports.with_temperatures(lambda temp, rate: (temp + ahead_s * rate, rate))
 
@@ -43,7 +43,7 @@ EFFECT: Final = Effect(
         ),
     ),
     apply=apply,
-    # After the sensors' lag, which reads the log anew.
+    # After the sensors' lag, which reads the log again and would discard this shift.
     order=1,
     is_clock=True,
 )

@@ -3,8 +3,8 @@ r"""Tight coils rub on each other.
 .. math:: τ_f = τ_c + k R \sum_{A,B} \left(\frac{(θ − θ_{on})_+}{R}\right)^p
 
 θ winding of either spring, θ_on winding beyond which coils touch (°), k mean rise of friction over the first R = 100°
-(mN·m/rad), p exponent (1: a line; more where ever more coils touch). Predicted residual: grows towards the ends of the
-stroke, its sign follows the direction of motion. Source: the paper, section 4.1, step 2.
+(mN·m/rad), p exponent (1: a line; more where ever more coils touch). Predicted residual: it grows towards the ends of
+the stroke, and its sign follows the direction of motion. Source: the paper, section 4.1, step 2.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def rubbing_torque(
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Add the rubbing to the friction, the same for both directions."""
+    """Add the rubbing torque to the friction, the same for both directions."""
     added = rubbing_torque(
         ports.grid_rad(),
         theta_p_rad=ports.rig.theta_p_rad,

@@ -1,11 +1,12 @@
-r"""The wound cold spring gives way with the logarithm of time.
+r"""The wound cold spring relaxes with the logarithm of time.
 
 .. math:: τ_p \, (1 − c \log_{10}(1 + t / t_0))
 
-τ_p torque of the spring that is not driven, t time since the other one was switched on (s), c share lost per decade,
-t_0 time from which it shows (s). A spring that is driven has its whole torque again; the first one had been waiting as
-long as the first half-cycle lasts. Predicted residual: the angle creeps on in a hold, slow heatings go further. Source:
-relaxation of stress-induced martensite, e.g. Grabe and Bruhns, Int. J. Solids Struct. 45 (2008) 1876.
+τ_p torque of the spring that is not driven, t time since the driven one was switched on (s), c share of the torque lost
+per decade, t_0 onset time (s). A spring regains its whole torque when it is driven; the spring that is driven first is
+assumed to have relaxed before the record for as long as the first half-cycle lasts. Predicted residual: the angle
+creeps on in a hold, and slow heatings go further. Source: relaxation of stress-induced martensite, e.g. Grabe and
+Bruhns, Int. J. Solids Struct. 45 (2008) 1876.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Scale the passive spring's torque."""
+    """Scale the torque of the spring that is not driven."""
     begins_s = ports.time_s[np.searchsorted(ports.half, ports.half)]
     decades = np.log10(1.0 + (ports.time_s - begins_s) / values["creep_onset_s"])
     left = 1.0 - values["creep_per_decade"] * decades

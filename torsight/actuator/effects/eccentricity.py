@@ -2,10 +2,10 @@ r"""Disk or markers are off the axis, or the camera is tilted.
 
 .. math:: φ_{read} = φ + e \sin(φ + φ_0) + t \sin(2 φ + φ_t)
 
-e error once per turn (°), t error twice per turn (°; a camera tilted by ψ makes ψ²/4); the fit moves their sine and
-cosine parts, e_s and e_c, t_s and t_c. Predicted residual: a function of the angle alone, the same in both directions;
-none that changes at rest. Source: eccentricity and tilt error of angle encoders, e.g. Slocum, Precision Machine Design
-(1992), ch. 4.
+e amplitude of the error once per turn (°), t of the error twice per turn (°; ψ²/4 for a camera tilted by ψ); the fitted
+parameters are their sine and cosine parts, e_s and e_c, t_s and t_c. Predicted residual: a function of the angle alone,
+the same in both directions, constant at rest. Source: eccentricity and tilt error of angle encoders, e.g. Slocum,
+Precision Machine Design (1992), ch. 4.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _SYMBOLS: Final = (
 
 
 def read_angle(phi_rad: Floats, *, once: tuple[float, float], twice: tuple[float, float]) -> Floats:
-    """Return the angle that is read; ``once`` and ``twice`` are sine and cosine parts, rad."""
+    """Return the reading; ``once`` and ``twice`` are the errors' sine and cosine parts, rad."""
     error = once[0] * np.sin(phi_rad) + once[1] * np.cos(phi_rad)
     return phi_rad + error + twice[0] * np.sin(2.0 * phi_rad) + twice[1] * np.cos(2.0 * phi_rad)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Add the error to what the camera reads."""
+    """Add the error to the camera's reading."""
     parts = [values[name] * DEG for name in _NAMES]
     once, twice = (parts[0], parts[1]), (parts[2], parts[3])
     return ports.with_reading(lambda phi_rad, _time_s: read_angle(phi_rad, once=once, twice=twice))

@@ -1,10 +1,10 @@
-r"""A stop at one end of the stroke: disk, stick or lead wire comes up against something.
+r"""A stop at one end of the stroke: disk, stick or lead wire touches an obstacle.
 
 .. math:: τ_b − τ_a − τ_f − k \, s \, (s \, (φ − φ_s))_+ = 0, \quad s = \mathrm{sign} \, φ_s
 
-φ_s where the stop stands (°), k its stiffness (mN·m/rad), alike for both directions. Predicted residual: strokes to one
-side end early, all at the same angle, however far the spring would go. Source: unilateral contact by a stiff spring,
-e.g. Brogliato, Nonsmooth Mechanics (2016), ch. 2.
+φ_s angle of the stop (°), k its stiffness (mN·m/rad), the same for loading and unloading. Predicted residual: strokes
+to one side end early, all at the same angle, however far the spring alone would drive. Source: unilateral contact
+modelled as a stiff spring, e.g. Brogliato, Nonsmooth Mechanics (2016), ch. 2.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from torsight.core.series import extent
 from torsight.core.units import DEG, MNM, Floats
 
 _BEFORE_DEG: Final = 2.0
-"""How far inside the ends of the motion a stop is looked for first: beyond them it would change nothing."""
+"""Distance of a stop's start value inside the ends of the motion: beyond them a stop would have no effect."""
 
 
 def stop_torque(phi_rad: Floats, *, stop_rad: float, stiffness_nm: float) -> Floats:
-    """Return the torque of a stop that stands at an angle and keeps what is nearer to zero free, N·m."""
+    """Return the torque of a stop at ``stop_rad``, N·m; it is zero at angles nearer to zero than the stop."""
     side = 1.0 if stop_rad >= 0.0 else -1.0
     return -stiffness_nm * side * np.maximum(0.0, side * (phi_rad - stop_rad))
 
@@ -35,7 +35,7 @@ def stiffness(name: str, title: str) -> Parameter:
 
 
 def ends_deg(angle_rad: Floats) -> tuple[float, float]:
-    """Return where stops may be: a little before the lowest and the highest angle that was measured."""
+    """Return the start values of stops: slightly inside the lowest and the highest measured angle."""
     low_deg, high_deg = extent(angle_rad / DEG)
     return low_deg + _BEFORE_DEG, high_deg - _BEFORE_DEG
 

@@ -1,8 +1,8 @@
-r"""Stops at both ends of the stroke, as stiff as each other.
+r"""Stops at both ends of the stroke, with equal stiffness.
 
 .. math:: τ_b − τ_a − τ_f − k \, ((φ − φ_+)_+ − (φ_- − φ)_+) = 0
 
-:math:`φ_+` and :math:`φ_-` where the stops stand (°), k their stiffness (mN·m/rad). Predicted residual and source:
+:math:`φ_+` and :math:`φ_-` angles of the stops (°), k their stiffness (mN·m/rad). Predicted residual and source: as in
 :mod:`torsight.actuator.effects.end_stop`, for the strokes to both sides.
 """
 
@@ -27,7 +27,7 @@ def apply(ports: Ports, values: Values) -> Ports:
 
 
 def starts_from(angle_rad: Floats) -> tuple[Values, ...]:
-    """Return stops at the ends."""
+    """Return stops at both ends."""
     low_deg, high_deg = ends_deg(angle_rad)
     return ({"stops_low_deg": low_deg, "stops_high_deg": high_deg},)
 

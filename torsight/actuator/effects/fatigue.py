@@ -2,11 +2,11 @@ r"""The recoverable angle falls from cycle to cycle.
 
 .. math:: θ_L(n) = θ_L \, (1 − (1 − p) \, l_n) − p \, l_n θ_{L,0}, \quad l_n = 1 − (1 − r)^{1 + q + … + q^{n−1}}
 
-n how often this spring had been heated before, r loss in the first cycle, q what each further cycle loses as a share
-of the one before (1: without end; less: towards a limit), p share of the loss that is an angle whatever the winding
-(plastic strain), θ_{L,0} recoverable angle after winding by two thirds of θ_P. Predicted residual: changes with the
-number of the cycle, not within one; the stroke gets shorter. Later records go on counting. Source: functional fatigue
-of NiTi, e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
+n number of earlier heatings of the spring, r loss in the first cycle, q loss of each further cycle relative to the
+cycle before (1: without limit; less: towards a limit), p share of the loss that is independent of the winding (plastic
+strain), θ_{L,0} recoverable angle after winding by two thirds of θ_P. Predicted residual: it changes from cycle to
+cycle, not within one; the stroke gets shorter. Later records continue the count. Source: functional fatigue of NiTi,
+e.g. Eggeler et al., Mater. Sci. Eng. A 378 (2004) 24.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _WOUND: Final = 2.0 / 3.0
 
 
 def persistence(name: str, what: str) -> Parameter:
-    """Return the parameter q: what each cycle changes as a share of what the one before did."""
+    """Return the parameter q: the change in each cycle relative to the change in the cycle before."""
     title = f"{what} of a cycle as a share of the one before"
     return Parameter(f"{name}_persistence", 1.0, "", 0.0, 1.0, sigma=0.3, symbol="q", title=title)
 
@@ -43,7 +43,7 @@ def recoverable_share(cycle: Ints, *, loss: float, persistence: float) -> Floats
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Scale the recoverable angle of every half-cycle, and take from it what is plastic."""
+    """Scale the recoverable angle of every half-cycle, and subtract the plastic part of the loss."""
     share = recoverable_share(ports.cycle, loss=values["fatigue_per_cycle"], persistence=values["fatigue_persistence"])
     plastic = values["fatigue_plastic_share"]
     whole_rad = ports.rig.recoverable_angle(_WOUND * ports.rig.theta_p_rad)

@@ -5,9 +5,9 @@ recovery pulls against the driven spring:
 
 .. math:: τ_p = τ_{mart}(θ_p) + w K(ξ_p) (1 − ξ_p) θ_L(θ_p), \qquad T_p = T_{p,m} + c (T_a − T_{p,m})
 
-T_{p,m} measured temperature of the other spring, T_a of the driven one (°C), c share of the difference that reaches
-the wire but not its sensor. Predicted residual: a threshold; nothing while the other spring is cold, then a shorter
-stroke and an early return at the hot end. Source: the paper, section 4.2 and its figure 16.
+T_{p,m} measured temperature of the other spring, T_a of the driven one (°C), c share of the temperature difference that
+reaches the other spring's wire but not its sensor. Predicted residual: a threshold; zero while the other spring is
+cold, then a shorter stroke and an early return at the hot end. Source: the paper, section 4.2 and its figure 16.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-r"""A wire that transforms takes up heat or sets it free: its core is cooler or warmer than where the sensor is.
+r"""A wire that transforms absorbs or releases latent heat: it is cooler or warmer than at the sensor.
 
 .. math:: T = T_m + ℓ \, dξ/dt
 
-T wire temperature, T_m measured, ξ martensite fraction of the same spring, ℓ difference per rate of it (°C s).
-Predicted residual: late while it transforms, in proportion to how fast, and nothing at rest. Source: Leo, Shield and
-Bruno, Acta Metall. Mater. 41 (1993) 2477.
+T wire temperature, T_m measured, ξ martensite fraction of the same spring, ℓ temperature difference per rate of ξ
+(°C s). Predicted residual: the motion is late in proportion to the rate of transformation; none at rest. Source: Leo,
+Shield and Bruno, Acta Metall. Mater. 41 (1993) 2477.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Set what a transformation's pace does to the temperatures."""
+    """Set the temperature difference per rate of transformation."""
     return ports.changed(latent_c_s=ports.latent_c_s + values["latent_c_s"])
 
 

@@ -2,11 +2,11 @@ r"""A marker shifts on its stick, or the camera is bumped.
 
 .. math:: φ_{read} = φ + s \, H(t − t_s)
 
-s step of the reading (°), t_s its time on the film's clock (s). A row is the mean over half a second, or over as far as
-the nearer of its neighbours where rows stand for more: one that the step falls into has a share of it, and that tells
-its time. Predicted residual: a jump that stays, at no particular angle or temperature. A later record's start
-angle holds the step already: it stays. Source: change-point in a measured level, e.g. Basseville and Nikiforov,
-Detection of Abrupt Changes (1993), ch. 2.
+s step of the reading (°), t_s its time on the film's clock (s). A row is a mean over half a second, or over the
+distance to its nearer neighbour where that is longer. A row within which the step occurs has a share of the step, which
+determines the step's time. Predicted residual: a permanent jump, at no particular angle or temperature. The start angle
+of a later record includes the step, which remains. Source: change-point in a measured level, e.g. Basseville and
+Nikiforov, Detection of Abrupt Changes (1993), ch. 2.
 """
 
 from __future__ import annotations
@@ -22,30 +22,31 @@ from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
 _LEAST_HALF_S: Final = 0.25
-"""Half of the time over which a row is a mean at least."""
+"""Half of the shortest time over which a row is averaged."""
 _BESIDE: Final = 6
-"""Rows on either side of a step that tell it: a parabola and a step leave eight of twelve to tell the noise."""
+"""Rows on either side of a step that are fitted: a parabola and a step leave eight of twelve degrees of freedom for the
+noise."""
 _LASTS_S: Final = (0.0, 5.0, 20.0)
-"""How long a marker may slide."""
+"""Durations for which a marker may slide."""
 _LEAST_STEP_RAD: Final = 0.1 * DEG
-"""A difference that nobody would miss: no step is known better."""
+"""A difference of no importance: least standard deviation of a step."""
 
 
 def half_widths_s(time_s: Floats) -> Floats:
-    """Return half of the time (n,) over which each row is a mean, s."""
+    """Return half of the time (n,) over which each row is averaged, s."""
     gap = np.diff(time_s)
     nearer = np.minimum(np.append(gap, np.inf), np.insert(gap, 0, np.inf))
     return np.maximum(_LEAST_HALF_S, 0.5 * np.where(np.isfinite(nearer), nearer, 0.0))
 
 
 def step(time_s: Floats, *, at_s: float) -> Floats:
-    """Return the share of a step at a time that each row (n,) has, 0 to 1."""
+    """Return the share, 0 to 1, of a step at ``at_s`` that each row (n,) contains."""
     half_s = half_widths_s(time_s)
     return np.clip((time_s - at_s) / (2.0 * half_s) + 0.5, 0.0, 1.0)
 
 
 def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
-    """Return the times and heights at which a step explains most of a residual (NaN: not measured)."""
+    """Return times and heights of the steps that explain most of a residual (NaN: not measured)."""
     good = np.flatnonzero(np.isfinite(residual_rad))
     n = len(good)
     if n < 20:
@@ -54,14 +55,14 @@ def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
     count = np.arange(1, n)
     before, after = total[:-1] / count, (total[-1] - total[:-1]) / (n - count)
     gain = (after - before) ** 2 * count * (n - count) / n
-    # A step inside a motion hides behind the motion's error: the largest in every eighth of the record.
+    # The model's error in motion may exceed the gain of a step: take the best step in every eighth of the record.
     parts = [part for part in np.array_split(np.arange(5, n - 6), 8) if len(part)]
     found = sorted((int(part[np.argmax(gain[part])]) for part in parts), key=lambda i: -gain[i])
     found = [i for i in found if after[i] != before[i]]
     half_s = half_widths_s(time_s)
 
     def time_of(i: int) -> float:
-        # Of the rows on either side, the one that lies between the levels has the step within it.
+        # Of the rows on either side, the one whose residual lies between the two levels contains the step.
         share = np.clip((residual_rad[good[[i, i + 1]]] - before[i]) / (after[i] - before[i]), 0.0, 1.0)
         k = int(share[0] <= 1.0 - share[1])
         return float(time_s[good[i + k]] + half_s[good[i + k]] * (1.0 - 2.0 * share[k]))
@@ -70,12 +71,13 @@ def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
 
 
 def seen(time_s: Floats, angle_rad: Floats, fitted_s: Floats, values: Values) -> float:
-    r"""Return what the rows around a step say of it: the logarithm of a likelihood ratio, at most zero.
+    r"""Return the log-likelihood ratio of a step, at most zero, from the single rows around the step.
 
-    A fit sees means over many rows. From one row to the next a step is seen, or not: beside a parabola through the rows
-    on either side, a step ŝ of variance v gives :math:`\ln Λ = (ŝ^2 - (ŝ - s)^2) / 2 v`. The fit knows the time of the
-    step to the neighbours of the fitted rows around it, and a marker may slide for a while: the largest Λ counts. Where
-    no angle was seen for longer than from a row to the next, a step could hide.
+    A fit uses means over many rows; the single rows show whether there is a step from one to the next. A least-squares
+    fit of a parabola and a step ŝ of variance v to the rows on either side gives
+    :math:`\ln Λ = (ŝ^2 - (ŝ - s)^2) / 2 v`. The fit determines the time of the step to the neighbouring fitted rows,
+    and a marker may slide for a while: the largest Λ over times and durations counts. Where rows are missing around one
+    of these times, a step cannot be excluded, and the result is zero.
     """
     usual_s = usual_step(time_s)
     k = int(np.searchsorted(fitted_s, values["slip_time_s"]))
@@ -100,19 +102,19 @@ def seen(time_s: Floats, angle_rad: Floats, fitted_s: Floats, values: Values) ->
 
 
 def _step_beside(time_s: Floats, angle_rad: Floats) -> tuple[float, float]:
-    """Return the step at time zero beside a parabola through a few rows, and its variance."""
+    """Return a step at time zero, fitted together with a parabola to a few rows, and the step's variance."""
     x = time_s / float(np.max(np.abs(time_s)))
     columns = np.column_stack([np.ones_like(x), x, x**2, x > 0.0])
     inverse = np.linalg.inv(columns.T @ columns)
     fitted = inverse @ columns.T @ angle_rad
-    left = angle_rad - columns @ fitted
-    # What a parabola misses is alike over the rows on one side: they count as one error, not as many.
-    noise = float(left @ left) / (len(x) - columns.shape[1])
+    residual = angle_rad - columns @ fitted
+    # The parabola's misfit is correlated over the rows on one side: they count as one error, not as many.
+    noise = float(residual @ residual) / (len(x) - columns.shape[1])
     return float(fitted[-1]), max(1.0, float(inverse[-1, -1])) * noise + _LEAST_STEP_RAD**2
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Add the step to what the camera reads; after the record it is there from the start."""
+    """Add the step to the camera's reading; in later records it is present from the start."""
     height = values["slip_deg"] * DEG
     at_s = -np.inf if ports.history.after_record else values["slip_time_s"]
     return ports.with_reading(lambda phi_rad, time_s: phi_rad + height * step(time_s, at_s=at_s))

@@ -2,9 +2,9 @@ r"""The wire's ends and contacts are cooler than its middle.
 
 .. math:: ξ = (1 − w) ξ(T) + w ξ(T − ΔT)
 
-T temperature at the sensor (°C), w share of the wire that is cooler, ΔT by how much (°C). Both parts carry one torque.
-Predicted residual: the end of the stroke is smeared and its corners are rounded; heating ends later. Source: end
-conduction of heated wires, e.g. Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, ch. 3 (fins).
+T temperature at the sensor (°C), w cooler share of the wire, ΔT its temperature difference (°C). Both parts carry the
+same torque. Predicted residual: the end of the stroke is smeared and its corners are rounded; heating ends later.
+Source: end conduction of heated wires, e.g. Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, ch. 3 (fins).
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@ r"""The phase law's form is an approximation.
 
 .. math:: u → u + b_h \, u (1 − u), \qquad u → u + b_c \, u (1 − u)
 
-u place in the law's window, 0 at its start and 1 at its end; b by how much the transformation runs ahead of the law in
-its middle (below 0: behind), b_h on heating and b_c on cooling. No effect of the rig: every wire has a form of its own,
-and where only the cosine is allowed, other values and effects have to make up for it. So the discovery always fits b
-beside the characterised values, within a percent or two, and never names it. Source: Liang and Rogers, J. Intell.
-Mater. Syst. Struct. 1 (1990) 207, who choose the cosine for its shape.
+u place in the law's window, 0 at its start and 1 at its end; b lead of the transformation over the law (below 0: lag),
+largest in the middle of the window, b_h on heating and b_c on cooling. It is no effect of the rig: every wire's law has
+its own form, and with the cosine alone other values and effects would compensate for the difference. So discovery
+always fits b beside the characterised values, within a percent or two, and never names it. Source: Liang and Rogers, J.
+Intell. Mater. Syst. Struct. 1 (1990) 207, who choose the cosine for its shape.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Set the bends."""
+    """Set the bends of the phase law on heating and on cooling."""
     return ports.changed(heating_bend=values["heating_bend"], cooling_bend=values["cooling_bend"])
 
 

@@ -3,9 +3,10 @@ r"""Friction changes once per turn: an eccentric shaft or thread.
 .. math:: τ_f = τ_c (1 + a (\sin ψ + h \sin 3ψ)), \qquad ψ = φ + φ_0, \quad a \sin ψ = a_s \sin φ + a_c \cos φ
 
 a amplitude as a share of τ_c, φ_0 phase (rad), h third harmonic: above zero the wave is flat at its extremes (a thread
-that binds over a part of the turn), below it is pointed. The fit moves a_s and a_c, which are well conditioned, and the
-amplitude and phase are reported. Predicted residual: once per turn in angle, its sign follows the direction of motion.
-Source: position-dependent friction of screw drives, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083.
+that binds over a part of the turn), below zero pointed. The fitted parameters are a_s and a_c, which are well
+conditioned; amplitude and phase are reported. Predicted residual: a wave once per turn of the angle, whose sign follows
+the direction of motion. Source: position-dependent friction of screw drives, e.g. Armstrong-Hélouvry et al.,
+Automatica 30 (1994) 1083.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def friction_factor(phi_rad: Floats, *, sine: float, cosine: float, third_harmon
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Multiply the friction, the same for both directions."""
+    """Multiply the friction by the wave, the same for both directions."""
     factor = friction_factor(
         ports.phi_grid_rad(),
         sine=values["friction_sine"],

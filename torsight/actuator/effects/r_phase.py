@@ -1,10 +1,10 @@
-r"""A small early step, there and back at nearly one temperature: the R-phase.
+r"""The R-phase: a small early step of torque that reverses at nearly the same temperature.
 
 .. math:: τ_R = K_M θ_R \, (1 − \cos π x) / 2, \quad x = (T − T_R) / w \in [0, 1]
 
-θ_R recoverable angle of the step (°), T_R temperature at which it begins, w its width (°C), for each spring at its own
-temperature. Predicted residual: an early start of the stroke that goes back as the spring cools. Source: Otsuka and
-Ren, Prog. Mater. Sci. 50 (2005) 511, section 3.
+θ_R recoverable angle of the step (°), T_R temperature at which the step begins, w its width (°C), for each spring at
+its own temperature. Predicted residual: an early start of the stroke, which reverses as the spring cools. Source:
+Otsuka and Ren, Prog. Mater. Sci. 50 (2005) 511, section 3.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from torsight.core.units import DEG, Floats
 
 
 def step_done(temp_c: Floats, *, start_c: float, width_c: float) -> Floats:
-    """Return how much of the step is done at wire temperatures, 0 to 1."""
+    """Return the completed share of the step at wire temperatures, 0 to 1."""
     return 0.5 * (1.0 - np.cos(np.pi * np.clip((temp_c - start_c) / width_c, 0.0, 1.0)))
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Let either spring make the step's torque beside its own."""
+    """Add the step's torque to that of either spring."""
     law = {"start_c": values["r_phase_start_c"], "width_c": values["r_phase_width_c"]}
     whole_nm = ports.rig.k_martensite * values["r_phase_deg"] * DEG
     side_a_nm, side_b_nm = (whole_nm * step_done(temp_c, **law) for temp_c in (ports.temp_a_c, ports.temp_b_c))

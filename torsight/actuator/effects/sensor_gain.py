@@ -1,4 +1,4 @@
-r"""Imperfect contact: the sensor reads between wire and room.
+r"""Imperfect thermal contact: the sensor's reading lies between the temperatures of wire and room.
 
 .. math:: T_m = T_{room} + g (T − T_{room})
 

@@ -2,13 +2,13 @@ r"""The sensor follows the wire late.
 
 .. math:: (1 − q_T) τ_T \, dT_m(t)/dt = T(t − q_T τ_T) − T_m(t)
 
-T_m measured, T wire temperature (°C), τ_T lag of the sensor (s), by which it is late on a ramp; q_T share of it that
-comes as a pure delay: 0 for one time constant; two equal ones act like q_T = 1 − 1/√2, three like q_T = 1 − 1/√3 (same
-mean and spread of the answer to a pulse). A sensor in a sheath has two: its q_T is one standard deviation of the prior.
-The wire's temperature comes out of the same smoother that takes the noise out
-(:mod:`torsight.actuator.record.smoother`): the noise is not differentiated. Predicted residual: of opposite sign on
-heating and cooling, growing with the rate; none where the temperature rests. Source: first-order contact thermometry,
-e.g. Michalski et al., Temperature Measurement (2001), ch. 15.
+T_m measured, T wire temperature (°C), τ_T lag of the sensor on a ramp (s); q_T share of the lag that is a pure delay: 0
+for a single time constant; two equal time constants act like q_T = 1 − 1/√2, three like q_T = 1 − 1/√3 (same mean and
+spread of the impulse response). A sensor in a sheath has two: its q_T is one standard deviation of the prior. The
+smoother that removes the noise also estimates the wire's temperature (:mod:`torsight.actuator.record.smoother`), so
+that the noise is not differentiated. Predicted residual: of opposite sign on heating and cooling, growing with the
+temperature's rate; none where the temperature is constant. Source: first-order contact thermometry, e.g. Michalski et
+al., Temperature Measurement (2001), ch. 15.
 """
 
 from __future__ import annotations

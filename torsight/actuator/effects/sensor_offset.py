@@ -1,10 +1,10 @@
-r"""Sensors that read too high or too low, both alike.
+r"""Both sensors read too high or too low by the same offset.
 
 .. math:: T_m = T + o
 
-T_m measured, T wire temperature, o offset (°C). The angle shows nothing of it where the transformation temperatures are
-free: all four then move by the same. It shows in them, where they were characterised with another sensor.
-Predicted residual, with characterised values: a pulse in every motion, alike at its onset and its end.
+T_m measured, T wire temperature, o offset (°C). A record cannot determine o where the transformation temperatures are
+free: a common shift of all four has the same effect. It determines o where they were measured with another sensor.
+Predicted residual, with characterised values: a pulse in every motion, equal at its onset and its end.
 Source: tolerance of a thermocouple, 1.5 °C for class 1 and 2.5 °C for class 2 (IEC 60584-1, types K and N).
 """
 
@@ -18,7 +18,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Take the offset off both readings."""
+    """Subtract the offset from both readings."""
     offset_c = values["thermometer_offset_c"]
     return ports.with_temperatures(lambda temp, rate: (temp - offset_c, rate))
 

@@ -1,11 +1,12 @@
-r"""What either spring can recover when it is heated first is not quite what its winding before the record tells.
+r"""The angle that a spring recovers in its first half-cycle differs from that of the home rule.
 
 .. math:: θ_{L,1}^{A} = θ_L(θ_{max}^{A}) − δ_A, \qquad θ_{L,1}^{B} = θ_L(θ_{max}^{B}) − δ_B
 
-θ_{L,1} recoverable angle of a spring in its first half-cycle, δ_A and δ_B by how much it is less than what the home
-rule gives (°); from its second half-cycle on every spring has been wound within the record. No effect of the rig: what
-came before the record is not in the record, and what bends in time would take up an error here. So the discovery always
-fits them beside the characterised values and never names it. Source: the paper, section 4.2 (home position).
+θ_{L,1} recoverable angle of a spring in its first half-cycle, δ_A and δ_B its reduction against the home rule (°); from
+its second half-cycle on a spring has been wound within the record. It is no effect of the rig: the record does not show
+the winding before its start, and effects that change with time would compensate for an error of this winding. So
+discovery always fits δ_A and δ_B beside the characterised values and never names this effect. Source: the paper,
+section 4.2 (home position).
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import DEG
 
 _SIGMA_DEG: Final = 10.0
-"""What a quarter of the friction torque more or less in what stopped a spring leaves in its winding: of the paper's rig
-0.25 τ_c / (K_M − K_S) (1 − K_S/K_M) = 9°."""
+"""Change of the recoverable angle where the torque at which a spring stopped differs by a quarter of the friction
+torque: 0.25 τ_c / (K_M − K_S) (1 − K_S/K_M) = 9° for the paper's rig."""
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Take the angle off the first half-cycle of each spring."""
+    """Subtract the angle from the recoverable angle in the first half-cycle of each spring."""
     loss = np.zeros(ports.half_cycle.shape) + ports.theta_l_loss_rad
     if ports.history.unwound_rad is not None:
         return ports

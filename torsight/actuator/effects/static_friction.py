@@ -1,15 +1,15 @@
-r"""Friction at rest exceeds sliding friction and grows with the rest.
+r"""Friction at rest exceeds sliding friction and grows with the time at rest.
 
 .. math:: τ_s = τ_c (1 + e (1 − e^{−(t_r/t_0)^p}))
 
 e excess after a long rest, t_r time at rest, t_0 time of growth (s). p = 1: contacts grow at one rate; less: at many
-(like the logarithm of the time over a decade or two); more: growth sets in late. Predicted residual: motion starts late
-and with a jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
+rates (similar to the logarithm of the time over a decade or two); more: growth sets in late. Predicted residual: motion
+starts late and with a jump. Source: Dieterich, Pure Appl. Geophys. 116 (1978) 790.
 
-Let go, the disk jumps to where sliding friction balances the springs (s = 0), or, carried by its inertia, by s times as
-much past it, where friction holds it until the torque has risen again; what it would have slid without the drop of the
-friction is no part of the jump. Without damping s = 1: what the springs give up is spent on friction alone (Rabinowicz,
-Friction and Wear of Materials (1995), chapter 4).
+When the disk breaks loose, it jumps to where sliding friction balances the springs (s = 0). Its inertia carries it past
+this balance by s times the jump, where friction holds it until the torque has risen again. The distance that the disk
+would have slid without the drop of the friction is no part of the jump. Without damping s = 1: the energy that the
+springs release is dissipated by friction alone (Rabinowicz, Friction and Wear of Materials (1995), chapter 4).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Set excess and time."""
+    """Set the growth of the friction at rest, and the part of a jump that inertia adds."""
     rest_s = 10.0**DWELL_DECADES - 1.0
     left = np.exp(-((rest_s / values["static_time_s"]) ** values["static_power"]))
     return ports.with_dwell(1.0 + values["static_excess"] * (1.0 - left)).changed(swing=values["static_swing"])
@@ -45,7 +45,7 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     jumps=True,
-    # Motion begins with a jump: from half or twice the excess the residual hardly says which way it should go.
+    # Motion begins with a jump: from half or twice the excess the residual's gradient hardly points to the optimum.
     starts=tuple({"static_excess": excess} for excess in (0.1, 0.2, 0.4, 0.8)),
     laws=("friction_dwell_s",),
 )

@@ -2,10 +2,10 @@ r"""The stress-induced martensite ends: a spring that is wound far stiffens.
 
 .. math:: τ = τ_0(θ) + k_3 R^3 \left(\frac{(θ − θ_{on})_+}{R}\right)^p
 
-θ a spring's own winding, θ_on where it starts to stiffen (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3: the usual
-cubic; 1: a third slope); for either spring, beside what its phase makes. No steeper than austenite's stiffness: what
-is, is no spring. A share w of it belongs to the loading curve (p = 1: a third slope of that): there the winding itself
-is elastic for a part, and unwinds along K_M. Predicted residual: stroke is lost at both ends, alike for both
+θ a spring's own winding, θ_on winding at which stiffening begins (°), k_3 in mN·m/rad³ with R = 100°, p exponent (3:
+the usual cubic; 1: a third slope); the torque is added to that of either spring's phase. Its slope is limited to
+austenite's stiffness, which no spring exceeds. A share w of it belongs to the loading curve (p = 1: a third slope of
+this curve), so that the spring unwinds along K_M. Predicted residual: stroke is lost at both ends, equally in both
 directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lagoudas, Shape Memory Alloys (2008), ch. 1.
 """
 

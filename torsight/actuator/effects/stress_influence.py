@@ -1,11 +1,12 @@
-r"""Stress moves the transformations of this wire by more or less than its actuator file says.
+r"""Stress shifts the transformation temperatures of this wire by more or less than its actuator file states.
 
 .. math:: C_A → r_A C_A, \qquad C_M → r_M C_M
 
-C stress coefficients, r their true over their declared values. Predicted residual: motion begins and ends earlier or
-later the more a spring carries, unlike on heating and on cooling; a fit without it moves A_s to M_f. An angle over
-temperature shows only the ratios of moduli, friction and coefficients: where those are known, so is r. Source: paper,
-(13) and (14), where C_A and C_M come from tests at several loads; files often have one value from a table for both.
+C stress coefficients, r ratio of true to declared values. Predicted residual: motion begins and ends earlier or later
+the more torque a spring carries, differently on heating and on cooling; a fit without this effect shifts A_s to M_f. A
+curve of angle over temperature determines only the ratios of moduli, friction and coefficients: r can be identified
+where moduli and friction are known. Source: paper, (13) and (14), where C_A and C_M come from tests at several loads;
+files often have one value from a table for both.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ EFFECT: Final = Effect(
     parameters=tuple(
         Parameter(
             name=f"stress_ratio_{way}",
-            # As far as one wire's coefficient is usually from a table's: a choice.
+            # Usual deviation of one wire's coefficient from a table's value: a choice.
             value=0.85,
             unit="",
             lower=0.3,

@@ -1,11 +1,12 @@
-r"""The transformation temperatures move from cycle to cycle.
+r"""The transformation temperatures drift from cycle to cycle.
 
 .. math:: A_{s,f}(n) = A_{s,f} + d_A \, l_n, \quad M_{s,f}(n) = M_{s,f} + d_M \, l_n, \quad l_n = 1 + q + … + q^{n−1}
 
-n how often this spring had been heated before, d move in the first cycle on heating and on cooling (°C), q that of each
-further cycle as a share of the one before (1: without end; less: towards a limit).
-Predicted residual: every motion comes earlier or later than in the cycle before, the stroke keeps its length. Later
-records go on counting. Source: defects that cycling leaves, e.g. Miyazaki, Igo and Otsuka, Acta Metall. 34 (1986) 2045.
+n number of earlier heatings of the spring, d shift in the first cycle on heating and on cooling (°C), q shift of each
+further cycle relative to the cycle before (1: without limit; less: towards a limit).
+Predicted residual: every motion comes earlier or later than in the cycle before; the stroke keeps its length. Later
+records continue the count. Source: defects that cycling creates, e.g. Miyazaki, Igo and Otsuka, Acta Metall. 34 (1986)
+2045.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Let the driven spring of every half-cycle transform warmer or colder."""
+    """Shift the transformation temperatures of the driven spring in every half-cycle."""
     moved = settling(ports.cycle, values["drift_persistence"])
     return ports.changed(
         warmer_heating_c=ports.warmer_heating_c + values["drift_heating_c"] * moved,

@@ -1,11 +1,11 @@
-r"""The sensors follow their wires late, each by its own time.
+r"""The sensors follow their wires late, each with its own time constant.
 
 .. math:: τ_A \, dT_{m,A}(t)/dt = T_A(t) − T_{m,A}(t), \qquad τ_B \, dT_{m,B}(t)/dt = T_B(t) − T_{m,B}(t)
 
 T_m measured, T wire temperature (°C) of either spring, τ_A and τ_B lags of their sensors (s): a sensor that is glued on
-with more cement, or lies less close, is later than the other. The wires' temperatures come out of the same smoother
-that takes the noise out (:mod:`torsight.actuator.record.smoother`). Predicted residual: that of a late sensor, of
-another size while the other spring is driven. Source: first-order contact thermometry, e.g. Michalski et al.,
+with more cement, or lies less close to its wire, lags more. The smoother that removes the noise also estimates the
+wires' temperatures (:mod:`torsight.actuator.record.smoother`). Predicted residual: that of a sensor lag, with a
+different size in the half-cycles of A and of B. Source: first-order contact thermometry, e.g. Michalski et al.,
 Temperature Measurement (2001), ch. 15.
 """
 
@@ -19,7 +19,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Undo the lag of either sensor."""
+    """Undo the lag of each sensor."""
     return ports.behind_sensors(values["lag_a_s"], values["lag_b_s"])
 
 

@@ -2,10 +2,10 @@ r"""Grease: friction grows with speed.
 
 .. math:: τ_f = τ_c + b ω_0 (|\dot φ| / ω_0)^m, \qquad ω_0 = 1 rad/s
 
-b viscous coefficient at 1 rad/s (mN·m·s/rad), m power (1: a Newtonian oil; greases thin as they are sheared, below 1).
-Predicted residual: grows with the speed, its sign follows the direction; gone a while after the temperature rests.
-Source: Coulomb and viscous friction, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083; power-law fluids
-(Ostwald and de Waele).
+b viscous coefficient at 1 rad/s (mN·m·s/rad), m power (1: a Newtonian oil; below 1: shear-thinning grease). Predicted
+residual: it grows with the speed, and its sign follows the direction; it vanishes soon after the temperature becomes
+constant. Source: Coulomb and viscous friction, e.g. Armstrong-Hélouvry et al., Automatica 30 (1994) 1083; power-law
+fluids (Ostwald and de Waele).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Where the actuator may lack a law: ports of the model and the variables that a law may depend on.
+"""The laws that the actuator's model may lack: ports of the model and the variables on which a law may depend.
 
-A family is a port with a driver. Which values its driver takes, and so where its nodes lie, comes from the record
-(:func:`laws_of`); what a law does to the model, from its port alone (:func:`apply_law`), so that a model file needs no
-record. Ports are those of :class:`torsight.actuator.ports.Ports`; angles are in degrees, torques in mN·m, friction in
-shares of τ_c.
+A family is a port with a driver. The record determines the values that the driver takes, and with them a law's nodes
+(:func:`laws_of`); the port alone determines the law's action on the model (:func:`apply_law`), so that a model file
+needs no record. Ports are those of :class:`torsight.actuator.ports.Ports`; angles are in degrees, torques in mN·m,
+friction in shares of τ_c.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ _CURVED: Final = frozenset(
     for family in FAMILIES.values()
     if family.nodes in (nodes.angle_nodes, nodes.winding_nodes, nodes.phase_nodes)
 )
-"""Laws that may bend so sharply that lines between their nodes would cut them."""
+"""Laws that may bend so sharply between nodes that linear interpolation would cut corners: a spline replaces it."""
 
 
 def apply_law(ports: Ports, form: LawForm, parameters: Floats) -> Ports:
-    """Return the ports with a law of the given parameters."""
+    """Return the ports after a law with the given parameters has acted on them."""
     curve = between_nodes(form.id, form.nodes, form.values(parameters))
     return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, *curve))
 
 
 def between_nodes(law: str, nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return places and values of a law with these values on its nodes (k,): between the places lines do."""
+    """Return driver values and law values that represent a law, given on its nodes (k,), by linear interpolation."""
     return smooth_between(nodes, values) if law in _CURVED else (nodes, values)
 
 
@@ -64,9 +64,9 @@ def _law_from(entry: Mapping[str, Any], *, where: str) -> LawForm:
 
 
 def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
-    """Return the laws that a record may show, with their nodes where it covers their drivers.
+    """Return the laws whose drivers a record covers, with nodes over the covered range.
 
-    ``tau_c_mnm`` is the friction torque's start value, the measure of all torques.
+    ``tau_c_mnm`` is the friction torque's start value, which scales all torques.
     """
     found = []
     for family in FAMILIES.values():

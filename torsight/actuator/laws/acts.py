@@ -1,4 +1,4 @@
-"""What a law does to the model: from ports and the law as a function of its driver to ports."""
+"""The action of every law on the model: functions from ports, and the law as a function of its driver, to ports."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STEPS: Final = phase_steps(PLACES)
 _VALUES: Final = ("a_start_c", "a_finish_c", "m_start_c", "m_finish_c")
 _SHARES: Final = ("k_austenite", "k_martensite", "k_stress_induced", "theta_cr_rad")
 DIFFERING: Final = len(_VALUES) + len(_SHARES)
-"""In how many values two springs of one kind may differ."""
+"""Number of values in which two springs of one kind may differ."""
 
 
 def stray(ports: Ports, law: Curve) -> Ports:
@@ -89,32 +89,33 @@ def reading_angle(ports: Ports, law: Curve) -> Ports:
 
 
 def reading_time(ports: Ports, law: Curve) -> Ports:
-    """Add to the reading over time, degrees; after the record what it was in the end: what has moved stays there."""
+    """Add to the reading over time, degrees; later records get the law's last value, as a moved marker stays moved."""
     return ports.with_reading(lambda angle_rad, time_s: angle_rad + law(_within_record(ports, time_s)) * DEG)
 
 
 def _within_record(ports: Ports, time_s: Floats) -> Floats:
-    """Return times (n,), all of them the record's end where they come after it."""
+    """Return the times (n,); for a log that follows the record, infinity, where a law has its last value."""
     return np.full_like(time_s, np.inf) if ports.history.after_record else time_s
 
 
 def temperature(spring: str) -> Callable[[Ports, Curve], Ports]:
-    """Return what adds to wires' temperatures over themselves, °C."""
+    """Return the function that adds a law over the wires' temperatures to these temperatures, °C."""
     return _warmer(spring, lambda ports: (ports.temp_a_c, ports.temp_b_c))
 
 
 def temperature_rate(spring: str) -> Callable[[Ports, Curve], Ports]:
-    """Return what adds to wires' temperatures over their rate, °C.
+    """Return the function that adds a law over the temperatures' rates to the wires' temperatures, °C.
 
-    Where a log turns its rate jumps, and a law of the rate with it. A wire does not warm up by that: it is cooling.
+    Where a logged temperature turns, its rate jumps, and with the rate the law. A wire that cools does not warm up by
+    such a jump.
     """
     warmer = _warmer(spring, lambda ports: (ports.rate_a_c_s, ports.rate_b_c_s))
 
     def apply(ports: Ports, law: Curve) -> Ports:
-        made = warmer(ports, law)
-        return made.changed(
-            temp_a_c=_no_jump_up(made.temp_a_c, ports.temp_a_c, ports.rate_a_c_s),
-            temp_b_c=_no_jump_up(made.temp_b_c, ports.temp_b_c, ports.rate_b_c_s),
+        warmed = warmer(ports, law)
+        return warmed.changed(
+            temp_a_c=_no_jump_up(warmed.temp_a_c, ports.temp_a_c, ports.rate_a_c_s),
+            temp_b_c=_no_jump_up(warmed.temp_b_c, ports.temp_b_c, ports.rate_b_c_s),
         )
 
     return apply
@@ -131,7 +132,7 @@ def _no_jump_up(wire_c: Floats, log_c: Floats, rate_c_s: Floats) -> Floats:
 
 
 def _warmer(spring: str, drivers: Callable[[Ports], tuple[Floats, Floats]]) -> Callable[[Ports, Curve], Ports]:
-    """Return what adds to the temperature of wire ``a``, ``b`` or ``both``, each over its own driver."""
+    """Return the function that adds a law over a wire's driver to the temperature of wire ``a``, ``b`` or ``both``."""
 
     def apply(ports: Ports, law: Curve) -> Ports:
         over_a, over_b = drivers(ports)
@@ -143,22 +144,22 @@ def _warmer(spring: str, drivers: Callable[[Ports], tuple[Floats, Floats]]) -> C
 
 
 def temperature_time(ports: Ports, law: Curve) -> Ports:
-    """Add to both wires' temperatures over time, °C; after the record what it was in the end."""
+    """Add a law of time to both wires' temperatures, °C; later records get the law's last value."""
     off_c = law(_within_record(ports, ports.time_s))
     return ports.with_temperatures(lambda temp, rate: (temp + off_c, rate))
 
 
 def temperature_cycle(ports: Ports, law: Curve) -> Ports:
-    """Let the driven wire transform warmer over its own cycles, °C."""
+    """Raise the driven wire's transformation temperatures over its own cycles, °C."""
     warmer_c = law(ports.cycle.astype(np.float64))
     heating_c, cooling_c = ports.warmer_heating_c + warmer_c, ports.warmer_cooling_c + warmer_c
     return ports.changed(warmer_heating_c=heating_c, warmer_cooling_c=cooling_c)
 
 
 def clock(ports: Ports, law: Curve) -> Ports:
-    """Let the temperature log's clock be ahead of the film's by so many seconds over film time; not in later records.
+    """Shift the temperature log's clock ahead of the film's by a law of film time, s.
 
-    Later records have clocks of their own.
+    Later records have clocks of their own: their clocks are not shifted.
     """
     return ports if ports.history.after_record else ports.at_log_times(ports.time_s + law(ports.time_s))
 
@@ -169,7 +170,7 @@ def _over_winding(ports: Ports, law: Curve) -> Floats:
 
 
 def winding(spring: str) -> Callable[[Ports, Curve], Ports]:
-    """Return what adds a torque over the winding, whatever the phase, mN·m."""
+    """Return the function that adds a torque over the winding, independent of the phase, mN·m."""
     return lambda ports, law: ports.with_side(_over_winding(ports, law), spring=spring)
 
 
@@ -180,7 +181,10 @@ def relaxing(ports: Ports, law: Curve) -> Ports:
 
 
 def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Ports]:
-    """Return what adds a torque to the loading curve, mN·m; the recoverable angle follows by a share."""
+    """Return the function that adds a torque to the loading curve, mN·m.
+
+    The recoverable angle follows the loading curve by the share ``follows``.
+    """
 
     def apply(ports: Ports, law: Curve) -> Ports:
         return ports.with_loading(_gentle(ports, _over_winding(ports, law)), follows=follows, spring=spring)
@@ -189,13 +193,13 @@ def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Po
 
 
 def _gentle(ports: Ports, torque_nm: Floats) -> Floats:
-    """Return a torque over the grid that makes the loading curve nowhere as steep as unwinding, nor falling."""
+    """Return a torque over the grid, limited so that the loading curve stays flatter than unwinding and never falls."""
     least = -STEEPEST * ports.rig.k_stress_induced
     return no_steeper(torque_nm, ports.grid_rad(), ports.steepest_bend_nm, least)
 
 
 def phase_lead(ports: Ports, law: Curve) -> Ports:
-    """Let the transformation run ahead of the phase law by so many windows, on heating and on cooling."""
+    """Let the transformation run ahead of the phase law on heating and on cooling, in windows."""
     return ports.with_lead(law(_STEPS), law(BRANCH + _STEPS))
 
 
@@ -214,7 +218,7 @@ def _scaled_recoverable(ports: Ports, share: Floats) -> Ports:
 
 
 def differing(ports: Ports, law: Curve) -> Ports:
-    """Let spring B differ from A: four temperatures by so many °C, three moduli and θ_cr by so many per cent."""
+    """Let spring B differ from A: the law gives offsets of four temperatures (°C), of three moduli and θ_cr (%)."""
     rig = ports.rig_b
     values = law(np.arange(DIFFERING, dtype=np.float64))
     shifted = {name: getattr(rig, name) + float(by) for name, by in zip(_VALUES, values[:4], strict=True)}

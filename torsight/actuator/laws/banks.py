@@ -1,4 +1,4 @@
-"""Banks of kernels: what a law may look like before the record is seen, usual forms and smooth functions."""
+"""Banks of kernels: the priors of the laws, usual forms and smooth functions."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernel
 from torsight.core.units import DEG, Floats
 
 _COUNTS = (2.0, 5.0)
-"""Over how many counts changes last or a limit is come near; records have four to twelve half-cycles."""
+"""Numbers of counts over which a change persists or a limit is approached; records have four to twelve half-cycles."""
 _LEFT = (0.01, 0.05)
-"""Shares that a logistic law has done before a window and left after it: usual ones, 1 % as the exponential has it."""
+"""Shares of the transformation that a logistic law places before a window, and after it: usual ones; the exponential
+leaves 1 %."""
 _FADES = 2.0
-"""Over how many steps past a window a smooth phase law fades, a choice: a tenth of the window."""
+"""Steps past a window over which a smooth phase law fades, a choice: two steps there are a tenth of the window."""
 _LENGTHS = (0.5, 0.25, 0.12, 0.06)
 _RELAXES_S = (10.0, 100.0, 1000.0)
 """Times from which a relaxation shows that goes with the logarithm of time: decades between a row and a record."""
 _WANDERS = 0.1
-"""What a clock wanders by as a share of what it may be off: computers that nobody put together differ by seconds and
-drift by tenths of a second an hour (200 ppm), and a network's corrections move either by some tens of milliseconds
+"""Wander of a clock as a share of its possible offset: computers that were never synchronised differ by seconds and
+drift by tenths of a second an hour (200 ppm), and a network's corrections move a clock by some tens of milliseconds
 (Mills, RFC 5905)."""
 
 
@@ -47,7 +48,7 @@ def wound(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def plain(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return a slope, a bow and smooth functions, all without a mean: that is another value of the model."""
+    """Return a slope, a bow and smooth functions, all with zero mean: the model's own values take up a mean."""
     middle = nodes - 0.5 * (nodes[0] + nodes[-1])
     smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True)
     return (
@@ -57,11 +58,11 @@ def plain(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def from_room(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return functions of one wire's temperature that vanish where it is coldest: proportional, square, and smooth.
+    """Return functions of one wire's temperature that vanish where the wire is coldest: proportional, square, smooth.
 
-    There a sensor, however it is mounted, is as warm as its wire. What is off everywhere alike is a spring that
-    transforms at other temperatures than the other (:func:`unlike`). The model's own values cannot take up a mean of
-    one wire's, as they do of both (:func:`plain`): the springs share them.
+    A cold sensor, however it is mounted, is as warm as its wire. A constant error of one wire's temperature is
+    equivalent to springs with different transformation temperatures (:func:`unlike`). The model's own values, which the
+    springs share, take up a constant error of both wires (:func:`plain`), but not of one.
     """
     off = nodes - nodes[COLDEST]
     smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True)
@@ -72,13 +73,13 @@ def from_room(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def _centred(matrix: Floats) -> Floats:
-    """Return the covariance of the same function less its mean over the nodes."""
+    """Return the covariance of a function minus its mean over the nodes, from the function's covariance."""
     less_mean = np.eye(len(matrix)) - 1.0 / len(matrix)
     return np.asarray(less_mean @ matrix @ less_mean)
 
 
 def from_zero(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return functions that vanish at the first node: proportional, its root, and smooth ones."""
+    """Return functions that vanish at the first node: proportional, square root, and smooth."""
     off = nodes - nodes[0]
     smooth = smooth_kernels(off, shares=(0.7, 0.35, 0.2))
     return (
@@ -88,22 +89,22 @@ def from_zero(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def _pinned(matrix: Floats, node: int = 0) -> Floats:
-    """Return the covariance of the same function less its value at a node."""
+    """Return the covariance of a function minus its value at a node, from the function's covariance."""
     there = matrix[node]
     return np.asarray(matrix - there[:, None] - there[None, :] + matrix[node, node])
 
 
 def through_zero(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return functions of a signed variable: proportional, its sign's, and smooth ones."""
+    """Return functions of a signed variable: proportional, square with the variable's sign, and smooth."""
     forms = [("proportional", nodes), ("square", nodes * np.abs(nodes))]
     return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25)))
 
 
 def counted(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return a slope, decays towards a limit, and sums of changes that last for a while; all vanish at the first node.
+    """Return a slope, decays towards a limit, and sums of persistent changes; all vanish at the first node.
 
-    What changes from one count to the next is an Ornstein-Uhlenbeck process: beyond the record it goes on as it did
-    last, for about as long as changes last, and then stays (without a length: a random walk).
+    The change from one count to the next is an Ornstein-Uhlenbeck process: beyond the record the law continues with its
+    last rate for about the correlation length of the changes, then stays constant (zero length: a random walk).
     """
     off = nodes - nodes[0]
     forms = [("slope", off)]
@@ -137,7 +138,7 @@ def relaxing(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def wandering(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return a constant, a slope, and both with a small smooth function: how far one clock is ahead of another."""
+    """Return functions for the offset of one clock from another: a constant, a slope, both with a small smooth part."""
     constant = np.ones_like(nodes)
     line = outer(constant) + slope(nodes)
     return (
@@ -150,11 +151,11 @@ def wandering(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def leading(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return usual laws in place of the cosine, and both with smooth functions; alike on heating and cooling, or not.
+    """Return usual phase laws in place of the cosine, and their sum with smooth functions.
 
-    Over steps from the start of a window to its end (:mod:`~torsight.actuator.laws.phase_window`), heating before
-    cooling. Past either end a smooth function fades out: there what a record does not show would be a transformation
-    far from its window.
+    Each exists twice: with one function for heating and cooling, and with independent ones. Nodes are steps from the
+    start of a window to its end (:mod:`~torsight.actuator.laws.phase_window`), heating before cooling. Beyond either
+    end a smooth function fades out, because there it would describe a transformation far from its window.
     """
     own = nodes[: len(nodes) // 2]
     place = phase_places(own)
@@ -176,7 +177,7 @@ def leading(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def unlike(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return what two springs of one kind may differ by: transformation temperatures together, moduli, and all.
+    """Return the covariances of the differences of two springs: transformation temperatures together, moduli, all.
 
     The values are those of :func:`differing`: four temperatures in °C, four shares in per cent.
     """

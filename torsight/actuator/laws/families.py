@@ -1,4 +1,4 @@
-"""The families of laws: ports of the model with the variables that a law there may depend on."""
+"""The families of laws: each a port of the model with a variable on which a law at this port may depend."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ class Family:
     Attributes
     ----------
     id : str
-        ``<port>_<driver>``, with the spring where it is one spring's.
+        ``<port>_<driver>``, with the spring where the law acts on one spring.
     port, driver, spring, unit, title : str
-        As :class:`torsight.core.law.Law` has them.
+        As in :class:`torsight.core.law.Law`.
     stage : str
-        Where it acts among the effects: ``clock``, ``temperature``, ``phase``, ``torque``, ``friction`` or ``reading``.
+        Stage at which the law acts: ``clock``, ``temperature``, ``phase``, ``torque``, ``friction`` or ``reading``.
     apply : callable
         From ports and the law as a function of its driver to ports.
     nodes : callable
         From a prepared record to the nodes; None where the record does not cover the driver.
     scale : float
-        A size that matters, in ``unit``; torques: as a share of τ_c.
+        A size that matters, in ``unit``; for torques a share of τ_c.
     kernels : callable
         From nodes to the bank.
     time_like : bool
         True where the driver only counts time or cycles.
     over : str
-        What the nodes are, in a few words, where they are not values of the driver.
+        Meaning of the nodes, in a few words, where they are not values of the driver.
     read : callable, optional
-        The inverse of ``apply``: from ports and places on the driver (k,) to the law that has made them, if one has.
+        The inverse of ``apply``: from ports and values of the driver (k,) to the values of the law that acted on them.
     """
 
     id: str

@@ -1,4 +1,4 @@
-"""Where the nodes of a law lie: what a record covers of its driver."""
+"""The nodes of the laws, chosen from the range of the driver that a record covers."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
 _NODES: Final = 37
-"""A wave five times per turn over the paper's range of 466° needs five nodes a period. Over temperatures, a cubic
-spline through so many misses a random function whose length is a tenth of the range by 0.01 % of its size; through 19
-by 0.3 %, and one of 4 °C is up to 60° of angle."""
+"""Number of nodes. A wave five times per turn over the paper's range of 466° needs five nodes a period. Over
+temperatures, a cubic spline through 37 nodes misses a random function whose length is a tenth of the range by 0.01 % of
+its size, through 19 nodes by 0.3 %; a function of size 4 °C is up to 60° of angle."""
 _BEYOND: Final = (0.12, 0.3)
-"""Nodes beyond the range that a record covers, in shares of it: there a law goes back to its prior. Nobody has reason
-to trust a model of this record further out."""
+"""Nodes beyond the range that a record covers, in shares of this range: there a law returns to its prior. Further out a
+model of this record is not to be trusted."""
 COLDEST: Final = len(_BEYOND)
-"""Which node over temperatures is the coldest that the record covers."""
+"""Index of the node at the lowest temperature that the record covers."""
 _LEAST_WARMING_C: Final = 3.0
-"""A passive spring that warms up by less tells nothing of what depends on it."""
+"""Range of the passive spring's temperature below which a record contains no information on laws over it."""
 _AHEAD: Final = 2
-"""A law over cycles reaches beyond the record for as many again: what is said of them, and how surely, is the prior's.
-"""
+"""Nodes of a law over cycles, per cycle of the record: half of them lie beyond the record, where the prior alone
+determines mean and variance."""
 
 
 class Nodes(NamedTuple):
-    """Rising values (k,) of a driver, and the range of it that the record covers."""
+    """Increasing values (k,) of a driver, and the range of the driver that the record covers."""
 
     values: Floats
     low: float
@@ -38,7 +38,7 @@ class Nodes(NamedTuple):
 
 
 def _over(low: float, high: float, count: int) -> Nodes | None:
-    """Return evenly spaced nodes from ``low`` to ``high`` and a few beyond; None where nothing lies between."""
+    """Return evenly spaced nodes from ``low`` to ``high`` and a few beyond; None for an empty range."""
     span = high - low
     if not span > 0.0:
         return None
@@ -53,7 +53,7 @@ def angle_nodes(drive: Drive) -> Nodes | None:
 
 
 def winding_nodes(drive: Drive) -> Nodes | None:
-    """Return nodes over the windings of both springs, from the middle of both outwards."""
+    """Return nodes over the windings of both springs, degrees beyond θ_P/2."""
     angle_deg = np.abs(drive.angle_rad[np.isfinite(drive.angle_rad)] / DEG)
     return _over(-float(angle_deg.max()), float(angle_deg.max()), _NODES)
 
@@ -65,7 +65,7 @@ def active_nodes(drive: Drive) -> Nodes | None:
 
 
 def phase_nodes(_drive: Drive) -> Nodes:
-    """Return steps of the phase law's angle (:func:`phase_steps`), of heating and then of cooling."""
+    """Return nodes over the steps of the phase law's angle (:func:`phase_steps`), heating before cooling."""
     nodes = np.concatenate([OWN_STEPS, BRANCH + OWN_STEPS])
     return Nodes(nodes, nodes[0], nodes[-1])
 
@@ -93,7 +93,7 @@ def _over_rates(rate_c_s: Floats) -> Nodes | None:
 
 
 def speed_nodes(drive: Drive) -> Nodes | None:
-    """Return nodes over speeds in °/s, denser where it is slow."""
+    """Return nodes over speeds in °/s, denser at low speeds."""
     good = np.isfinite(drive.angle_rad)
     time_s, angle_deg = drive.time_s[good], drive.angle_rad[good] / DEG
     every = max(1, round(2.0 / usual_step(time_s)))
@@ -116,13 +116,13 @@ def time_nodes(drive: Drive) -> Nodes | None:
 
 
 def half_nodes(drive: Drive) -> Nodes | None:
-    """Return half-cycles from 0, those ahead too."""
+    """Return the numbers of the half-cycles from 0, including later records' half-cycles."""
     count = len(drive.cycles.springs)
     return _counted(count) if count > 2 else None
 
 
 def cycle_nodes(drive: Drive) -> Nodes | None:
-    """Return a spring's own cycles from 0, those ahead too."""
+    """Return the numbers of a spring's own cycles from 0, including later records' cycles."""
     count = int(drive.cycles.counts().max()) + 1
     return _counted(count) if count > 1 else None
 
@@ -132,7 +132,7 @@ def _counted(count: int) -> Nodes:
 
 
 def unlike_nodes(drive: Drive) -> Nodes | None:
-    """Return a number for each value in which two springs may differ; None where only one is driven."""
+    """Return the indices of the values in which two springs may differ; None where only one spring is driven."""
     both = len(set(drive.cycles.springs)) > 1
     return Nodes(np.arange(float(DIFFERING)), 0.0, DIFFERING - 1.0) if both else None
 

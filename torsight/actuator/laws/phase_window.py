@@ -1,4 +1,4 @@
-"""The place in a transformation's window as the variable of a law: the phase law's own angle, in steps of its nodes."""
+"""The variable of a law of the phase: the angle in the cosine of the phase law, in steps of the law's nodes."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.units import Floats
 
 IN_WINDOW: Final = 10
-"""Steps of the phase law's angle through a window, a choice: 18° each, a tenth of a window of a cosine."""
+"""Steps of the phase law's angle through a window, a choice: 18° of the cosine's argument each."""
 _PAST_WINDOW: Final = 5
-"""And so many beyond either end: three quarters of a window, in which transformations of other laws begin or end."""
+"""Steps beyond either end: three quarters of a window, in which transformations of other laws begin or end."""
 OWN_STEPS: Final = np.arange(-_PAST_WINDOW, IN_WINDOW + _PAST_WINDOW + 1.0)
-"""The nodes of one way."""
+"""The nodes of one direction, heating or cooling."""
 BRANCH: Final = len(OWN_STEPS) + 1.0
-"""By how many steps cooling stands behind heating on the nodes of a law of both."""
+"""Offset in steps of the nodes of cooling from those of heating, in a law that has both."""
 
 
 def phase_steps(place: Floats) -> Floats:
-    """Return the phase law's angle at places in its window, in steps of the nodes: (1 − cos) / 2 of it is the place.
+    """Return the phase law's angle at places in its window, in steps of the nodes: place = (1 − cos angle) / 2.
 
-    Laws that begin or end with a power of the place are smooth over it. Beyond the window cosh takes the cosine's
-    place; beyond the nodes the last one stands.
+    Laws that begin or end with a power of the place are smooth functions of this angle. Beyond the window cosh replaces
+    the cosine; beyond the nodes the last node's value holds.
     """
     inside = 2.0 * np.arcsin(np.sqrt(np.clip(place, 0.0, 1.0)))
     beyond = 2.0 * np.arcsinh(np.sqrt(np.maximum(0.0, np.maximum(place - 1.0, -place))))
@@ -39,9 +39,10 @@ def phase_places(steps: Floats) -> Floats:
 
 
 def exponential_lead(place: Floats) -> Floats:
-    """Return by how many windows Tanaka's exponential is ahead of the cosine at places: where that has done as much.
+    """Return the lead of Tanaka's exponential over the cosine at places, in windows.
 
-    Before the start, where nothing is done, it goes on without a kink.
+    The lead is the place at which the cosine has transformed the same share, minus the place. Before the window's start
+    the function is continued without a kink.
     """
     same = np.arccos(1.0 - 2.0 * SHARE_DONE["tanaka"](np.abs(place))) / np.pi
     return np.asarray(np.sign(place) * same - place)

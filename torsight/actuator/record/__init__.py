@@ -1,4 +1,4 @@
-"""A record made ready to drive the model.
+"""Preprocessing of a record for the model.
 
-In: noisy temperatures (°C). Out: conditioned ones, half-cycles, turns and row weights.
+Input: noisy temperatures (°C). Output: conditioned temperatures, half-cycles, turns and row weights.
 """

@@ -1,13 +1,13 @@
-"""A noisy temperature made fit to drive a one-way transformation, with its corners kept.
+"""Conditioning of a noisy temperature that drives a one-way transformation; the temperature's corners stay sharp.
 
-A transformation only advances, so the upward peaks of noise push it on and bias the angle. A low-pass filter would cure
-that and round the corners of the temperature, where an incomplete transformation ends. Here the noise is measured
-first, by differences of third order at several strides (so that noise that was interpolated onto a faster clock is
-found as well); a log without noise passes unchanged, to the last bit. Otherwise every sample gets its value from
-:mod:`torsight.actuator.record.smoother`, the wire behind a slow sensor too, and
-:mod:`torsight.actuator.record.holds` takes the mean of a top that is level.
+A transformation only advances, so that the upward peaks of noise push it on and bias the angle. A low-pass filter would
+remove the noise but round the corners of the temperature, where an incomplete transformation ends. Here the noise is
+measured first, by third differences at several strides (which also detect noise that was interpolated onto a faster
+clock); a log without noise passes unchanged, to the last bit. Otherwise
+:mod:`torsight.actuator.record.smoother` estimates every sample, also that of the wire behind a slow sensor, and
+:mod:`torsight.actuator.record.holds` replaces a level top by its mean.
 
-Of a log that is slower than its table (:mod:`torsight.actuator.record.slow_log`) the readings themselves are taken.
+Where a log is slower than its table (:mod:`torsight.actuator.record.slow_log`), its own readings are recovered first.
 """
 
 from __future__ import annotations
@@ -27,16 +27,17 @@ from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
 _BLOCK_S: Final = 0.1
-"""Readings that are closer are taken together: with twice of it slopes err by 7 % more and tops by 21 %
+"""Readings within this time are averaged: with twice this value slopes err by 7 % more and tops by 21 %
 (benchmarks/actuator/log_constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Conditioned:
-    """A temperature that may drive the model (n,): without noise, or the very input where its noise is negligible.
+    """A conditioned temperature (n,): without noise, or the unchanged input where its noise is negligible.
 
-    With its slope, and one standard deviation of what noise is left; with the noise of a reading, and the seconds
-    between readings whose noise is independent; and with how far the peaks of its ripple stand above it.
+    ``rate_c_s`` is its slope and ``sigma_c`` the standard deviation of the remaining noise; ``noise_c`` is the noise of
+    a reading, ``reading_s`` the time between readings with independent noise, and ``peaks_c`` the height of the
+    ripple's peaks above the temperature.
     """
 
     temp_c: Floats
@@ -48,7 +49,7 @@ class Conditioned:
 
 
 def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
-    """Remove the noise of a temperature log (n,) and keep its corners; times increase, not necessarily at one rate."""
+    """Remove the noise of a temperature log (n,) and keep its corners; times increase, not necessarily evenly."""
     own = own_readings(time_s, temp_c)
     if own is not None:
         return between_readings(*own, time_s)
@@ -56,7 +57,7 @@ def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
     noise, found = readings.noise_c, readings.behind(time_s, 0.0)
     if noise <= NEGLIGIBLE_C:
         return replace(found, temp_c=temp_c, sigma_c=np.full(len(temp_c), noise))
-    # Noise that is alike over several rows counts as more of it.
+    # Below, noise that is correlated over several rows counts as larger independent noise.
     value, rate, sigma = found.temp_c, found.rate_c_s, found.sigma_c
     found = replace(found, peaks_c=ripple_peaks(time_s, temp_c, value, readings.digit_noise_c, readings.alike))
     level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
@@ -64,9 +65,10 @@ def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
 
 
 def between_readings(time_s: Floats, temp_c: Floats, wanted_s: Floats) -> Conditioned:
-    """Return readings (n,) that lie apart as they drive the model at other times (m,): lines, and corners between them.
+    """Return the temperature at the wanted times (m,) from readings (n,) that are far apart.
 
-    The smoother's corners lie at readings; between two that are seconds apart the wire's own are found after it.
+    It consists of lines, with corners between readings where the wire has them. The smoother's own corners lie at
+    readings; corners between two readings that are seconds apart are found after smoothing.
     """
     readings = Readings.of(time_s, temp_c)
     known_c, slope_c_s, left_over = readings.smooth(time_s, 0.0)
@@ -85,12 +87,12 @@ def between_readings(time_s: Floats, temp_c: Floats, wanted_s: Floats) -> Condit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """A log's readings with what is known of their noise, for any time constant of the sensor.
+    """A log's readings and their noise, from which the wire's temperature follows for any time constant of the sensor.
 
-    Times and temperatures (m,) are means over short blocks of the log, ``sigma_c`` is what the noise of one counts as,
-    correlation included. The noise of one reading is ``noise_c``; it is correlated over so many rows of the log
-    (``alike``), and independent in rows that are ``interval_s`` apart. With what the last digit makes it is
-    ``digit_noise_c`` at most.
+    Times and temperatures (m,) are means over short blocks of the log; ``sigma_c`` is the standard deviation of the
+    independent noise that is equivalent to their correlated noise. The noise of one reading is ``noise_c``; it is
+    correlated over ``alike`` rows of the log, and independent in rows ``interval_s`` apart. Including the rounding to
+    the last digit it is ``digit_noise_c`` at most.
     """
 
     time_s: Floats
@@ -108,23 +110,23 @@ class Readings:
         if len(temp_c) < SHORTEST:
             return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0)
         noise, alike = measure_noise(time_s, temp_c)
-        # Rounding to a last digit is noise to a slope even where it is none to the value.
+        # Rounding to a last digit is noise of the slope, even where the noise of the value is negligible.
         digit = last_digit(temp_c) / math.sqrt(12.0)
         least = max(noise, digit, 1e-6)
-        # Frozen and strided arrays are types of their own: of one type, one compilation serves every record.
+        # Read-only and strided arrays have types of their own: with one type a single compilation serves all records.
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
         return cls(times, means, noise, alike, alike * interval_s, sigma, math.hypot(noise, digit))
 
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
-        """Return the wire's temperature (n,) at the wanted times, behind a sensor of this time constant."""
+        """Return the wire's temperature (n,) at the wanted times, for a sensor with the time constant ``lag_s``."""
         value, slope, sigma = self.smooth(wanted_s, lag_s)
         value, sigma = turns_reached(wanted_s, value, sigma)
         return Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
 
     def smooth(self, wanted_s: Floats, lag_s: float) -> tuple[Floats, Floats, Floats]:
-        """Return value, slope and sigma of the wire's temperature at the wanted times."""
+        """Return value, slope and standard deviation of the wire's temperature at the wanted times."""
         n = len(self.time_s)
         if n < SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
@@ -132,13 +134,13 @@ class Readings:
         return self._at(wanted_s, *smoothed(self.time_s, self.temp_c, self.sigma_c, lag_s))
 
     def _at(self, wanted_s: Floats, value: Floats, rate: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return what is known at the readings by lines at other times."""
+        """Return value, slope and standard deviation, given at the readings, linearly interpolated at other times."""
         value, rate, sigma = (np.interp(wanted_s, self.time_s, each) for each in (value, rate, sigma))
         return value, rate, sigma
 
 
 def _blocks(time_s: Floats, temp_c: Floats, block_s: float) -> tuple[Floats, Floats]:
-    """Return means over about so many seconds of a log that is faster than that."""
+    """Return the log averaged over blocks of about ``block_s``; unchanged if it is not that fast."""
     every = int(block_s / usual_step(time_s))
     if every < 2:
         return time_s, temp_c

@@ -11,15 +11,16 @@ from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.core.records import TemperatureLog
 
 _MARGIN_C: Final = 5.0
-"""How far beyond the ends of the transformations the springs are taken: a little, so that they are complete."""
+"""Margin beyond the ends of the transformations, so that they are complete."""
 _RAMP_S: Final = 200.0
-"""Length of one heating or cooling: the plain model does not depend on it, and any sensor's lag is short beside it."""
+"""Duration of one heating or cooling: the plain model does not depend on it, and a sensor's lag is much shorter."""
 
 
 def full_cycle(rig: Rig) -> tuple[TemperatureLog, float]:
     """Return the log, one row per second, and the angle at which the stable cycle begins, rad.
 
-    Cold is where martensite is complete without stress, hot where austenite is under the stress at the stroke's end.
+    When cold, a spring is full martensite without stress; when hot, full austenite under the stress at the stroke's
+    end.
     """
     cycle = stable_cycle(rig)
     torque_nm = rig.loading_torque(rig.theta_p_rad - cycle.theta_2_rad) + rig.tau_c_nm

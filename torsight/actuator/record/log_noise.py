@@ -12,40 +12,43 @@ from torsight.core.series import NORMAL_MEDIAN, constant_runs, difference_gain, 
 from torsight.core.units import Floats, Ints
 
 _MAX_STRIDE_S: Final = 2.0
-"""Noise whose neighbours are alike for longer is told from the wire by its size only; half and twice of it change
-nothing (benchmarks/actuator/log_constants.py)."""
+"""Correlation time beyond which noise differs from the wire's temperature by its size only; half and twice this value
+change nothing (benchmarks/actuator/log_constants.py)."""
 NEGLIGIBLE_C: Final = 0.005
-"""Noise below this moves the angle by a tenth of a degree at most: such a log passes unchanged."""
+"""Noise below this value changes the angle by a tenth of a degree at most: such a log passes unchanged."""
 _STILL_C: Final = 1e-4
-"""A tick: readings that differ by less are one value, and no thermometer's last digit is finer."""
+"""A tick: readings that differ by less count as equal; no thermometer has a finer last digit."""
 _BESIDE: Final = 3.0
-"""Ticks that count as a multiple of a step: its own and those beside it."""
+"""Number of ticks that count as a given multiple of a step: the nearest one and its two neighbours."""
 _FREQUENT: Final = 256
-"""Of the most frequent changes the last digit is one: noise of fifty digits makes no more of one size."""
+"""Number of most frequent changes among which the last digit is searched: enough for noise of up to fifty digits."""
 _SURE: Final = math.log(1000.0 * _FREQUENT)
-"""Evidence, in log units, of a last digit: a thousand to one, for as many as are tried."""
+"""Least evidence, in log units, of a last digit: a thousand to one, times the number of steps that are tried."""
 _BIWEIGHT: Final = 1.547645
-"""Size, in scales, from which a deviation counts as any larger one: half of them may be wrong, as for a median
+"""Size of a deviation, in scales, from which the biweight is constant: breakdown point of one half, as for a median
 (Rousseeuw and Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256)."""
 _SCALE_ROUNDS: Final = 50
 _SCALE_DONE: Final = 1e-3
-"""Newton's steps end well before, at a tenth of what ten thousand readings leave open."""
+"""Relative step at which Newton's iteration ends, well before ``_SCALE_ROUNDS``: a tenth of the scale's uncertainty
+with ten thousand readings."""
 _NOISE: Final = np.linspace(0.0, 1.0, 101)
 _ORDERS: Final = np.arange(1, 201)[:, None]
 _IN_MEAN: Final = np.sum(np.exp(-((2.0 * np.pi * _ORDERS * _NOISE) ** 2)) / (2.0 * (np.pi * _ORDERS) ** 2), axis=0)
 _SCATTER: Final = _NOISE**2 + 1.0 / 12.0 - _IN_MEAN
-"""Variance of the mean of readings by rounding, and of readings about their mean, over their noise up to a whole digit,
-all in digits (:func:`hidden_by_rounding`); what higher orders add is below 0.3 % of 1/12."""
+"""``_IN_MEAN``: variance of the mean of readings due to rounding; ``_SCATTER``: variance of readings about their mean;
+both over their noise up to a whole digit, in digits (:func:`hidden_by_rounding`). Higher orders add less than 0.3 % of
+1/12."""
 SHORTEST: Final = 16
-"""Rows below which a log is taken as it is: a smoother has three values at its start, and each needs some five rows."""
+"""Number of rows below which a log is not smoothed: a smoother starts with three values, each of some five rows."""
 
 
 def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
-    """Return the noise's standard deviation in °C and over how many samples it is correlated.
+    """Return the noise's standard deviation in °C and its correlation length in samples.
 
-    Third differences do not see lines and parabolas; their scale does not see corners. A stride of s samples sees
-    noise whose neighbours within s samples are alike. How many are alike is read off the quieter parts of the log:
-    where the temperature itself bends over a few strides it would pass for noise that is alike over many samples.
+    Third differences vanish for lines and parabolas; the robust scale of the differences is insensitive to corners.
+    Differences with a stride of s samples contain noise that is correlated over up to s samples. The correlation length
+    is estimated from the quieter parts of the log: a temperature that bends over a few strides would otherwise count as
+    noise with a long correlation.
     """
     if len(time_s) < 2:
         return 0.0, 1.0
@@ -56,10 +59,10 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
         return 0.0, 1.0
     whole = _whole(temp_c, strides)
     if whole.max() <= NEGLIGIBLE_C < last_digit(temp_c) / math.sqrt(12.0):
-        # Most of the time the log stands still to its last digit, and nothing is seen of its noise.
+        # Most of the time the log is constant to its last digit, which hides its noise.
         temp_c = _without_rests(temp_c, longest)
         whole = _whole(temp_c, strides)
-    # As many of the longest strides in a part as a log must have rows.
+    # Parts with as many of the longest strides as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
     parts = _parts(temp_c, count)
     of_parts = np.array([np.concatenate([_scatter(part, stride) for part in parts]) for stride in strides])
@@ -71,12 +74,12 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
 
 
 def hidden_by_rounding(readings_c: Floats, digit_c: float) -> float:
-    """Return the standard deviation, °C, of what rounding to a last digit does to the mean of readings (n,) of a level.
+    """Return the standard deviation, °C, of the error of the mean of readings (n,) of a level due to rounding.
 
-    Noise that spreads readings over several digits makes their mean right; without it all of them are off by one
-    error. Over values evenly spread between two digits, noise of σ leaves of the rounding's variance q²/12 the sum over
-    k of q²/(2π²k²) exp(−4π²k²σ²/q²) in the mean, and the rest in the scatter, which tells σ (Widrow and Kollár,
-    Quantization Noise (2008), ch. 5).
+    With noise that spreads the readings over several digits, the mean has no rounding error; without noise all readings
+    have the same error. Averaged over values between two digits, noise of σ leaves the part
+    Σ_k q²/(2π²k²) exp(−4π²k²σ²/q²) of the rounding's variance q²/12 in the mean, and the rest in the scatter, from
+    which σ follows (Widrow and Kollár, Quantization Noise (2008), ch. 5).
     """
     if digit_c <= 0.0:
         return 0.0
@@ -85,11 +88,11 @@ def hidden_by_rounding(readings_c: Floats, digit_c: float) -> float:
 
 
 def last_digit(temp_c: Floats) -> float:
-    """Return the step of which many changes of a log (n,) are multiples, °C; 0: there is none.
+    """Return the last digit of a log (n,), °C: the step of which many of its changes are multiples; 0: there is none.
 
-    Not all need be: lines were drawn between some readings, or those of several instruments put together. Of n changes
-    chance puts a share c = 3/q within one tick of a multiple of a step of q ticks. The step of whose multiples there is
-    a share s with the most evidence, n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))), is the last digit.
+    Not all changes need be multiples: some readings may be interpolated, or several instruments combined. By chance a
+    share c = 3/q of n changes lies within one tick of a multiple of a step of q ticks. If s is the share that does, the
+    evidence of the step is n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))); the last digit is the step with the most.
     """
     ticks = np.rint(np.abs(np.diff(temp_c)) / _STILL_C)
     sizes, times = np.unique(ticks[ticks > 0.0], return_counts=True)
@@ -106,12 +109,12 @@ def last_digit(temp_c: Floats) -> float:
 
 
 def _whole(temp_c: Floats, strides: Ints) -> Floats:
-    """Return the standard deviation of a reading by stride (k,), from the whole log; 0 where it is not seen."""
+    """Return the standard deviation of a reading by stride (k,), from the whole log; 0 where it is not measurable."""
     return np.array([np.nan_to_num(_scatter(temp_c[None], int(stride))[0]) for stride in strides])
 
 
 def _without_rests(temp_c: Floats, longest: int) -> Floats:
-    """Return readings (n,) with NaN where more of them than that are one value: their noise hides in the last digit."""
+    """Return readings (n,) with NaN where more than ``longest`` in a row are equal: rounding hides their noise."""
     changes = np.cumsum(np.abs(np.diff(temp_c, prepend=temp_c[0])) > _STILL_C)
     out = temp_c.copy()
     for begin, end in constant_runs(changes):
@@ -121,17 +124,17 @@ def _without_rests(temp_c: Floats, longest: int) -> Floats:
 
 
 def _scatter(rows: Floats, stride: int) -> Floats:
-    """Return the standard deviation of a reading in every row (m,) of many pieces of one length (m, n); NaN: not seen.
+    """Return the standard deviation of a reading in each of many pieces (m, n) of a log (m,); NaN: not measurable.
 
     The median of rounded readings' differences is a multiple of the last digit. The M-estimate of scale with Tukey's
-    biweight is a smooth function of the differences: it sums over their steps as over a density, and is as blind to
+    biweight is a smooth function of the differences, so that it averages over their steps, and is as robust against
     outliers.
     """
     size = np.abs(differences(rows, stride))
     known = np.isfinite(size)
     scale, count = np.full(len(rows), np.nan), np.count_nonzero(known, axis=1)
     left = np.flatnonzero(count)
-    # Where all is known the plain median is the same, in a seventh of the time for short rows.
+    # Where all differences are finite the plain median is the same, in a seventh of the time for short rows.
     scale[left] = (np.median if known.all() else np.nanmedian)(size[left], axis=1) / NORMAL_MEDIAN
     seen = 2 * np.count_nonzero(size > 0.0, axis=1) > count
     scale[left[~seen[left]]] = 0.0
@@ -149,7 +152,7 @@ def _scatter(rows: Floats, stride: int) -> Floats:
 
 
 def _parts(values: Floats, count: int) -> list[Floats]:
-    """Cut values (n,) into so many parts; those of one length, which differs by one at most, stand together (k, m)."""
+    """Split values (n,) into ``count`` parts; return those of either length (they differ by one) as arrays (k, m)."""
     length, longer = divmod(len(values), count)
     first = longer * (length + 1)
     return [values[:first].reshape(longer, length + 1), values[first:].reshape(count - longer, length)]

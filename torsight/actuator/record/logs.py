@@ -19,7 +19,7 @@ from torsight.core.units import Floats
 from torsight.core.words.plausible import SPRING_C, require_units
 
 _HARMLESS: Final = ("preamble", "units", "encoding", "decimal_comma", "blank_row", "arrival", "times")
-"""What may have been done to the text of a log: every row still says what it said."""
+"""Repairs to the text of a log that leave the content of every row unchanged."""
 
 
 def read_log(
@@ -34,18 +34,18 @@ def read_log(
     Parameters
     ----------
     path : str or Path
-        The log, as an instrument writes it: its header may stand on any line.
+        The log, as an instrument writes it: its header may be on any line.
     columns, units : mapping of str to str, optional
-        Names of its columns, and units that its header does not say; see :func:`sync.read_temperature_log`.
+        Names of its columns, and units that its header does not state; see :func:`sync.read_temperature_log`.
     tell : callable
-        Takes a sentence on what a person should know: columns that were guessed or converted.
+        Called with every note for the user: columns that were guessed or converted.
 
     Raises
     ------
     ConfigError
-        For a key of ``columns`` or ``units`` that is not known.
+        For an unknown key of ``columns`` or ``units``.
     InputError
-        When a column is missing, a field is no number, times do not increase, or a temperature is none.
+        When a column is missing, a field is no number, times do not increase, or a temperature is out of range.
     """
     path = Path(path)
     table = read_log_table(path, chosen_columns(columns, units))

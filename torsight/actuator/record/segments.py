@@ -1,8 +1,9 @@
 """Half-cycles of a record: which spring is driven when.
 
-A half-cycle is the heating and cooling of one spring. It lasts until the other spring starts to be heated, or the same
-one again after it has cooled. The log's heating switches decide where it has them, else the temperatures: the driven
-spring is the hotter one at the top of a rise, and warming by its neighbour is no drive.
+A half-cycle is the heating and cooling of one spring. It lasts until the heating of the other spring begins, or until
+the same spring is heated again after it has cooled. Half-cycles follow from the log's heating switches where it has
+them, else from the temperatures: the driven spring is the hotter one at the top of a rise, so that a spring which is
+only warmed by its neighbour does not count as driven.
 """
 
 from __future__ import annotations
@@ -18,35 +19,35 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.series import APART, BY_CHANCE, extremes, runs, scatter
 from torsight.core.units import DEG, Flags, Floats, Ints
 
-# benchmarks/actuator/half_cycles.py measures what half and twice of these constants do: no half-cycle's spring changes,
-# and no start but those that are named.
+# benchmarks/actuator/half_cycles.py measures the effect of half and twice of these constants: no half-cycle's spring
+# changes, and no start but those that are mentioned.
 _TURN_C: Final = 1.0
 _RISE_C: Final = 4.0
-"""By how much a temperature goes back where it turns, and rises where its spring is heated; more where it is noisy."""
+"""Least reversal of a temperature at a turn, and its least rise in a heating; larger for a noisy temperature."""
 _LIFT_C: Final = 0.25
-"""How far above its rest a temperature is when its heating has begun. Starts of 95 half-cycles in 100 are within 4.9 s,
-within 4.2 s with half of it and 8.5 s with twice of it."""
+"""Rise of a temperature above its rest at which its heating has begun. The starts of 95 of 100 half-cycles are correct
+to 4.9 s; to 4.2 s with half this value, to 8.5 s with twice."""
 _BEFORE_S: Final = 40.0
-"""A heating that is not seen in the temperature after so long would not be one. With half of it a jump is passed over
-in one of 25 half-cycles that have one."""
+"""Longest time between a jump of the angle and the visible heating that causes it. With half this value a jump is
+missed in one of 25 half-cycles that have one."""
 _JUMP_S: Final = 2.0
 _JUMP_RAD: Final = 0.4 * DEG
-"""What the angle moves by within two seconds is a jump from so much, or so many sigmas of its noise."""
+"""Least motion of the angle within two seconds that counts as a jump; larger for a noisy angle."""
 _STILL_SHARE: Final = 0.25
-"""Share of the jump by which a rest may move before it."""
+"""Largest motion in the rest before a jump, as a share of the jump."""
 _REST_ROWS: Final = 4
 _COLD_SHARE: Final = 0.2
-"""Share of its heating below which a spring no longer moves by itself: it has cooled."""
+"""Share of its temperature's rise below which a spring counts as cooled: it no longer moves the disk."""
 
 
 def turn_of(noise_c: float) -> float:
-    """Return by how much the temperature goes back where it turns, °C."""
+    """Return the least reversal of a temperature that counts as a turn, °C."""
     return max(_TURN_C, APART * noise_c)
 
 
 @dataclass(frozen=True, slots=True)
 class Heating:
-    """One rise of one spring's temperature: spring (0 A, 1 B), rows of its start and top, the start's temperature."""
+    """One rise of one spring's temperature: spring (0 A, 1 B), rows and temperatures of its start and its top."""
 
     spring: int
     start: int
@@ -56,17 +57,17 @@ class Heating:
 
 
 def by_role(active: NDArray[np.int8], of_a: Floats, of_b: Floats) -> tuple[Floats, Floats]:
-    """Return what belongs to the spring that is driven in each row, and what belongs to the other one."""
+    """Return the series (n,) of the driven spring of each row, and the series of the other spring."""
     is_a = active == 0
     return np.where(is_a, of_a, of_b), np.where(is_a, of_b, of_a)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HalfCycles:
-    """The chain of half-cycles of a record: which spring is driven in each row (n,; 0 A, 1 B), and in which half-cycle.
+    """The half-cycles of a record: the driven spring (0 A, 1 B) and the number of the half-cycle of each row (n,).
 
-    ``springs`` are the driven ones of each half-cycle; ``switched`` says whether the log's heating switches told the
-    starts.
+    ``springs`` are the driven springs of the half-cycles; ``switched`` is true where the log's heating switches
+    determine the starts.
     """
 
     active: NDArray[np.int8]
@@ -75,7 +76,7 @@ class HalfCycles:
     switched: bool = False
 
     def counts(self) -> Ints:
-        """Return, for each half-cycle, how often its spring had been heated before."""
+        """Return the number of earlier heatings of the driven spring for each half-cycle."""
         seen = [0, 0]
         out = []
         for spring in self.springs:
@@ -119,11 +120,11 @@ def half_cycles(
 def begun_with_a_jump(
     cycles: HalfCycles, time_s: Floats, angle_rad: Floats, temps_c: tuple[Floats, Floats]
 ) -> HalfCycles:
-    """Begin half-cycles where the angle jumps out of a rest shortly before the temperature shows that heat is on.
+    """Move the start of half-cycles to jumps of the angle out of a rest, shortly before the temperature rises.
 
-    A sensor shows heat some seconds after the switch. The plain rig stands still until the wire is hot; where torques
-    shift as soon as one spring is switched for the other, the angle tells the switch better. While the last one is
-    still warm, a jump is its own return.
+    A sensor shows a heating some seconds after the switch. The plain rig rests until the wire is hot; but where torques
+    change as soon as the other spring is switched on, the angle shows the switch more precisely. While the spring that
+    was driven before is still warm, a jump is its return stroke and does not count.
     """
     if cycles.switched:
         return cycles
@@ -141,24 +142,24 @@ def begun_with_a_jump(
 
 
 def _jump(time_s: Floats, angle_rad: Floats) -> int | None:
-    """Return the row at which an angle jumps out of a rest; None where it does not."""
+    """Return the row at which an angle jumps out of a rest; None without a jump."""
     if len(time_s) < 2 * _REST_ROWS:
         return None
     noise = scatter(angle_rad, order=1)
     least = max(_JUMP_RAD, APART * noise)
     later = np.searchsorted(time_s, time_s + _JUMP_S, side="right") - 1
-    way = np.abs(angle_rad[later] - angle_rad)
-    quick = np.flatnonzero(way >= least)
+    motion = np.abs(angle_rad[later] - angle_rad)
+    quick = np.flatnonzero(motion >= least)
     if len(quick) == 0 or quick[0] < _REST_ROWS:
         return None
     rest, after = np.split(angle_rad, quick[:1])
-    if float(np.ptp(rest)) > _STILL_SHARE * way.max() + APART * noise:
+    if float(np.ptp(rest)) > _STILL_SHARE * motion.max() + APART * noise:
         return None
     return len(rest) + int(np.argmax(np.abs(after - np.median(rest)) > 0.5 * least))
 
 
 def _unheated(temps: tuple[Floats, Floats], *, where: str) -> InputError | NoResultError:
-    """Return what to say of a record in which no spring is driven on its own."""
+    """Return the error for a record in which no spring is driven alone."""
     span = [float(np.max(t) - np.min(t)) for t in temps]
     value = f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)"
     if min(span) >= _RISE_C:
@@ -179,7 +180,7 @@ def _unheated(temps: tuple[Floats, Floats], *, where: str) -> InputError | NoRes
 
 
 def _switched(temps: tuple[Floats, Floats], heat: tuple[Flags, Flags]) -> list[Heating]:
-    """Return the stretches in which one switch is on."""
+    """Return the heatings by the switches: the intervals in which only one switch is on."""
     found = []
     for spring in (0, 1):
         for start, end in runs(heat[spring] & ~heat[1 - spring]):
@@ -189,7 +190,7 @@ def _switched(temps: tuple[Floats, Floats], heat: tuple[Flags, Flags]) -> list[H
 
 
 def _driven(temps: tuple[Floats, Floats], *, rise_c: float, turn_c: float) -> list[Heating]:
-    """Return the rises of either spring that its own heating made."""
+    """Return the heatings by the temperatures: the rises of either spring that its own heating causes."""
     found: list[Heating] = []
     for spring in (0, 1):
         own, other = temps[spring], temps[1 - spring]
@@ -201,7 +202,7 @@ def _driven(temps: tuple[Floats, Floats], *, rise_c: float, turn_c: float) -> li
 
 
 def _merged(heatings: list[Heating], temps: tuple[Floats, Floats]) -> list[Heating]:
-    """Join rises of one spring between which it has not cooled: holds, pauses, partial reheats."""
+    """Join rises of one spring between which the spring has not cooled: holds, pauses, partial reheats."""
     kept: list[Heating] = []
     for item in heatings:
         last = kept[-1] if kept else None
@@ -216,15 +217,15 @@ def _merged(heatings: list[Heating], temps: tuple[Floats, Floats]) -> list[Heati
 
 
 def _placed(heatings: list[Heating], temps: tuple[Floats, Floats], *, margin_c: float) -> list[Heating]:
-    """Move every start to where the temperature leaves its lowest for good, after the last half-cycle's top.
+    """Move every start to the row at which the temperature finally leaves its minimum since the last half-cycle's top.
 
-    Before that the spring rests (or is warmed by its neighbour), and the neighbour still cools.
+    Before this row the spring rests (or is warmed by its neighbour), and the neighbour still cools.
     """
     placed = heatings[:1]
     for before, item in pairwise(heatings):
         own = temps[item.spring][before.top : item.top + 1]
         low = int(np.flatnonzero(own <= own.min() + margin_c)[-1])
-        # Within the margin the rise has begun already: back to its foot.
+        # At the margin the rise has begun already: go back to its foot.
         while low > 0 and own[low - 1] < own[low]:
             low -= 1
         placed.append(Heating(item.spring, before.top + low, item.top, item.base_c, item.top_c))
@@ -235,7 +236,7 @@ def _chain(heatings: list[Heating], n: int, *, switched: bool) -> HalfCycles:
     active, half = np.empty(n, np.int8), np.empty(n, np.int64)
     starts = [0]
     for before, item in pairwise(heatings):
-        # Warming by the neighbour may have begun before: a half-cycle starts after the last one's top.
+        # Warming by the neighbour may have begun earlier: a half-cycle starts after the top of the one before.
         starts.append(max(item.start, before.top + 1))
     bounds = [*starts, n]
     for number, item in enumerate(heatings):

@@ -1,4 +1,4 @@
-"""The readings of both sensors as logged, and the temperatures of the wires behind slow sensors."""
+"""The readings of both sensors as logged, and the temperatures of the wires for slow sensors."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from torsight.core.units import Floats, Ints
 Pair = tuple[Floats, Floats]
 
 _LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
-"""Time constants for which wires behind their sensors are found; what lies between is on a line. Between 2.5 and 3.7 s
-they err by 14.35 mK then, and by 14.26 mK as found for 3 s itself (benchmarks/actuator/log_constants.py)."""
+"""Time constants for which the wires' temperatures are estimated; between them they are interpolated. For 3 s the error
+is then 14.35 mK, that of a direct estimate 14.26 mK (benchmarks/actuator/log_constants.py)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """The temperatures as logged, for effects that must go back to them.
+    """The temperatures as logged, for effects that need them.
 
     Attributes
     ----------
@@ -32,11 +32,11 @@ class Sensors:
     temps_c : two (m,) float64
         Both temperatures, gaps bridged.
     rows : (n,) int64
-        Rows of the log that the drive keeps (all that it keeps, where some of a drive's rows are taken).
+        Rows of the log that the whole drive keeps.
     driven_c : two (n,) float64
-        Both temperatures there, conditioned.
+        Both conditioned temperatures at these rows.
     least_turn_c : float
-        By how much a temperature goes back where it turns.
+        Least reversal of a temperature that counts as a turn.
     """
 
     time_s: Floats
@@ -52,17 +52,17 @@ class Sensors:
         return a, b
 
     def get_ready(self) -> None:
-        """Make what :meth:`lag_correction` needs, for all time constants."""
+        """Compute the corrections of :meth:`lag_correction` for all time constants."""
         missing = [lag_s for lag_s in _LAG_GRID_S if lag_s not in self._known]
-        # The readings are made before two threads ask for them.
+        # The readings are computed before two threads use them.
         if missing and self._readings:
             with_help(missing, self._at)
 
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
-        """Return what the wires' temperatures differ from the sensors' by at the kept rows, with this time constant.
+        """Return the differences of the wires' from the sensors' temperatures at the kept rows, for a time constant.
 
-        Made for constants on a grid, once each: the two neighbours, and the share of the way from the first to the
-        second.
+        They are computed and cached for a grid of time constants. Returned are the weight of the upper of the two
+        neighbouring grid points, and the differences at the lower and at the upper one.
         """
         low = min(max(bisect_right(_LAG_GRID_S, lag_s) - 1, 0), len(_LAG_GRID_S) - 2)
         share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
@@ -79,5 +79,5 @@ class Sensors:
         return self._known[lag_s]
 
     def _kept(self, wire_c: Floats) -> Floats:
-        """Return a wire's temperature (m,) at the kept rows, its turns among them."""
+        """Return a wire's temperature (m,) at the kept rows, with its turns at their full height."""
         return at_places(wire_c, turns_of(wire_c, self.least_turn_c), self.rows.astype(float))

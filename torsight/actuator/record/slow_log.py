@@ -1,10 +1,11 @@
-"""Readings of a temperature log that are seconds apart, and the wire's corners between them.
+"""Recovery of a log's readings that are seconds apart, and of the wire's corners between them.
 
-A merged table has the log's temperatures at every frame, on straight lines between the readings. Where readings are
-seconds apart the lines cut corners off: a heating that ends between two readings ends lower in the table than at the
-wire, and an incomplete transformation keeps that difference. The lines meet at the readings, so that these can be taken
-back out of the table, as they can where it repeats every reading until the next. A ramp goes on until the corner and
-what follows begins there, so the lines on both sides of a gap, continued into it, meet at the corner.
+A merged table has the log's temperatures at every frame, linearly interpolated between the readings. Where readings are
+seconds apart, interpolation cuts corners off: a heating that ends between two readings ends lower in the table than at
+the wire, and an incomplete transformation keeps that difference. The lines meet at the readings, so that the readings
+can be recovered from the table, as they can where it repeats every reading until the next. A ramp continues to the
+corner and the next ramp begins there, so that the lines on both sides of a gap, extrapolated into it, meet at the
+corner.
 """
 
 from __future__ import annotations
@@ -18,27 +19,29 @@ from torsight.core.series import BY_CHANCE, usual_step
 from torsight.core.units import Flags, Floats, Ints
 
 SLOW_S: Final = 1.0
-"""Rows further apart miss the corners of the temperature, where a heating ends (benchmarks/actuator/slow_logs.py)."""
+"""Interval above which rows miss the temperature's corners, where a heating ends (benchmarks/actuator/slow_logs.py)."""
 _ROUNDED_C: Final = 2e-5
-"""How far rows of one line may be off it: tables are written with five decimals."""
+"""Largest deviation of rows from their common line: tables are written with five decimals."""
 _OFF: Final = 0.15
 _REGULAR: Final = 0.9
-"""Readings are multiples of one interval apart, to such a share of it, in such a share of them. Of places that have
-nothing to do with a log's clock (corners of a log without noise) three in ten are: 16 of them in 10⁶ cases once."""
+"""Readings are regular if the share ``_REGULAR`` of their distances are multiples of one interval to within the share
+``_OFF`` of it. Of points unrelated to a log's clock (corners of a log without noise) three in ten distances are: 16
+points pass in one of 10⁶ cases."""
 _FEW_ROWS: Final = 2.5
-"""Lines of fewer rows than three are not known from noise."""
+"""Least rows per line: lines of fewer rows than three cannot be distinguished from noise."""
 _LONGEST_HOLD_S: Final = 40.0
-"""Half of all heatings are switched off where they end, the others are held, evenly up to so long: a choice. With half
-and twice of it later records behind readings every 3 s are off by 0.81 and 0.79° (0.78°) where nothing is held, and by
-1.57 and 1.62° (1.60°) where tops are held for up to 15 s (benchmarks/actuator/slow_logs.py)."""
+"""Prior of holds: half of all heatings are switched off at their top, the others are held, for times evenly distributed
+up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.81
+and 0.79° (0.78°) where nothing is held, and 1.57 and 1.62° (1.60°) where tops are held for up to 15 s
+(benchmarks/actuator/slow_logs.py)."""
 _SHARP: Final = 4.0
-"""And changes the slope by so many times what the gaps beside it do: a wire that bends evenly, by twice that."""
+"""Least change of slope at a corner, relative to that of the gaps beside it: for a wire that bends evenly it is two."""
 
 
 def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None:
-    """Return times and temperatures of the readings between which rows (n,) were interpolated, or which they repeat.
+    """Return times and temperatures of the readings from which rows (n,) were interpolated or repeated.
 
-    None where readings are no further apart than the rows, or have no noise that would tell.
+    None where the readings are no further apart than the rows, or have no noise by which they can be found.
     """
     if len(time_s) < SHORTEST:
         return None
@@ -52,7 +55,7 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     regular = np.mean(np.abs(apart_s - steps * interval_s) <= _OFF * interval_s) >= _REGULAR
     if not regular or interval_s < _FEW_ROWS * usual_step(time_s):
         return None
-    # Readings that one line joins, at rest to the last digit, are no meeting: they lie evenly on it.
+    # Readings on one common line (at rest to the last digit) are not found as meetings: they lie evenly on the line.
     ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]
     whole = np.maximum(np.rint(np.diff(ends[0]) / interval_s), 1.0).astype(np.int64)
     number = np.concatenate([[0], np.cumsum(whole)])
@@ -63,10 +66,10 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
 
 
 def corner_gaps(time_s: Floats, temp_c: Floats, noise_c: Floats | float) -> Flags:
-    """Return in which gaps (n − 1) between readings (n,) the wire has a corner; ``noise_c`` is one, or each gap's.
+    """Return the mask (n − 1,) of the gaps between readings (n,) in which the wire has a corner.
 
-    The slope changes there by more than noise does and than the wire bends beside it, and the lines beside the gap meet
-    in it.
+    At a corner the slope changes by more than noise explains and the wire bends beside it, and the lines beside the gap
+    meet within it. ``noise_c`` is one value for all gaps or one per gap.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     first, before, after, last = (_beside(slope, step) for step in (-2, -1, 1, 2))
@@ -76,15 +79,15 @@ def corner_gaps(time_s: Floats, temp_c: Floats, noise_c: Floats | float) -> Flag
 
 
 def _beside(slope: Floats, step: int) -> Floats:
-    """Return the slope (n − 1) so many gaps further on; at the ends, the last."""
+    """Return the slopes (n − 1,) shifted by ``step`` gaps, with the end values repeated."""
     return slope[np.clip(np.arange(len(slope)) + step, 0, len(slope) - 1)]
 
 
 def turns_between(time_s: Floats, temp_c: Floats, corners: Flags) -> tuple[Ints, Floats, Floats]:
-    """Return the gaps (k,) between readings (n,) in which the wire turns, how far it gets there, and one sigma of that.
+    """Return the gaps (k,) between readings (n,) in which the wire turns, the turns' temperatures and their sigma.
 
-    A heating that is switched off between two readings ends above both: where the lines beside them meet if it is not
-    held, and anywhere below that if it is held for less than the gap.
+    A heating that is switched off between two readings ends above both: at the meeting of the lines beside the gap if
+    it is not held, and anywhere below this point if it is held for less than the gap.
     """
     slope, span_s = np.diff(temp_c) / np.diff(time_s), np.diff(time_s)
     before, after = _beside(slope, -1), _beside(slope, 1)
@@ -92,16 +95,16 @@ def turns_between(time_s: Floats, temp_c: Floats, corners: Flags) -> tuple[Ints,
     low, high, before, after, span_s = temp_c[gaps], temp_c[gaps + 1], before[gaps], after[gaps], span_s[gaps]
     meet = low + before * np.clip((high - after * span_s - low) / (before - after), 0.0, span_s)
     nearest = np.where(before > 0.0, np.maximum(low, high), np.minimum(low, high))
-    # Of those that are held for up to the longest hold, so many are held for less than the gap.
+    # Posterior share of tops that are held: of all held ones only those held for less than the gap are possible here.
     held = 1.0 / (1.0 + _LONGEST_HOLD_S / span_s)
     turn_c = meet + 0.5 * held * (nearest - meet)
     return gaps, turn_c, np.abs(meet - nearest) * np.sqrt(held / 12.0 + held * (1.0 - held) / 4.0)
 
 
 def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> tuple[Floats, Floats]:
-    """Return temperatures (n,) of a wire and their sigmas, its turns between two readings at the later one.
+    """Return temperatures (n,) of a wire and their sigmas, with turns between two readings placed at the later reading.
 
-    A transformation that only advances is, there, where the turn has left it
+    At the later reading a transformation that only advances is still in the state that it reached at the turn
     (:func:`torsight.actuator.record.turns.at_places`).
     """
     gaps, turn_c, doubt_c = turns_between(time_s, temp_c, corner_gaps(time_s, temp_c, sigma_c[:-1]))
@@ -112,9 +115,10 @@ def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> tuple[Floa
 
 
 def between(time_s: Floats, temp_c: Floats, corners: Flags, wanted_s: Floats) -> tuple[Floats, Floats]:
-    """Return the temperatures (m,) between readings (n,), and what is not known of turns there, one sigma.
+    """Return the temperatures (m,) between readings (n,), and the standard deviation (m,) due to turns there.
 
-    On lines; in a gap with a corner on those beside it, held between them at the turn's height.
+    The temperatures lie on the line between two readings. In a gap with a corner they lie on the lines beside the gap,
+    limited to the turn's temperature.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     low = np.clip(np.searchsorted(time_s, wanted_s, side="right") - 1, 0, len(slope) - 1)
@@ -124,7 +128,7 @@ def between(time_s: Floats, temp_c: Floats, corners: Flags, wanted_s: Floats) ->
     gaps, turn_c, doubt_c = turns_between(time_s, temp_c, corners)
     held_c, doubt = np.full(len(slope), np.nan), np.zeros(len(slope))
     held_c[gaps], doubt[gaps] = turn_c, doubt_c
-    # No number stands for a corner that is no turn: there is nothing to hold at.
+    # NaN marks a corner that is no turn, where no temperature limits the lines.
     top = np.fmin(np.minimum(from_before, from_after), held_c[low])
     bottom = np.fmax(np.maximum(from_before, from_after), held_c[low])
     known_c = np.where(corners[low], np.where(before > after, top, bottom), temp_c[low] + slope[low] * past_s)
@@ -132,9 +136,10 @@ def between(time_s: Floats, temp_c: Floats, corners: Flags, wanted_s: Floats) ->
 
 
 def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
-    """Return times and temperatures at which straight lines of rows meet: on a row, or between two rows.
+    """Return times and temperatures at which straight lines of rows meet (on a row or between two rows).
 
-    Level lines do not meet: where most are, every reading stands until the next, from its first row.
+    Level lines do not meet: where most lines are level, every reading is repeated until the next, from its first row,
+    and the third value is true.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])

@@ -1,21 +1,21 @@
-r"""The wire's temperature behind a noisy log, and behind a slow sensor: a smoother whose slope may jump.
+r"""Estimation of the wire's temperature from a noisy log, also of a slow sensor: a smoother whose slope may jump.
 
-Between two readings the wire's temperature T moves on a parabola; at a reading its slope and its bend may jump,
+Between two readings the wire's temperature T is a parabola; at a reading its slope and its second derivative may jump,
 
 .. math:: Δ\dot T_i \sim N(0, λ_i s_{1,i}^2), \quad Δ\ddot T_i \sim N(0, λ_i s_{2,i}^2), \quad
           λ_i^{-1} \sim \mathrm{Gamma}(ν/2, ν/2)
 
-Student's t with few degrees of freedom ν: nearly all jumps are nearly nothing, and a few (a heater that is switched, a
-reference that is reached) are as large as they are. So a corner stays sharp, and everything between corners is averaged
-over. The usual sizes s are those of a stretch of the log: a wire that cools by itself bends, on a ramp it does not. A
-sensor with the time constant τ reads :math:`τ \dot T_m = T - T_m`, which is solved exactly along a parabola: the noise
-is not differentiated anywhere.
+The jumps have a Student's t distribution with few degrees of freedom ν: nearly all are nearly zero, and a few (a heater
+is switched, a reference is reached) may have any size. So a corner stays sharp, and all readings between corners are
+averaged. The usual sizes s vary along the log: the temperature of a freely cooling wire bends, that of a ramp does not.
+A sensor with the time constant τ reads :math:`τ \dot T_m = T - T_m`, which is solved exactly along a parabola: the
+noise is not differentiated anywhere.
 
-For given λ and s the most probable wire, and how well each of its temperatures is known, come out of a Kalman filter
-and the backward recursions of its smoother (Durbin and Koopman, Time Series Analysis by State Space Methods (2012),
-sections 4.4 to 4.5). λ and s are found in turn with them, as the marginal likelihood asks: each jump's variance goes to
-its square over how far the log decides it (MacKay, Neural Computation 4 (1992) 415; Tipping, J. Mach. Learn. Res. 1
-(2001) 211).
+For given λ and s a Kalman filter and the backward recursions of its smoother give the most probable temperature of the
+wire and its standard deviation (Durbin and Koopman, Time Series Analysis by State Space Methods (2012), sections 4.4 to
+4.5). λ and s are estimated alternately with it by the marginal likelihood: each jump's variance becomes its square
+divided by the degree to which the log determines it (MacKay, Neural Computation 4 (1992) 415; Tipping, J. Mach. Learn.
+Res. 1 (2001) 211).
 """
 
 from __future__ import annotations
@@ -30,27 +30,30 @@ from torsight.core.compiled import compiled
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
-# What half and twice of each do is measured by benchmarks/actuator/log_constants.py.
+# benchmarks/actuator/log_constants.py measures the effect of half and twice of each constant.
 _DEGREES: Final = 0.6
-"""Degrees of freedom ν of the jumps: with half and twice wires err 0.94 and 1.10 times as much, tops 1.3 times."""
+"""Degrees of freedom ν of the jumps: with half and twice the wires' temperatures err 0.94 and 1.10 times as much, tops
+1.3 times."""
 _ALIKE_S: Final = 45.0
-"""Over so many seconds jumps are of one usual size: with half or twice wires err by 1 % more, tops by 30 % and by less
-than 1 %."""
+"""Window over which jumps have one usual size: with half or twice the wires' temperatures err by 1 % more, tops by 30 %
+and by less than 1 %."""
 _ROUNDS: Final = 12
-"""Smoothing and sizes of the jumps in turn: wires err 1.13 and 0.94 times as much with half and twice."""
+"""Number of alternations between smoothing and sizes of the jumps: with half and twice the wires' temperatures err 1.13
+and 0.94 times as much."""
 _AVERAGED_S: Final = 10.0
-"""Where the rounds begin: jumps so large that noise is averaged over about so long. With half or twice wires err as
+"""Averaging time of the noise for the initial sizes of the jumps. With half or twice the wires' temperatures err as
 much, to 1 %."""
 _LEAST: Final = 1e-18
-"""Variance of a jump that is none; it is divided by."""
-# What may be true before the first reading: the wire behind a sensor 100 °C off, 10 °C/s, 1 °C/s².
+"""Variance of a jump of zero; it is a divisor."""
+# Prior variances before the first reading: sensor and wire 100 °C, slope 10 °C/s, second derivative 1 °C/s².
 _UNKNOWN: Final = (1e4, 1e4, 1e2, 1.0)
 
 
 class _Forward(NamedTuple):
-    """What the filter leaves for the way back: states before each reading (n, m), their covariances (n, m, m), gains.
+    """The filter's results for the backward pass: states before each reading (n, m), covariances (n, m, m), gains.
 
-    A state is the reading without noise (where the sensor is slow), the wire, its slope and its bend.
+    A state consists of the reading without noise (for a slow sensor), and the wire's temperature with its first and
+    second derivative. ``surprise`` and ``variance`` (n,) are the innovations and their variances.
     """
 
     state: Floats
@@ -61,7 +64,10 @@ class _Forward(NamedTuple):
 
 
 class _Smoothed(NamedTuple):
-    """The wire at every reading (n,); its jumps (2, n) of slope and bend, and how far the log decides each."""
+    """The wire's temperature at every reading (n,); jumps (2, n) of its first and second derivative.
+
+    ``decided`` is the degree, 0 to 1, to which the log determines each jump.
+    """
 
     value: Floats
     slope: Floats
@@ -71,14 +77,14 @@ class _Smoothed(NamedTuple):
 
 
 def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> tuple[Floats, Floats, Floats]:
-    """Return the wire's temperature (n,) at readings of so much noise, its slope and one standard deviation.
+    """Return the wire's temperature (n,) at readings with the noise ``sigma_c``, its slope and its standard deviation.
 
-    ``time_s`` (n,) increasing, not necessarily at one rate; ``lag_s`` is the sensor's time constant.
+    ``time_s`` (n,) increases, not necessarily evenly; ``lag_s`` is the sensor's time constant.
     """
     n, size, noise = len(temp_c), 4 if lag_s > 0.0 else 3, sigma_c**2
     forward = _Forward(np.empty((n, size)), np.empty((n, size, size)), np.empty((n, size)), np.empty(n), np.empty(n))
     found = _Smoothed(np.empty(n), np.empty(n), np.empty(n), np.zeros((2, n)), np.zeros((2, n)))
-    # Noise σ of readings every h seconds hides, over t seconds, jumps of h σ² / t³ (slope) and h σ² / t⁵ (bend).
+    # Noise σ of readings every h seconds hides, over t seconds, jumps of variance h σ² / t³ (slope), h σ² / t⁵ (bend).
     step_s = usual_step(time_s)
     jumps = np.full((2, n), noise * step_s / np.array([[_AVERAGED_S**3], [_AVERAGED_S**5]]))
     usual, spread, alike = jumps[:, 1:], np.ones(n - 1), max(1, round(_ALIKE_S / step_s))
@@ -90,7 +96,7 @@ def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> tu
             sizes = uniform_filter1d(square / spread, alike, mode="nearest")
             usual = np.maximum(sizes / np.maximum(uniform_filter1d(decided, alike, mode="nearest"), _LEAST), _LEAST)
         spread = (_DEGREES + np.sum(square / usual, axis=0)) / (_DEGREES + np.sum(decided, axis=0))
-        # Only the product of the two is known: the harmonic mean of λ is one.
+        # Only the product of λ and s² is identifiable: normalise the harmonic mean of λ to one.
         whole = 1.0 / np.mean(1.0 / spread)
         spread, usual = spread / whole, usual * whole
         jumps[:, 1:] = np.maximum(usual * spread, _LEAST)
@@ -99,14 +105,14 @@ def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> tu
 
 @compiled
 def _transition(matrix: Floats, span_s: float, lag_s: float) -> None:
-    """Set how a state (m,) goes on over a time: upper triangular, the wire on a parabola, the sensor after it."""
+    """Set the transition matrix (m, m) of a state over a time: the wire on a parabola, the sensor with its lag."""
     wire = matrix.shape[0] - 3
     half = 0.5 * span_s * span_s
     matrix[:] = 0.0
     matrix[wire, wire] = matrix[wire + 1, wire + 1] = matrix[wire + 2, wire + 2] = 1.0
     matrix[wire, wire + 1], matrix[wire, wire + 2], matrix[wire + 1, wire + 2] = span_s, half, span_s
     if wire:
-        # A first-order lag's responses to 1, t and t²/2, and what is left of where it was.
+        # A first-order lag's responses to 1, t and t²/2, and the decay of its initial value.
         gone = -math.expm1(-span_s / lag_s)
         ramp = span_s - lag_s * gone
         matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[0, 3] = 1.0 - gone, gone, ramp, half - lag_s * ramp
@@ -145,13 +151,13 @@ def _carried(matrix: Floats, vector: Floats, square: Floats, room: Floats) -> No
 
 @compiled
 def _rooms(size: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return zeros for what a pass carries along: a transition, room for products, a square and a vector."""
+    """Return zeroed working arrays of a pass: a transition matrix, room for products, a square matrix and a vector."""
     return np.zeros((size, size)), np.zeros((size + 1, size)), np.zeros((size, size)), np.zeros(size)
 
 
 @compiled
 def _filter(time_s: Floats, temp_c: Floats, noise: float, lag_s: float, jumps: Floats, forward: _Forward) -> None:
-    """Go through the readings once, and keep what is known before each of them."""
+    """Run the Kalman filter over the readings, and store state and covariance before each of them."""
     size = forward.state.shape[1]
     wire = size - 3
     matrix, room, spread, state = _rooms(size)
@@ -181,7 +187,7 @@ def _filter(time_s: Floats, temp_c: Floats, noise: float, lag_s: float, jumps: F
 
 @compiled
 def _told(forward: _Forward, k: int, pull: Floats, known: Floats, room: Floats) -> None:
-    """Add what reading k says of the state before it to what the later ones say."""
+    """Add the information of reading k on the state before it to that of the later readings."""
     size = pull.size
     gain, variance = forward.gain[k], forward.variance[k]
     along = twice = 0.0
@@ -200,7 +206,7 @@ def _told(forward: _Forward, k: int, pull: Floats, known: Floats, room: Floats) 
 
 @compiled
 def _set(forward: _Forward, k: int, pull: Floats, known: Floats, found: _Smoothed) -> None:
-    """Set the wire at reading k by what is known before it and by what it and the later ones say."""
+    """Set the wire's temperature at reading k from the filter's state before it and all readings from k on."""
     size = pull.size
     wire, state, spread = size - 3, forward.state[k], forward.spread[k]
     value, slope, variance = state[wire], state[wire + 1], spread[wire, wire]
@@ -214,10 +220,10 @@ def _set(forward: _Forward, k: int, pull: Floats, known: Floats, found: _Smoothe
 
 @compiled
 def _smooth(time_s: Floats, lag_s: float, jumps: Floats, forward: _Forward, found: _Smoothed) -> None:
-    """Go back through the readings, and set the wire at each of them by all of the log, and its jumps.
+    """Run the backward pass over the readings, which sets the wire's temperature and jumps from the whole log.
 
-    ``pull`` (m,) and ``known`` (m, m) are what the readings from here on say of the state: the gradient of their
-    logarithmic likelihood, and the information in it.
+    ``pull`` (m,) and ``known`` (m, m) are the gradient of the log-likelihood of the readings from k on by the state,
+    and their Fisher information.
     """
     size = forward.state.shape[1]
     wire = size - 3

@@ -12,10 +12,10 @@ from torsight.core.series import extremes
 from torsight.core.units import Floats, Ints
 
 REVERSAL_C: Final = 3.0
-"""A temperature must go back by so much before the other transformation begins, °C.
+"""Least reversal of a temperature before the other transformation begins, °C.
 
-The hysteresis of the alloy is several times wider; a controller overshoots its reference by a degree or two and comes
-back, and the heating goes on from there.
+The hysteresis of the alloy is several times wider; a controller overshoots its reference by a degree or two and
+returns, and the heating continues from there.
 """
 
 
@@ -23,8 +23,8 @@ back, and the heating goes on from there.
 def turning_points(temperature: Floats, half: Ints, threshold: float) -> NDArray[np.int8]:
     """Return +1 where the active spring heats and −1 where it cools; a turn counts beyond ``threshold`` °C.
 
-    The turn is placed where the temperature leaves its extremum for good, not where the threshold was crossed: a hold
-    belongs to what came before it. Each half-cycle starts heating.
+    The turn is placed where the temperature finally leaves its extremum, not where it crosses the threshold: a hold
+    belongs to the heating or cooling before it. Each half-cycle starts with heating.
     """
     n = temperature.size
     direction = np.ones(n, np.int8)
@@ -36,7 +36,7 @@ def turning_points(temperature: Floats, half: Ints, threshold: float) -> NDArray
         elif sense * (value - extreme) > 0.0:
             extreme, where = value, k
         elif sense * (extreme - value) >= threshold:
-            # The knee: furthest from the straight way between the extremum and here.
+            # The knee: the row furthest from the straight line between the extremum and the present row.
             first, furthest = where, 0.0
             for i in range(first + 1, k):
                 away = sense * (temperature[i] - extreme - (value - extreme) * (i - first) / (k - first))
@@ -51,13 +51,13 @@ def turning_points(temperature: Floats, half: Ints, threshold: float) -> NDArray
 
 
 def turns_of(temp_c: Floats, least_c: float) -> Ints:
-    """Return the samples (k,) of a temperature (n,) at which it turns and goes back by so much or more."""
+    """Return the samples (k,) at which a temperature (n,) turns and reverses by ``least_c`` or more."""
     return np.array(extremes(temp_c, least_c)[1:-1], np.int64)
 
 
 @compiled
 def on_lines(course: Floats, places: Floats) -> Floats:
-    """Return a course (n,) at places (m,) among its samples, from 0 to n − 1, on the lines between them."""
+    """Return a series (n,) at fractional sample indices (m,) from 0 to n − 1, linearly interpolated."""
     found = np.empty(len(places))
     for i in range(len(places)):
         before = min(int(places[i]), len(course) - 2)
@@ -66,10 +66,11 @@ def on_lines(course: Floats, places: Floats) -> Floats:
 
 
 def at_places(temp_c: Floats, turns: Ints, places: Floats) -> Floats:
-    """Return a temperature (n,) at places (m,), rising, among its samples: on lines, turns (k,) as they were reached.
+    """Return a temperature (n,) at increasing fractional sample indices (m,), interpolated, with its turns' extrema.
 
-    A turn that lies between two places stands at the later one. A transformation that only advances is, there, where
-    the turn has left it; on the line it would have ended short of that, for all of the rest that follows.
+    The extremum of a turn (k,) between two of these indices replaces the value at the later one. There a transformation
+    that only advances is still in the state that it reached at the turn; interpolation would cut it short, with an
+    error throughout the rest that follows.
     """
     found = on_lines(temp_c, places)
     after = np.searchsorted(places, turns)

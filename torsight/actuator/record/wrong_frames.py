@@ -1,4 +1,4 @@
-"""Angles that no stick can have had: single frames in which something else was tracked."""
+"""Detection of single frames with an impossible angle, in which something other than the stick was tracked."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from torsight.core.series import APART, scatter
 from torsight.core.units import Flags, Floats
 
 _LEAST_RAD: Final = 1e-5
-"""Where an angle does not scatter at all: differences below this are rounding."""
+"""Least scatter of an angle: differences below this value are rounding errors."""
 
 
 def wrong_frames(angle_rad: Floats, sigma_rad: Floats) -> Flags:
-    """Return the rows (n,) whose angle stands apart from its neighbours: a wrong frame, not a motion.
+    """Return the mask (n,) of rows whose angle is an outlier among its neighbours: a wrong frame, not a motion.
 
-    Apart is what differs from the median of seven by more than two samples do by chance, in the largest of their median
-    deviation, the row's own sigma and the angle's scatter. A step or the start of a motion is not apart: the middle of
-    seven rows lies on one of its sides. Of seven records of another rig, 163,000 rows, four standard deviations take 19
-    right rows for wrong, eight none; of frames that are 2° to 90° wrong eight find 97 %, sixteen 95 %.
+    An outlier differs from the median of seven rows by more than ``APART`` times the largest of their median absolute
+    deviation, the row's own sigma and the angle's scatter. A step or the start of a motion is no outlier: the median of
+    seven rows lies on one of its sides. In seven records of another rig, 163,000 rows, a threshold of four takes 19
+    right rows for wrong, eight none; of frames that are 2° to 90° wrong eight finds 97 %, sixteen 95 %.
     """
     good = np.flatnonzero(np.isfinite(angle_rad))
     out = np.zeros(len(angle_rad), np.bool_)

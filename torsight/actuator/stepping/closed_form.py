@@ -1,7 +1,7 @@
 """The paper's closed forms (21) to (29) for one heating and cooling of one spring.
 
-They hold for a transformation that is complete on heating, from a home state; the stepping kernel must give the same
-and is tested against them. All angles are those of the active spring, all torques in N·m.
+They hold for a transformation that is complete on heating and starts from a home state; the stepping kernel must give
+the same results and is tested against them. All angles are those of the active spring, all torques in N·m.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class ClosedForm:
     case : str
         ``"a"`` when the actuator moves back while cooling, else ``"b"``.
     xi_12, xi_23 : float
-        Martensite fraction at which sticking ends while heating (NaN: never) and while cooling (NaN: never).
+        Martensite fractions at which sticking ends on heating and on cooling (NaN: never).
     theta_l_rad : float
         Recoverable angle.
     """
@@ -43,24 +43,24 @@ def critical_angle(rig: Rig) -> float:
 
 
 def home_torque(rig: Rig, theta_1_rad: float) -> float:
-    """Return τ1 of (21): the smaller of the loading curve and what the other spring and friction can hold, N·m."""
+    """Return τ1 of (21): the torque on the loading curve, or that held by the other spring and friction if smaller."""
     passive = rig.loading_torque(rig.theta_p_rad - theta_1_rad)
     return min(rig.loading_torque(theta_1_rad), passive + rig.tau_c_nm)
 
 
 def wound_angle(rig: Rig, theta_rad: float, torque_nm: float) -> float:
-    """Return θ_max from which an elastic unwinding with K_M leads to this angle and torque, rad."""
+    """Return θ_max, rad, from which elastic unwinding with K_M leads to the given angle and torque."""
     excess = rig.loading_torque(theta_rad) - torque_nm
     if excess <= 0.0:
         return theta_rad
-    # Below the critical angle loading and unloading are one line: the way back to the curve starts there.
+    # Below the critical angle loading and unloading are the same line, so that θ_max is at least the critical angle.
     start = max(theta_rad, rig.theta_cr_rad)
     excess = rig.loading_torque(start) - (torque_nm + rig.k_martensite * (start - theta_rad))
     return start + max(0.0, excess) / (rig.k_martensite - rig.k_stress_induced)
 
 
 def sticking_end(rig: Rig, *, theta_l_rad: float, xi_start: float, torque_change_nm: float) -> float:
-    """Return ξ with K(ξ) (ξ_start − ξ) θ_L = torque change, the quadratic of (21) and (24); NaN where none in [0, 1].
+    """Return the root ξ of K(ξ) (ξ_start − ξ) θ_L = torque change, as in (21) and (24); NaN without one in [0, 1].
 
     The torque change is positive while heating (ξ falls) and negative while cooling (ξ grows).
     """
@@ -79,7 +79,7 @@ def sticking_end(rig: Rig, *, theta_l_rad: float, xi_start: float, torque_change
 
 
 def heated_angle(rig: Rig, *, theta_1_rad: float, theta_l_rad: float, xi_12: float, xi: float) -> float:
-    """Return θ^A while it slides on heating (23), rad."""
+    """Return θ^A, rad, at the fraction ``xi`` while the actuator slides on heating (23)."""
     stiffness = rig.stiffness(xi)
     return theta_1_rad + stiffness / (stiffness + rig.k_stress_induced) * (xi - xi_12) * theta_l_rad
 
@@ -116,16 +116,16 @@ def half_cycle(rig: Rig, theta_1_rad: float) -> ClosedForm:
 
 
 def stable_cycle(rig: Rig, *, max_cycles: int = 400) -> ClosedForm:
-    """Return the half-cycle that repeats itself: the other spring starts where this one's cooling stopped.
+    """Return the half-cycle of the stable cycle, in which the next half-cycle of the other spring is identical.
 
     The chain of half-cycles contracts, so iterating it from mid-stroke finds the fixed point.
     """
     theta_1 = 0.75 * rig.theta_p_rad
-    made = half_cycle(rig, theta_1)
+    found = half_cycle(rig, theta_1)
     for _ in range(max_cycles):
-        following = rig.theta_p_rad - made.theta_3_rad
+        following = rig.theta_p_rad - found.theta_3_rad
         if abs(following - theta_1) < 1e-13 * rig.theta_p_rad:
             break
         theta_1 = following
-        made = half_cycle(rig, theta_1)
-    return made
+        found = half_cycle(rig, theta_1)
+    return found

@@ -1,4 +1,4 @@
-"""Angles of the fitted cycle: θ_1, θ_2, θ_3, the critical angle and the case, as the paper names them."""
+"""Angles of the fitted cycle: θ_1, θ_2, θ_3, the critical angle and the case, with the paper's names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Cycle:
     Attributes
     ----------
     theta_1_deg, theta_2_deg, theta_3_deg : float
-        Before heating, at the extremum, after cooling.
+        Angles before heating, at the extremum, and after cooling.
     beta_cr_deg : float
         Critical angle (29).
     case : str
@@ -55,9 +55,9 @@ class Cycle:
 
 
 def fitted_cycle(drive: Drive, simulation: Simulation, values: Mapping[str, float]) -> Cycle:
-    """Return the angles of the half-cycle with the largest stroke; of equal ones, the last, where the chain is stable.
+    """Return the angles of the half-cycle with the largest stroke.
 
-    Strokes within 2 % of each other count as equal.
+    Of equal strokes (within 2 % of the largest) the last is taken, which is nearest to the stable cycle.
     """
     rig = Rig.from_values(values)
     found = []

@@ -4,22 +4,23 @@
 # Compiled functions call each other by position, flags too.
 """The compiled stepping rule: both springs and the friction, sample by sample, for any temperature history.
 
-At every sample one scalar equation is solved. While the actuator slides, the unknown is the active spring's own
-angle x: the passive spring, friction and stray torques give the torque that it must carry, ``load(x)``; that torque
-and the temperature give ξ through the phase law; and (12) from the reference state gives the torque that it makes.
-Load less made torque is monotone in x, so a bracketed root is the answer and no fixed-point iteration is needed. While
-it sticks, x is kept and the unknown is ξ at that angle. The order within a sample: new half-cycle, turn of the
-temperature, passive spring, then try to slide the way the transformation drives, else stick, else be driven back.
+At every sample one scalar equation is solved. While the actuator slides, the unknown is the active spring's own angle
+x: the passive spring, friction and stray torques determine the load, the torque that the active spring must carry,
+``load(x)``; load and temperature determine ξ through the phase law; and (12) gives the spring's own torque from the
+reference state. Load minus own torque is monotone in x, so that a bracketed root solves the equation and no fixed-point
+iteration is needed. While the actuator sticks, x is constant and the unknown is ξ at this angle. The order within a
+sample: new half-cycle, turn of the temperature, passive spring; then the actuator slides in the direction of the
+transformation, else sticks, else slides back.
 
-Everything is in the coordinates of the active spring: x falls while it recovers. The mirror image for spring B is the
-sign s (φ = s (x − θ_P/2)).
+All angles are in the coordinates of the active spring: x falls while the spring recovers. The mirror image for spring B
+is expressed by the sign s (φ = s (x − θ_P/2)).
 
-Arrays that go from function to function:
-``p`` scalars of the rig; ``tables`` (11, m) its functions of one variable; ``sections`` (3, m) of the wire: weight, how
-much cooler than the sensor, and that as a share of the excess over the room; ``c`` what holds during one sample; ``q``
-the reference state; ``w`` (7, m) per section: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place,
-and at what rate ξ changed before;
-``g`` what goes on from sample to sample; :class:`State` holds them together.
+Arrays that the functions share:
+``p`` scalars of the rig; ``tables`` (11, m) its functions of one variable; ``sections`` (3, m) of the wire: weight, and
+temperature below the sensor's, absolute and as a share of the excess over the room; ``c`` values of one sample; ``q``
+the reference state; ``w`` (7, m) per section: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, the
+rate of ξ over the sample before, and ξ at its end; ``g`` values that persist from sample to sample. :class:`State`
+holds these arrays.
 """
 
 from __future__ import annotations
@@ -117,22 +118,22 @@ from torsight.core.compiled import compiled, inlined, shared
 from torsight.core.units import Floats
 
 _LETS_STAND: Final = 0.1
-"""Share of its sliding value by which friction has to fall before a disk has come to a standstill, a choice; if none,
-an overshoot of no length would change the angle. Records of a rig with mass lose nothing with half of it, 50 log units
-with twice."""
+"""Drop of friction, as a share of its sliding value, from which a disk counts as having come to a standstill; a choice.
+Without it an overshoot of zero length would change the angle. On records of a rig with mass the evidence is the same
+with half this value and 50 log units lower with twice."""
 
 
 @shared
 def _wound_for(x: float, limit: float, p: Scalars, tables: Floats) -> float:
-    """Return θ_max of cold martensite at ``x`` that was unwound, if need be, until its torque was ``limit``."""
+    """Return θ_max of cold martensite at ``x``, if necessary unwound until its torque is ``limit``."""
     if loading_torque(x, p, tables) <= limit:
         return x
-    # Past the loading curve's first slope, unwinding from further off leaves less torque: linearly for two slopes.
+    # Beyond the critical angle the torque at x falls as θ_max grows: linearly for a curve with two slopes.
     start = max(x, p["theta_cr"])
     over = max(0.0, cold_torque(x, start, p, tables) - limit)
     wound = start + over / (p["k_m"] - p["k_s"])
     if p["loading_row"] > 0.0:
-        # The curve is less steep than K_M everywhere, so that these steps close in on the answer.
+        # The curve is less steep than K_M everywhere, so that these steps converge.
         for _ in range(40):
             off = cold_torque(x, wound, p, tables) - limit
             wound = min(max(start, wound + off / (p["k_m"] - p["k_s"])), 2.0 * p["theta_p"])
@@ -145,10 +146,11 @@ def _wound_for(x: float, limit: float, p: Scalars, tables: Floats) -> float:
 def _wind_home(
     wound: Floats, theta_start: float, first: int, scale: float, keeps: float, springs: NDArray[np.void], tables: Floats
 ) -> None:
-    """Set θ_max of both springs at the start: as they stand, or unwound to what the other and friction hold.
+    """Set θ_max of both springs at the start: wound to their angles, or unwound to the torque that is held.
 
-    The spring that is driven first may have carried a share of its torque only; what both have of it while cold is
-    ``keeps``. Where it is known by how much they were unwound, that holds.
+    The other spring and friction hold a spring.
+    The spring that is driven first may have carried only a share of its torque (``first_share``). Where the unwinding
+    of the springs is known, it is used instead. ``keeps`` is the factor on the torque of cold martensite.
     """
     p = springs[0]
     if p["unwound_a"] >= 0.0:
@@ -168,7 +170,7 @@ def _wind_home(
 
 @inlined
 def _recoverable(wound: float, left: Floats, p: Scalars, tables: Floats) -> float:
-    """Return what can be recovered after winding to an angle; ``left``: factor on it, and angle that is lost of it."""
+    """Return the recoverable angle after winding to an angle; ``left`` holds the factor on it, and the loss of it."""
     whole = p["fixed_theta_l"]
     if not whole > 0.0:
         whole = left_by_winding(wound, p, tables)
@@ -180,10 +182,11 @@ def _start_half_cycle(
     who: int, theta_a: float, scale: float, left: Floats, own: float, state: State, springs: NDArray[np.void],
     tables: Floats
 ) -> None:  # fmt: skip
-    """Take both springs as full martensite: the one that was driven on its loading curve, the other as it was left.
+    """Begin a half-cycle with both springs as full martensite, at their present angles and torques.
 
-    ``own`` is what the driven one made beside its phase's torque. A record starts at rest: whatever wound its springs,
-    the first carries as much as the other and a share of the friction hold, from all of it one way to all the other.
+    ``own`` is the torque of the spring that was driven before, in addition to its phase's torque. A record starts at
+    rest: the torque of the spring that is driven first is that of the other spring plus a share of the friction,
+    between −1 and 1 (``home_hold``).
     """
     g, q, w, wound, keeps = state.g, state.q, state.w, state.wound, state.c[KEEPS]
     before, p, o = int(g[WHO]), springs[who], springs[1 - who]
@@ -212,7 +215,7 @@ def _start_half_cycle(
 
 @inlined
 def _copy(state: State) -> None:
-    """Keep the reference state before a turn."""
+    """Save the reference state before a turn."""
     for i in range(state.q.size):
         state.saved_q[i] = state.q[i]
     for j in range(state.w.shape[1]):
@@ -222,9 +225,9 @@ def _copy(state: State) -> None:
 
 @shared
 def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tables: Floats) -> None:
-    """Take a new reference state when heating turns into cooling or back.
+    """Set a new reference state when heating turns into cooling or cooling into heating.
 
-    A turn after which nothing changes until the next is no turn: the transformation before it goes on.
+    If nothing has changed since the turn before, both turns are ignored: the earlier transformation continues.
     """
     g, q, w, saved_q, saved_w = state.g, state.q, state.w, state.saved_q, state.saved_w
     if g[CHANGED] > 0.0:
@@ -235,8 +238,8 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
         for j in range(w.shape[1]):
             w[1, j], w[2, j] = w[0, j], 0.0
         if heating:
-            # No more can be recovered than what the winding to this angle left. Where it was cooled to less than full
-            # martensite and not yet wound that far, what it recovered before is what it recovers again.
+            # The recoverable angle is at most that of the winding to this angle. A spring that was cooled to less than
+            # full martensite, and not wound that far since, recovers the angle that it recovered before.
             most = _recoverable(q[FLOOR], left, p, tables)
             if g[XI_NOW] > 1.0 - 1e-9:
                 state.wound[int(g[WHO])] = q[FLOOR]
@@ -254,15 +257,15 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
 
 @inlined
 def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
-    """Return where a slide ends."""
+    """Return the angle at which a slide ends."""
     return slide(sense, state.c[GUESS], first, state, p, o, tables, sections) if first > 0.0 else state.g[X_NOW]
 
 
 @shared
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
-    """Bring the active spring to rest in this sample; return whether it slid.
+    """Find the active spring's equilibrium in this sample and return whether the spring slid.
 
-    First the way in which the transformation drives, then (after sticking) the other way.
+    A slide in the direction of the transformation is tried first, then (after sticking) one in the other direction.
     """
     c, q, g, w = state.c, state.q, state.g, state.w
     x, scale = g[X_NOW], c[SCALE]
@@ -282,7 +285,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
                 slide_anew(sense, limit, reached if attempt == 0 else g[XI_NOW], state, p, tables)
             held = x
             if hold > scale:
-                # As far as it would slide if friction did not fall: the rest of the way is the jump.
+                # The end of the slide without the drop of friction: the distance beyond it is the jump.
                 c[SCALE] = hold
                 held = _slid(sense, excess(x, sense, state, p, o, tables, sections), state, p, o, tables, sections)
                 c[SCALE] = scale
@@ -292,10 +295,10 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
             g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
             g[XI_NOW] = advance(g[TAU_NOW], c, p, tables, sections, w)
             if hold > scale and p["swing"] > 0.0:
-                # Inertia carries it past the balance: there friction holds it until its torque has risen again.
+                # Inertia carries the disk past its balance, where friction holds it until the torque has risen again.
                 g[X_NOW] += p["swing"] * (g[X_NOW] - held)
                 transform_at_rest(state, p, tables, sections)
-                # The reference state is taken anew after that as far as friction, which drops there, has let it stand.
+                # The reference state is renewed in proportion to the drop of friction, up to a complete standstill.
                 stands = min(1.0, p["swing"] * (hold / scale - 1.0) / _LETS_STAND)
                 q[BEGUN], q[AT_REST] = q[BEGUN] + stands * (g[XI_NOW] - q[BEGUN]), 0.0
             keep_slide(abs(g[X_NOW] - x), c, g)
@@ -314,9 +317,9 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
 
 @inlined
 def _nothing_to_do(c: Floats, g: Floats, w: Floats, p: Scalars, tables: Floats, sections: Floats) -> bool:
-    """Return whether the angle stands and no section's transformation advances at the torque as it is.
+    """Return whether the angle stays and no section's transformation advances at the present torque.
 
-    What depends on the speed or on the time at rest has to have come to rest before.
+    Where friction depends on the speed or on the time at rest, the disk must have been at rest in the sample before.
     """
     if p["steady"] == 0.0 or (g[REST_S] == 0.0 and p["viscous"] + p["speed_step"] + p["dwell_step"] > 0.0):
         return False
@@ -331,7 +334,7 @@ def _nothing_to_do(c: Floats, g: Floats, w: Floats, p: Scalars, tables: Floats, 
 
 @inlined
 def _pass_over(per_s: float, c: Floats, g: Floats) -> None:
-    """Let a sample's time go by at rest."""
+    """Advance the time by a sample at rest."""
     c[X0], c[PER_S] = g[X_NOW], per_s
     if g[REST_S] > 0.0:
         g[REST_S] += 1.0 / per_s
@@ -339,9 +342,9 @@ def _pass_over(per_s: float, c: Floats, g: Floats) -> None:
 
 @inlined
 def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w: Floats) -> None:
-    """Keep the mean rates of angle and phase over the sample before, and this sample's share of the time of both.
+    """Set the mean rates of angle and phase over the sample before, and this sample's share of the time of both.
 
-    And how far a slide would lead that goes on: on the polynomial of third degree through its last four angles.
+    Also set the extrapolated length of a continued slide: by the third-degree polynomial through its last four angles.
     """
     for j in range(w.shape[1]):
         w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * c[PER_S]
@@ -357,7 +360,7 @@ def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w
 
 @inlined
 def _load(k: int, samples: Samples, wound: float, c: Floats, g: Floats, p: Scalars, o: Scalars, tables: Floats) -> None:
-    """Take from a sample what the active spring has to carry; ``wound`` is the passive spring's θ_max."""
+    """Set the values of a sample that determine the active spring's load; ``wound`` is the passive spring's θ_max."""
     c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], samples.per_s[k], wound, samples.friction_scale[k]
     c[SIGN] = 1.0 if g[WHO] == 0.0 else -1.0
     c[TEMP_PASSIVE], c[CROSS] = samples.temps[1, k], 0.0
@@ -371,7 +374,7 @@ def _load(k: int, samples: Samples, wound: float, c: Floats, g: Floats, p: Scala
 
 @inlined
 def _seat(slid: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> None:
-    """Keep what friction holds after a slide, where it has elastic seats."""
+    """Set the torques that the friction's elastic elements hold after a slide."""
     c, q, g = state.c, state.q, state.g
     if slid and p["seat"] > 0.0:
         most = c[SCALE] * solid_friction(g[X_NOW], q[SLIDING], c, p, tables)
@@ -382,7 +385,7 @@ def _seat(slid: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> N
 
 @inlined
 def _mirror_hold(first: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> None:
-    """Keep what the seats hold in the other spring's coordinates; at first, what the springs leave to them."""
+    """Convert the torques of the elastic elements to the other spring's coordinates; at the start, set them."""
     left = bare_load(state.g[X_NOW], state.c, p, o, tables) - state.g[TAU_NOW] if first else 0.0
     for i in range(SEATS):
         state.held[i] = left / SEATS if first else -state.held[i]
@@ -414,7 +417,7 @@ def _give(k: int, samples: Samples, c: Floats, g: Floats, springs: NDArray[np.vo
 
 @compiled
 def _new_state(sections: int) -> State:
-    """Return the state before the first sample, with so many sections of the wire, not yet wound."""
+    """Return the state before the first sample, with the given number of wire sections and θ_max not yet set."""
     c, q, g, w = np.zeros(17), np.zeros(8), np.zeros(18), np.ones((7, sections))
     c[FACTOR], c[KEEPS], c[GUESS] = 1.0, 1.0, 1e-3
     g[WHO] = -1.0
@@ -426,7 +429,7 @@ def step_through(
     out: Floats, state: State, samples: Samples, cycling: Floats, springs: NDArray[np.void], tables: Floats,
     sections: Floats, theta_start: float
 ) -> None:  # fmt: skip
-    """Fill ``out`` as :func:`run` returns it; in the end ``state.wound`` holds by how much both are unwound."""
+    """Fill ``out`` as :func:`run` returns it; at the end ``state.wound`` holds the unwinding of both springs, rad."""
     per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
     directions, friction_scale = samples.directions, samples.friction_scale
     c, q, g, w, wound = state.c, state.q, state.g, state.w, state.wound
@@ -456,14 +459,14 @@ def step_through(
         if starts:
             _mirror_hold(k == 0, state, p, o, tables)
         total = g[XI_NOW]
-        # Only after a sample that slid.
+        # Newton's steps only after a sample in which the disk slid.
         easy = not fresh and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
         slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
         if starts and slid and g[XI_NOW] == 1.0:
-            # A spring that cooled above its loading curve gives way when it is let go: the heating starts after that.
+            # A spring that cooled above its loading curve yields when it is released: the heating starts after that.
             q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
         _seat(slid, state, p, o, tables)
-        # How long it rested before the record nobody knows: longer than any law over the rest goes on.
+        # The time at rest before the record is unknown: it is taken as longer than any law over the rest reaches.
         g[REST_S] = 0.0 if slid else g[REST_S] + (np.inf if k == 0 else 1.0 / per_s[k])
         if g[XI_NOW] != total or g[X_NOW] != c[X0]:
             g[CHANGED] = 1.0
@@ -474,7 +477,7 @@ def step_through(
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
         out[4 - who, k] = passive_torque(g[X_NOW], c, o, tables)
-    # By how much both are unwound, as the next half-cycle will find them.
+    # The unwinding of both springs, as the next half-cycle will use it.
     wound[0], wound[1] = max(wound[0] - theta_a, 0.0), max(wound[1] - p["theta_p"] + theta_a, 0.0)
     who = int(g[WHO])
     own = beside(g[X_NOW], c, p, tables)
@@ -495,27 +498,27 @@ def run(
     Parameters
     ----------
     samples : Samples
-        Temperatures and what changes with them.
+        Temperatures, and the values that change with time.
     cycling : (halves, 4) float64
-        What the cycles before have changed in each half-cycle: factor on the recoverable angle, what is lost of it
-        whatever the winding (rad), and by how much warmer the driven spring transforms on heating and on cooling (°C).
+        Changes from cycle to cycle, per half-cycle: factor on the recoverable angle, loss of this angle independent of
+        the winding (rad), and shift of the driven spring's transformation temperatures on heating and on cooling (°C).
     springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
         Scalars in SI units, with the values of spring A and with those of spring B. Where ends slip they hold in the
         end what is left of θ_P.
     tables : (11, m) float64
         See :mod:`torsight.actuator.stepping.kernel_laws`.
     sections : (3, m) float64
-        Wire sections: share, and how much cooler than the sensor (absolute, and of the excess over the room).
+        Wire sections: weight, and temperature below the sensor's (absolute, and as a share of the excess over room).
     theta_start : float
         θ^A at the start, rad.
 
     Returns
     -------
     (7, n) float64
-        θ^A, as it were had A's end not slipped (rad), ξ of A and B, torque of A and B (N·m); by how much θ^A jumped
-        where the disk let go after a rest (rad, else 0), and after which part of the sample.
+        θ^A without the slip of A's end (rad), ξ of A and B, torque of A and B (N·m); jump of θ^A where the disk breaks
+        loose after a rest (rad, else 0), and the part of the sample that has passed at the jump.
     (2,) float64
-        By how much A and B are unwound in the end (rad).
+        θ_max minus the winding at the end, of A and B (rad).
     """
     out, state = np.zeros((7, samples.active.size)), _new_state(sections.shape[1])
     step_through(out, state, samples, cycling, springs, tables, sections, theta_start)

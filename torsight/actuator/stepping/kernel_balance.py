@@ -2,12 +2,12 @@
 # Elements of numpy arrays carry no type that mypy could check against float.
 # ruff: noqa: FBT001
 # Compiled functions call each other by position, flags too.
-"""What the active spring carries and what it makes, compiled: the two sides of the balance of one sample.
+"""The two sides of the balance of torques in one sample, compiled: the active spring's load and its own torque.
 
-``p`` holds the rig's scalars with the active spring's values, ``o`` the same with the passive spring's;
-``c`` holds what stands during one sample, ``q`` the reference state, ``g`` what goes on from sample to sample, at the
-places named here; ``w`` (7, m) per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and
-place, and at what rate ξ changed before.
+``p`` holds the rig's scalars with the active spring's values, ``o`` those with the passive spring's values; ``c`` holds
+the values of one sample, ``q`` the reference state, ``g`` the values that persist from sample to sample, at the indices
+named here; ``w`` (7, m) holds per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and
+place, the rate of ξ over the sample before, and ξ at its end.
 """
 
 from __future__ import annotations
@@ -37,30 +37,31 @@ from torsight.actuator.stepping.kernel_laws import (
 from torsight.core.compiled import inlined, lending
 from torsight.core.units import Floats
 
-# Places in c, q and g.
+# Indices in c, q and g.
 TEMP, HEATING, X0, PER_S, WOUND, CROSS, SCALE, SIGN = 0, 1, 2, 3, 4, 5, 6, 7
 TEMP_PASSIVE, TURN_NOW, FACTOR, OWN, OTHER, BEFORE, AHEAD, GUESS, KEEPS = 8, 9, 10, 11, 12, 13, 14, 15, 16
 X_REF, TAU_REF, XI_REF, THETA_L, SLIDING, FLOOR, BEGUN, AT_REST = 0, 1, 2, 3, 4, 5, 6, 7
 X_NOW, TAU_NOW, XI_NOW, RATE, REST_S, XI_P, XI_0_P, TURN_P, CHANGED, WHO, RATE_2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 SHORT, JUMP, LET_GO, RATE_3, SPAN, SPAN_2 = 11, 13, 14, 15, 16, 17
-"""Places of g: what either way was short of sliding by, N·m; by how much a disk that had rested jumped in this sample;
-and the part of the sample after which it let go. Of the last slides, divided differences (with RATE and RATE_2) and how
-long the last two samples took, s."""
+"""Indices in g: torque by which either direction fell short of sliding, N·m; jump of a disk that had been at rest, in
+this sample, and the part of the sample after which it broke loose; divided differences of the last slides (with RATE
+and RATE_2), and the durations of the last two samples, s."""
 PACE, XI_BEFORE = 5, 6
-"""Rows of w: by how much ξ changed per second over the sample before, and ξ at its end."""
+"""Rows of w: rate of ξ over the sample before, 1/s, and ξ at its end."""
 
 
 @inlined
 def held_back(
     heating: bool, place: float, follows: float, j: int, c: Floats, w: Floats, p: Scalars
 ) -> tuple[float, float]:
-    """Return the place in the window that latent heat lets a section reach, and how far that follows the sensor's.
+    """Return the place in the window that a section reaches with latent heat, and the place's derivative.
 
-    ``follows`` is how far the place without it follows the temperature.
+    The derivative is by the law's own place, which is linear in the temperature; ``follows`` is the same without latent
+    heat.
 
-    s + ℓ ξ'/w = s_T: s_T the place by the sensor, ℓ what is held back per rate, w the window's width. ξ' at the
-    sample's end comes from the mean rates over it and the one before, as the speed does (:func:`speed_friction`); where
-    that is none, nothing holds it back any more.
+    s + ℓ ξ'/w = s_T: s_T the place by the sensor's temperature, ℓ temperature per rate of ξ, w the window's width. ξ'
+    at the sample's end follows from the mean rates over this sample and the one before, as the speed does
+    (:func:`speed_friction`). Where ξ' is zero, latent heat has no effect.
     """
     part, width = (w[1, j], p["a_width"]) if heating else (1.0 - w[1, j], p["m_width"])
     width /= follows
@@ -80,7 +81,7 @@ def section_temp(j: int, c: Floats, p: Scalars, sections: Floats) -> float:
 
 @inlined
 def transformed(heating: bool, before: float, done: float, p: Scalars) -> float:
-    """Return ξ where it was ``before`` when a transformation began that is ``done`` by so much."""
+    """Return ξ during a transformation that began at ``before`` and whose law has completed the share ``done``."""
     return before - transforms(before, done, p) if heating else before + transforms(1.0 - before, done, p)
 
 
@@ -88,7 +89,10 @@ def transformed(heating: bool, before: float, done: float, p: Scalars) -> float:
 def section_at(
     torque: float, j: int, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats
 ) -> tuple[float, float]:
-    """Return a section's ξ at a torque, advanced only, and how far in the window its transformation has come."""
+    """Return a section's ξ at a torque, and the place in the window that its transformation has reached.
+
+    A transformation only advances: ξ and place stay unless the place exceeds the furthest so far.
+    """
     heating = c[HEATING] > 0.0
     place, follows = window_place(heating, section_temp(j, c, p, sections), torque, p, tables)
     if not place > w[2, j]:
@@ -100,7 +104,7 @@ def section_at(
 
 @inlined
 def wire_fraction(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats) -> float:
-    """Return the wire's ξ at this torque: each section's law, advanced only."""
+    """Return the wire's ξ at this torque: the weighted mean of the sections' ξ."""
     total = 0.0
     for j in range(w.shape[1]):
         total += sections[0, j] * section_at(torque, j, c, p, tables, sections, w)[0]
@@ -109,7 +113,7 @@ def wire_fraction(torque: float, c: Floats, p: Scalars, tables: Floats, sections
 
 @lending
 def advance(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats) -> float:
-    """Set every section to its ξ at this torque and return the wire's."""
+    """Set every section's ξ and place to those at this torque and return the wire's ξ."""
     total = 0.0
     for j in range(w.shape[1]):
         w[0, j], w[2, j] = section_at(torque, j, c, p, tables, sections, w)
@@ -125,17 +129,17 @@ def disk_angle(x: float, c: Floats, p: Scalars) -> float:
 
 @inlined
 def passive_torque(x: float, c: Floats, o: Scalars, tables: Floats) -> float:
-    """Return the passive spring's torque where the active one's angle is ``x``."""
+    """Return the passive spring's torque at the active spring's angle ``x``."""
     other = o["theta_p"] - x
     return cold_torque(other, c[WOUND], o, tables) * c[FACTOR] + c[OTHER] + c[CROSS] + side_torque(other, o, tables)
 
 
 @inlined
 def speed_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats) -> float:
-    """Return the friction that depends on speed at a sample's end, from the mean speeds over it and the one before.
+    """Return the speed-dependent friction at a sample's end, from the mean speeds of this sample and the one before.
 
-    The backward differentiation formula of second order for steps of any length: the mean speed of one sample is that
-    of its middle, which few rows a stroke would make several tenths of a degree of.
+    The speed comes from the second-order backward differentiation formula for steps of any length. The mean speed of a
+    single sample is that at its middle, which causes errors of several tenths of a degree with few rows per stroke.
     """
     speed = (x - c[X0]) * c[PER_S]
     speed = max(0.0, sense * (speed + c[AHEAD] * (speed - c[BEFORE])))
@@ -168,20 +172,20 @@ def bare_load(x: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> fl
 
 @inlined
 def solid_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats) -> float:
-    """Return the friction at an angle of the active spring for a way of sliding, whatever the speed and the rest."""
+    """Return the friction at the active spring's angle in a sliding direction, without effects of speed and rest."""
     return friction_torque(disk_angle(x, c, p), sense * c[SIGN] > 0.0, p, tables)
 
 
 @inlined
 def seat_stiffness(element: int, p: Scalars) -> float:
-    """Return the stiffness of one of the friction's seats, N·m/rad; they yield at evenly spread turns."""
+    """Return the stiffness of one of the friction's elastic elements, N·m/rad; their yield angles are evenly spread."""
     place = (2.0 * element + 1.0) / SEATS - 1.0
     return p["tau_c"] / (SEATS * p["seat"] * (1.0 + p["seat_spread"] * place))
 
 
 @inlined
 def yields_at(sense: float, hold: float, state: State, p: Scalars, tables: Floats) -> float:
-    """Return the angle at which the seats of the friction, if it has any, have given way by all that they hold."""
+    """Return the angle at which all elastic elements of the friction have yielded; the present angle without them."""
     x = state.g[X_NOW]
     if p["seat"] == 0.0:
         return x
@@ -194,7 +198,7 @@ def yields_at(sense: float, hold: float, state: State, p: Scalars, tables: Float
 
 @inlined
 def seat_holds(element: int, turn: float, hold: float, state: State, p: Scalars, tables: Floats) -> float:
-    """Return what one of the seats holds after a further turn, N·m."""
+    """Return the torque that one elastic element holds after a further turn, N·m."""
     held = state.held[element] + seat_stiffness(element, p) * turn
     sense = 1.0 if held > 0.0 else -1.0
     return sense * min(sense * held, solid_friction(state.g[X_NOW], sense, state.c, p, tables) * hold / SEATS)
@@ -202,7 +206,7 @@ def seat_holds(element: int, turn: float, hold: float, state: State, p: Scalars,
 
 @inlined
 def seated_load(x: float, hold: float, state: State, p: Scalars, o: Scalars, tables: Floats) -> float:
-    """Return the torque that the active spring carries at an angle where the friction's seats hold the disk."""
+    """Return the active spring's load at an angle at which the friction's elastic elements hold the disk."""
     load = bare_load(x, state.c, p, o, tables)
     for i in range(SEATS):
         load -= seat_holds(i, x - state.g[X_NOW], hold, state, p, tables)
@@ -213,7 +217,7 @@ def seated_load(x: float, hold: float, state: State, p: Scalars, o: Scalars, tab
 def seated_excess(
     x: float, hold: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
 ) -> float:
-    """Return load less made torque at a trial angle where the friction's seats hold the disk."""
+    """Return load minus own torque at a trial angle at which the friction's elastic elements hold the disk."""
     load = seated_load(x, hold, state, p, o, tables)
     made = made_torque(x, wire_fraction(load, state.c, p, tables, sections, state.w), state.c, state.q, p, tables)
     return load - made
@@ -221,7 +225,7 @@ def seated_excess(
 
 @inlined
 def beside(x: float, c: Floats, p: Scalars, tables: Floats) -> float:
-    """Return what the active spring makes beside its phase's torque: by the sample, and by its angle."""
+    """Return the active spring's torque in addition to its phase's: that of the sample plus that over its angle."""
     return c[OWN] + side_torque(x, p, tables)
 
 
@@ -229,10 +233,10 @@ def beside(x: float, c: Floats, p: Scalars, tables: Floats) -> float:
 def made_and_slopes(
     x: float, xi: float, c: Floats, q: Floats, p: Scalars, tables: Floats
 ) -> tuple[float, float, float]:
-    """Return the torque that the active spring makes (12), (20), and its derivatives by its angle and by ξ.
+    """Return the active spring's own torque (12), (20), and its derivatives by the spring's angle and by ξ.
 
-    Cooling, it is never less than cold martensite's. That is the loading curve, unless the spring lay below it when it
-    began to cool: then the curve's elastic branch. What it makes beside that (:func:`beside`) is not in the reference
+    On cooling the torque is never less than that of cold martensite: the loading curve or, if the spring lay below this
+    curve when it began to cool, the elastic branch. The additional torque (:func:`beside`) is not part of the reference
     state.
     """
     spread, stretch = p["k_m"] - p["k_a"], x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF])
@@ -252,13 +256,13 @@ def made_and_slopes(
 
 @inlined
 def made_torque(x: float, xi: float, c: Floats, q: Floats, p: Scalars, tables: Floats) -> float:
-    """Return the torque that the active spring makes."""
+    """Return the active spring's own torque."""
     return made_and_slopes(x, xi, c, q, p, tables)[0]
 
 
 @inlined
 def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
-    """Return load less made torque at a trial angle, positive as long as it must slide on."""
+    """Return load minus own torque at a trial angle, signed so that it is positive while the spring must slide on."""
     c, q, w = state.c, state.q, state.w
     load = load_torque(x, sense, c[SCALE], c, p, o, tables)
     return sense * (load - made_torque(x, wire_fraction(load, c, p, tables, sections, w), c, q, p, tables))
@@ -266,7 +270,7 @@ def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables:
 
 @inlined
 def cold_and_slope(x: float, c: Floats, o: Scalars, tables: Floats) -> tuple[float, float]:
-    """Return the torque of the passive spring's cold martensite where the active one's angle is ``x``, and dτ/dx."""
+    """Return the torque of the passive spring's cold martensite at the active spring's angle ``x``, and dτ/dx."""
     other = o["theta_p"] - x
     slope = -loading_slope(other, o, tables) if other >= c[WOUND] else -o["k_m"]
     return cold_torque(other, c[WOUND], o, tables), slope
@@ -274,7 +278,7 @@ def cold_and_slope(x: float, c: Floats, o: Scalars, tables: Floats) -> tuple[flo
 
 @inlined
 def load_and_slope(x: float, sense: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> tuple[float, float]:
-    """Return :func:`load_torque` with its derivative."""
+    """Return :func:`load_torque` and its derivative by ``x``."""
     other = p["theta_p"] - x
     load, slope = cold_and_slope(x, c, o, tables)
     load, slope = load * c[FACTOR] + c[OTHER] + c[CROSS], slope * c[FACTOR]
@@ -317,12 +321,12 @@ def load_and_slope(x: float, sense: float, c: Floats, p: Scalars, o: Scalars, ta
 def fraction_and_slope(
     torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats
 ) -> tuple[float, float, bool]:
-    """Return :func:`wire_fraction`, its derivative, and whether any section advances.
+    """Return :func:`wire_fraction`, its derivative by the torque, and whether any section advances.
 
-    Each section's ξ and place are kept as the trial's.
+    Each section's ξ and place are stored as the trial's.
     """
     heating = c[HEATING] > 0.0
-    # By how much the window's place moves per torque.
+    # Derivative of the place in the window by the torque.
     per_torque = -p["temp_per_torque_a"] / p["a_width"] if heating else p["temp_per_torque_m"] / p["m_width"]
     total, slope, advances = 0.0, 0.0, False
     for j in range(w.shape[1]):

@@ -2,13 +2,13 @@
 # Elements of numpy arrays carry no type that mypy could check against float.
 # ruff: noqa: FBT001
 # Compiled functions call each other by position, flags too.
-"""What the stepping rule is made of, compiled: the phase law, cold martensite's torque, friction.
+"""The laws of the stepping rule, compiled: phase law, torque of cold martensite, friction.
 
-``p`` holds the rig's scalars (:data:`SCALARS`), those of one spring among them. ``tables`` (11, m): torques over
-θ^A (friction down and up, stray torque), over either spring's own angle (side torque, what its loading curve has beside
-its two slopes; the rows stand in the spring's scalars, 0 where there is none), friction torque over the speed, the
-factor on friction over log10(1 + rest in s), and how far a transformation runs ahead of the phase law over the place in
-its window, heating and cooling.
+``p`` holds the rig's scalars (:data:`SCALARS`), including those of one spring. ``tables`` (11, m) holds torques over
+θ^A (friction down and up, stray torque) and over either spring's own angle (additional torque of the spring, and of its
+loading curve; the spring's scalars hold the rows' indices, 0 where there is no table), friction torque over the speed,
+the factor on friction over log10(1 + rest in s), and the lead of a transformation over the phase law over the place in
+its window, for heating and cooling.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from torsight.core.units import Floats
 
 _FIRST_PLACE: Final = float(PLACES[0])
 ROUNDED: Final = 1e-14
-"""What a fraction, or an angle in radians, moves by where it has come to rest: fifty times the rounding of a one."""
+"""Change below which a fraction, or an angle in radians, counts as unchanged: fifty times the rounding error of 1."""
 
 SEATS: Final = 5
-"""Elements among which friction is shared where it has an elastic seat: the curve to the point where it slides is then
-one of five straight lines, within 1 % of τ_c of the parabola 1 − (1 − u)² (its sagitta over a fifth, 2 / (8 · 25))."""
+"""Number of elastic elements among which friction is shared: the curve up to sliding then consists of five straight
+lines, within 1 % of τ_c of the parabola 1 − (1 − u)² (its sagitta over a fifth, 2 / (8 · 25))."""
 
 Scalars = np.void
 """The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
@@ -54,10 +54,10 @@ LEAD_HEATING, LEAD_COOLING = 9, 10
 
 
 class State(NamedTuple):
-    """What goes through one run: ``c``, ``q``, ``g`` and ``w``, and of both springs the largest winding so far.
+    """State of one run: ``c``, ``q``, ``g`` and ``w``, and the largest winding so far of both springs, ``wound``.
 
-    ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature. ``held`` is what each
-    of the seats of the friction holds, N·m, positive against a growing x (:data:`SEATS` of them).
+    ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature. ``held`` is the torque
+    that each of the :data:`SEATS` elastic elements of the friction holds, N·m, positive against a growing x.
     """
 
     c: Floats
@@ -72,19 +72,19 @@ class State(NamedTuple):
 
 @inlined
 def bend(heating: bool, p: Scalars) -> float:
-    """Return by how much the transformation runs ahead of the law in the middle of its window."""
+    """Return the bend of the phase law on heating or on cooling."""
     return p["heating_bend"] if heating else p["cooling_bend"]
 
 
 @inlined
 def bent(place: float, ahead: float) -> float:
-    """Return a place within the window as the bent law takes it."""
+    """Return the argument of the phase law at a place within the window: the place plus the bend's lead."""
     return place + ahead * place * (1.0 - place)
 
 
 @inlined
 def share_done(heating: bool, place: float, p: Scalars) -> float:
-    """Return the share of the transformation that is done at a place in the window."""
+    """Return the completed share of a whole transformation at a place in the window."""
     if place <= 0.0:
         return 0.0
     if p["tanaka"] > 0.5:
@@ -96,7 +96,7 @@ def share_done(heating: bool, place: float, p: Scalars) -> float:
 
 @inlined
 def done_slope(heating: bool, place: float, p: Scalars) -> float:
-    """Return the derivative of :func:`share_done`."""
+    """Return the derivative of :func:`share_done` by the place."""
     if place <= 0.0:
         return 0.0
     if p["tanaka"] > 0.5:
@@ -109,9 +109,10 @@ def done_slope(heating: bool, place: float, p: Scalars) -> float:
 
 @inlined
 def transforms(part: float, done: float, p: Scalars) -> float:
-    """Return how much of the wire has transformed where ``part`` of it was left and the law is ``done`` so far.
+    """Return the transformed share of a wire of which ``part`` remained, where the law has completed ``done``.
 
-    Liang and Rogers scale the law to what is left; by the memory's share it waits until the whole law has as much left.
+    Liang and Rogers scale the law to the remaining part. With the weight of the memory, the transformation waits until
+    as much of the complete law remains.
     """
     scaled = part * done
     return scaled if p["memory"] == 0.0 else scaled + p["memory"] * (max(0.0, part - 1.0 + done) - scaled)
@@ -119,15 +120,15 @@ def transforms(part: float, done: float, p: Scalars) -> float:
 
 @inlined
 def transforms_slope(part: float, done: float, p: Scalars) -> float:
-    """Return the derivative of :func:`transforms` by what is done."""
+    """Return the derivative of :func:`transforms` by ``done``."""
     return part if p["memory"] == 0.0 else part + p["memory"] * ((1.0 if part - 1.0 + done > 0.0 else 0.0) - part)
 
 
 @lending
 def held_place(heating: bool, place: float, furthest: float, part: float, delay: float, p: Scalars) -> float:
-    """Return s that solves s + λ (ξ(s) − ξ(s_0)) = s_T: s_T a place ahead of the furthest so far, λ the delay.
+    """Return the root s of s + λ (ξ(s) − ξ(s_0)) = s_T: s_0 the furthest place so far, s_T ``place``, λ the delay.
 
-    ξ is what has transformed of a wire of which ``part`` was left.
+    ξ is the transformed share of a wire of which ``part`` remained.
     """
     low, high = furthest, place
     before = transforms(part, share_done(heating, furthest, p), p)
@@ -150,7 +151,7 @@ def held_place(heating: bool, place: float, furthest: float, part: float, delay:
 
 @inlined
 def _between(place: float, row: int, step: float, tables: Floats) -> tuple[float, float]:
-    """Return a table's value and slope at a place in steps from its start; level beyond its ends."""
+    """Return a table's value and slope at a place in steps from its start; constant beyond its ends."""
     last = tables.shape[1] - 1
     if place <= 0.0:
         return tables[row, 0], 0.0
@@ -163,9 +164,9 @@ def _between(place: float, row: int, step: float, tables: Floats) -> tuple[float
 
 @inlined
 def window_place(heating: bool, temperature: float, torque: float, p: Scalars, tables: Floats) -> tuple[float, float]:
-    """Return where in the law's window the wire is: 0 at its start, 1 at its end, in the direction of change.
+    """Return the wire's place in the law's window (0 at its start, 1 at its end, in the direction of change).
 
-    With how much that follows the wire's temperature: one, where no lead over the law is known.
+    Also return its derivative by the place without a lead over the law: one, where there is no lead.
     """
     if heating:
         place = (temperature - p["a_start"] - p["temp_per_torque_a"] * torque) / p["a_width"]
@@ -180,19 +181,19 @@ def window_place(heating: bool, temperature: float, torque: float, p: Scalars, t
 
 @inlined
 def table_and_slope(x: float, row: int, p: Scalars, tables: Floats) -> tuple[float, float]:
-    """Return :func:`from_table` with its derivative."""
+    """Return :func:`from_table` and its derivative by ``x``."""
     return _between((x - p["grid_start"]) / p["grid_step"], row, p["grid_step"], tables)
 
 
 @inlined
 def from_table(x: float, row: int, p: Scalars, tables: Floats) -> float:
-    """Return a table's value at x, held beyond its ends."""
+    """Return a table's value at x; beyond its ends the last value."""
     return table_and_slope(x, row, p, tables)[0]
 
 
 @inlined
 def side_torque(x: float, p: Scalars, tables: Floats) -> float:
-    """Return what a spring makes beside its phase's torque, at its own angle."""
+    """Return a spring's torque in addition to that of its phase, at its own angle."""
     if p["side_row"] > 0.0:
         return from_table(x, int(p["side_row"]), p, tables)
     return 0.0
@@ -200,13 +201,13 @@ def side_torque(x: float, p: Scalars, tables: Floats) -> float:
 
 @inlined
 def held_table(x: float, row: int, step: float, tables: Floats) -> tuple[float, float]:
-    """Return value and slope of a table that begins at x = 0, held beyond its end."""
+    """Return value and slope of a table that begins at x = 0; beyond its end the last value."""
     return _between(x / step, row, step, tables)
 
 
 @inlined
 def loading_torque(theta: float, p: Scalars, tables: Floats) -> float:
-    """Return the martensite's loading curve: two slopes, and what it has beside them."""
+    """Return the torque of martensite's loading curve: two slopes plus the additional torque of a law."""
     torque = p["k_m"] * theta
     if theta > p["theta_cr"]:
         torque = p["k_m"] * p["theta_cr"] + p["k_s"] * (theta - p["theta_cr"])
@@ -226,9 +227,10 @@ def loading_slope(theta: float, p: Scalars, tables: Floats) -> float:
 
 @inlined
 def left_by_winding(theta_max: float, p: Scalars, tables: Floats) -> float:
-    """Return the angle that is left of a winding once its torque is gone: what heating can recover.
+    """Return the torque-free angle that remains of a winding: the angle that heating can recover.
 
-    θ_max less its torque over K_M; what the loading curve has beside its two slopes counts as far as θ_L follows it.
+    The angle is θ_max minus its torque over K_M; of the loading curve's additional torque the share counts that θ_L
+    follows.
     """
     left = 0.0
     if theta_max > p["theta_cr"]:
@@ -248,7 +250,7 @@ def cold_torque(theta: float, theta_max: float, p: Scalars, tables: Floats) -> f
 
 @inlined
 def friction_torque(theta_a: float, up: bool, p: Scalars, tables: Floats) -> float:
-    """Return the friction magnitude at θ^A = φ + θ_P/2 for a motion up (φ grows) or down."""
+    """Return the magnitude of the friction torque at θ^A = φ + θ_P/2 for a motion up (φ grows) or down."""
     if p["has_friction"] > 0.0:
         return max(0.0, from_table(theta_a, FRICTION_UP if up else FRICTION_DOWN, p, tables))
     return p["tau_c"]

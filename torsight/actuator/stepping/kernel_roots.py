@@ -2,11 +2,11 @@
 # Elements of numpy arrays carry no type that mypy could check against float.
 # ruff: noqa: FBT001
 # Compiled functions call each other by position, flags too.
-"""Where what the active spring carries and what it makes meet, compiled: the angle or the fraction of one sample.
+"""Solvers of the balance of torques, compiled: the angle or the fraction at which load and own torque are equal.
 
-Load less made torque is monotone in the active spring's angle x, so a bracketed root is the answer and no fixed-point
-iteration is needed. Where it slides on as before, Newton's steps from an extrapolated guess come to the same root in
-one or two. The arrays are those of :mod:`~torsight.actuator.stepping.kernel_balance`.
+Load minus own torque is monotone in the active spring's angle x, so that a bracketed root solves the balance and no
+fixed-point iteration is needed. Where the spring continues to slide, one or two Newton steps from an extrapolated guess
+reach the same root. The arrays are those of :mod:`~torsight.actuator.stepping.kernel_balance`.
 """
 
 from __future__ import annotations
@@ -64,16 +64,16 @@ from torsight.actuator.stepping.kernel_laws import (
 from torsight.core.compiled import inlined, lending, shared
 from torsight.core.units import Floats
 
-# 1e-13 N·m is 1e-10 rad; a step's error does not add up, because the laws hold absolutely at every sample.
+# 1e-13 N·m is 1e-10 rad; the errors of the samples do not accumulate, because the laws are no increments.
 TORQUE_TOLERANCE: Final = 1e-13
 SLIP_TOLERANCE: Final = 4.0 * TORQUE_TOLERANCE
 _NEWTON_STEPS: Final = 8
-"""One or two are usual; where so many do not get there the bracketed search is surer."""
+"""One or two are usual; where as many as this do not converge, the bracketed search is more reliable."""
 
 
 @inlined
 def tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) -> tuple[float, float, float, float]:
-    """Return a bracket, the newest point last, with a point between: the other end's value as Anderson and Björck."""
+    """Return a bracket narrowed by a point within it, the newest point last, after Anderson and Björck."""
     if (fx > 0.0) == (fb > 0.0):
         factor = 1.0 - fx / fb
         return a, fa * (factor if factor > 0.0 else 0.5), x, fx
@@ -84,9 +84,9 @@ def tightened(a: float, fa: float, b: float, fb: float, x: float, fx: float) -> 
 def slide(
     sense: float, guess: float, first: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
 ) -> float:
-    """Return the angle to which the active spring slides in this sample; ``first`` is the excess where it stands.
+    """Return the angle to which the active spring slides in this sample; ``first`` is the excess at the present angle.
 
-    A step as long as the last one, then the secant's own steps until the root is passed; then Anderson–Björck.
+    The first step has the length ``guess``; secant steps follow until the root is bracketed, then Anderson–Björck.
     """
     a, fa, b, fb = state.c[X0], first, state.c[X0], 0.0
     bracketed = False
@@ -116,7 +116,7 @@ def slide(
 
 @inlined
 def keep_slide(way: float, c: Floats, g: Floats) -> None:
-    """Keep how far a sample's slide led, as Newton's divided differences over the last slides."""
+    """Store the length of a sample's slide in Newton's divided differences over the last slides."""
     if c[PER_S] > 0.0:
         span, before, bent = 1.0 / c[PER_S], g[RATE], g[RATE_2]
         g[RATE] = way * c[PER_S]
@@ -127,19 +127,19 @@ def keep_slide(way: float, c: Floats, g: Floats) -> None:
 
 @inlined
 def keep_trial(w: Floats) -> None:
-    """Let every section come to where the last trial had it."""
+    """Set every section's ξ and place to those of the last trial."""
     for j in range(w.shape[1]):
         w[0, j], w[2, j] = w[3, j], w[4, j]
 
 
 @shared
 def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
-    """Slide on as in the sample before, by Newton's steps; False, and nothing changed, where that is not the answer.
+    """Continue the slide of the sample before by Newton steps; return False, with no change, if that fails.
 
-    Monotone excess: where its root lies on the way that the spring slides, it slides there.
+    Because the excess is monotone, a root in the direction of the slide is the solution.
     """
     sense, x = q[SLIDING], g[X_NOW]
-    # Where nothing transforms it slides on only if the load changes, or if grease had held it back.
+    # Without a transformation a slide continues only if the load changes or viscous friction had slowed it.
     may_creep = p["steady"] == 0.0 or p["viscous"] > 0.0 or p["speed_step"] > 0.0
     bare = not may_creep and p["has_friction"] + p["has_stray"] + p["side_row"] + o["side_row"] + p["dwell_step"] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
@@ -168,7 +168,10 @@ def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, ta
 
 @lending
 def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Floats, p: Scalars) -> float:
-    """Return ξ between the two at which the made torque reaches the load at a kept angle (21), (24)."""
+    """Return ξ between ``xi_from`` and ``xi_to`` at which the own torque reaches the load at a constant angle.
+
+    This is the end of sticking, (21) and (24).
+    """
     a, b = xi_from, xi_to
     slope = p["k_m"] - p["k_a"]
     for _ in range(60):
@@ -186,11 +189,11 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Floats,
 def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats) -> None:
     """Let the active spring's phase follow its temperature while friction holds the angle.
 
-    ξ is the law at the torque that this very ξ makes, and ξ less that law grows with ξ: Newton's steps, between the
+    ξ equals the phase law at the torque for this ξ, and ξ minus this law grows with ξ: Newton steps, bracketed by the
     last trials on either side.
     """
     c, q, g, w = state.c, state.q, state.g, state.w
-    # Nothing is known on either side yet: as wide again as ξ goes from 0 to 1.
+    # The first bracket contains the range of ξ, 0 to 1, with a margin of the same width on either side.
     xi, low, high = g[XI_NOW], -1.0, 2.0
     for _ in range(80):
         made, _, by_xi = made_and_slopes(g[X_NOW], xi, c, q, p, tables)
@@ -214,9 +217,9 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
 def give_way(
     low: float, high: float, hold: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
 ) -> None:
-    """Let the phase follow its temperature while elastic seats hold the disk, between the angles where it slides.
+    """Let the phase follow its temperature while elastic elements hold the disk between the angles at which it slides.
 
-    Load less made torque falls as x grows, as for a slide.
+    Load minus own torque falls as x grows, as for a slide.
     """
     c, g, w, x = state.c, state.g, state.w, state.g[X_NOW]
     before = g[XI_NOW]
@@ -240,16 +243,17 @@ def give_way(
 
 @lending
 def slide_anew(sense: float, limit: float, reached: float, state: State, p: Scalars, tables: Floats) -> None:
-    """Take the reference state where sticking ends, on the way from ξ as it is to what the sample reaches.
+    """Set the reference state to that at the end of sticking, between the present ξ and the ξ that the sample reaches.
 
-    Where it slid this way before, and has transformed at rest since (friction rose meanwhile): by the paper's rule
-    anew, yet a standstill of no length must change nothing, nor must sliding of no length before a long one. So as
-    large a part of it is taken anew as what has transformed since it first slid has done so at rest.
+    The spring may have slid in this direction before and transformed at rest since, because friction rose meanwhile.
+    The paper's rule then renews the reference state. But neither a standstill of zero length nor a slide of zero length
+    before a long standstill may change the angle. So the reference state is renewed by the share of the transformation
+    since the first slide that happened at rest.
     """
     c, q, x, end = state.c, state.q, state.g[X_NOW], state.g[XI_NOW]
     own = beside(x, c, p, tables)
     held = made_torque(x, end, c, q, p, tables)
-    # Where the torque is past the limit before anything transforms, as at a start, it is not cut: it slips.
+    # Where the torque exceeds the limit before any transformation, as at a start, it is not limited: the disk slips.
     if reached != end and sense * (limit - held) < 0.0:
         end, held = sticking_end(x, limit - own, end, reached, q, p), limit
     if q[SLIDING] != sense:
@@ -268,7 +272,7 @@ def slide_anew(sense: float, limit: float, reached: float, state: State, p: Scal
 def _passive_excess(
     xi: float, base: float, angle: float, heating: bool, c: Floats, g: Floats, o: Scalars, tables: Floats
 ) -> float:
-    """Return the passive spring's ξ by the law at the torque that a trial ξ makes, less the trial."""
+    """Return the passive spring's ξ by the phase law at the torque for a trial ξ, minus the trial."""
     torque = base + (o["k_a"] + xi * (o["k_m"] - o["k_a"])) * angle * (1.0 - xi)
     done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o, tables)[0], o)
     return transformed(heating, g[XI_0_P], done, o) - xi
@@ -276,13 +280,13 @@ def _passive_excess(
 
 @shared
 def crosstalk(theta: float, c: Floats, g: Floats, o: Scalars, tables: Floats) -> float:
-    """Let the passive spring transform at its own temperature and return the torque that its recovery adds."""
+    """Let the passive spring transform at its own temperature and return the torque of its recovery."""
     base = cold_torque(theta, c[WOUND], o, tables)
     angle = left_by_winding(c[WOUND], o, tables) * o["passive_share"]
     if c[TURN_NOW] != g[TURN_P]:
         g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
     heating, xi = g[TURN_P] > 0.0, g[XI_P]
-    # What the law at the torque of a trial ξ is above the trial falls as the trial grows, in both directions of change.
+    # The law at the torque for a trial ξ, minus the trial, falls as the trial grows, in both directions of change.
     a, fa = xi, _passive_excess(xi, base, angle, heating, c, g, o, tables)
     fraction = xi
     if (fa < 0.0) if heating else (fa > 0.0):

@@ -1,10 +1,10 @@
-"""Phase laws: how much of a transformation is done at a place in its window, 0 at its start and 1 at its end.
+"""Phase laws: the completed share of a transformation at a place in its window, 0 at its start and 1 at its end.
 
-Liang–Rogers (cosine) and Tanaka (exponential). With what was there before, ξ0, and places that stress moves by σ / C
-these are (13), ξ = ξ0 (1 − done), and (14), ξ = ξ0 + (1 − ξ0) done. That a transformation only advances while its
-direction is unchanged belongs to the stepping rule.
+Liang–Rogers (cosine) and Tanaka (exponential). With the initial fraction ξ0 and windows that stress shifts by σ / C
+these are (13), ξ = ξ0 (1 − done), and (14), ξ = ξ0 + (1 − ξ0) done. The stepping rule ensures that a transformation
+only advances while its direction is unchanged.
 
-Tanaka's exponents are written so that 1 % is left at the end of a window: a = ln 100 / window, b = a / C.
+Tanaka's exponents are written so that 1 % remains at the end of a window: a = ln 100 / window, b = a / C.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from torsight.core.units import Floats
 
 LN_100: Final = math.log(100.0)
 PLACES: Final = np.linspace(-1.0, 2.0, 1201)
-"""Places of the tables of leads (how far a transformation runs ahead of its law), a whole window beyond both ends; as
-many as all tables have."""
+"""Places of the tables of leads (of a transformation over its law), up to a whole window beyond both ends; all tables
+have this number of nodes."""
 
 
 def _liang_rogers(place: Floats) -> Floats:
@@ -32,4 +32,4 @@ def _tanaka(place: Floats) -> Floats:
 
 
 SHARE_DONE: Final[Mapping[str, Callable[[Floats], Floats]]] = {"liang_rogers": _liang_rogers, "tanaka": _tanaka}
-"""The share that is done by each law; before the window none is."""
+"""The completed share by each law as a function of the place; zero before the window."""

@@ -1,6 +1,6 @@
 # ruff: noqa: FBT001
 # Compiled functions call each other by position, flags too.
-"""The samples that the stepping rule goes through, from both wires' temperatures."""
+"""The samples for the stepping rule, from both wires' temperatures."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from torsight.core.units import Floats, Ints
 
 
 class Samples(NamedTuple):
-    """What drives the springs, sample by sample.
+    """The inputs of the stepping rule, sample by sample.
 
     Attributes
     ----------
     per_s : (n,) float64
         One over the time since the sample before, 1/s (0 for the first).
     temps : (2, n) float64
-        Wire temperature of the spring that is driven in this half-cycle, and of the other, °C.
+        Wire temperature of the driven spring of this half-cycle, and of the other spring, °C.
     active : (n,) int8
         0 while A is driven, 1 while B is.
     half : (n,) int64
@@ -32,10 +32,10 @@ class Samples(NamedTuple):
     friction_scale : (n,) float64
         Factor on the friction at each sample.
     load_change : (4, n) float64
-        Factor on the passive spring's torque; what the active and the passive one make beside their phase's (N·m); and
-        factor on the torque of cold martensite in either, beside the first; no column where nothing of it is.
+        Factor on the passive spring's torque; additional torques of the active and the passive spring (N·m); factor on
+        the torque of cold martensite in either spring, which multiplies the first. No columns where nothing changes.
     slipped : (2, n) float64
-        By how much the fixed ends of A and of B have slipped out of their winding, rad; no column where none has.
+        Slip of the fixed ends of A and of B, by which their windings are reduced, rad. No columns where none slips.
     """
 
     per_s: Floats
@@ -54,7 +54,7 @@ def sampled(
 ) -> tuple[Floats, Floats, NDArray[np.int8]]:
     """Return ``per_s``, ``temps`` and ``directions`` of :class:`Samples`.
 
-    The spring that is not driven has turns only where it is ``passive`` that it transforms, too.
+    The turns of the spring that is not driven are found only with ``passive``, where this spring transforms, too.
     """
     n = time_s.size
     per_s, temps, directions = np.zeros(n), np.empty((2, n)), np.ones((2, n), np.int8)
