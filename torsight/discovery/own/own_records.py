@@ -151,7 +151,7 @@ def time_of(record: Record, name: str | None) -> Floats:
     time = column_of(record, chosen)
     if not np.isfinite(time).all():
         row = int(np.flatnonzero(~np.isfinite(time))[0])
-        raise InputError("time is not known", where=f"{record.label_}, row {row + 1}, column {chosen}", do="mend it")
+        raise InputError("time is not known", where=f"{record.label_}, row {row + 1}, column {chosen}", do="fill it")
     back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back) or time[-1] <= time[0]:
         row = int(back[0]) + 1 if len(back) else 0
