@@ -190,7 +190,7 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
     ),
     "law: a range of words": ("law 'force', low and high: is no number", lambda: law("force", driver="u", low="0")),
     "law: never asked for": (
-        "predict: the model never asks for the law 'force', or always at one place",
+        "predict: the model never calls the law 'force', or always with the same value",
         lambda: find_missing(asked(candidates=[law("force", driver="u")])),
     ),
     # the problem

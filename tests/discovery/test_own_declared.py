@@ -114,10 +114,10 @@ def test_a_model_that_changes_what_it_is_given_is_refused() -> None:
 
 def test_a_model_that_is_not_deterministic_is_refused() -> None:
     rng = np.random.default_rng(1)
-    refused("another answer to the same question", predict=lambda p, r: p.gain * r.u + p.offset + rng.normal())
+    refused("different outputs for the same values", predict=lambda p, r: p.gain * r.u + p.offset + rng.normal())
 
 
-@pytest.mark.parametrize("words", ["KeyError: 'used up'", "another answer to the same question"])
+@pytest.mark.parametrize("words", ["KeyError: 'used up'", "different outputs for the same values"])
 def test_a_model_that_changes_after_many_calls_is_refused(words: str) -> None:
     calls = []
 

@@ -268,7 +268,7 @@ def test_several_records_each_begin_on_their_own(three_springs: Findings) -> Non
 
 def test_an_initial_state_that_is_not_declared_is_found_out() -> None:
     found = find_missing(springs(observed=spring_record(1, 2.0, rows=400), initial=()))
-    assert warned(found, "only block 0 tells 'x0_mm'")
+    assert warned(found, "only block 0 determines 'x0_mm'")
     assert found.effects == ("hardening",)
 
 

@@ -267,7 +267,7 @@ def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
     assert len(told) == 1
     low, high = (0.3 * end(waves(ripple=0.5)["u"]) for end in (np.min, np.max))
     assert told[0].startswith(
-        f"the law 'more' is asked for values from {low:.4g} to {high:.4g}, and has nodes from -0.2"
+        f"the law 'more' is called with values from {low:.4g} to {high:.4g}, and has nodes from -0.2"
     )
     found = find_missing(with_port())
     assert not [one for one in found.warnings if "beyond which" in one]

@@ -390,4 +390,4 @@ def test_what_is_another_model_once_it_is_compiled_stays_plain() -> None:
 
     own = quicken.quickened(replace(problem, model=replace(problem.model, predict=whole)))
     assert own.model.predict is whole
-    assert "compiled it gives something else" in own.warnings[-1]
+    assert "compiled it gives other results" in own.warnings[-1]

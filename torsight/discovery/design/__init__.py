@@ -1,4 +1,4 @@
 """The next experiment.
 
-In: explanations that one record cannot distinguish. Out: a temperature programme (s, °C) that can.
+From explanations that one record cannot distinguish to a temperature programme (s, °C) that can.
 """

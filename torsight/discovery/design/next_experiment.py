@@ -1,10 +1,11 @@
 """The experiment that would distinguish rival explanations: a search over temperature programmes.
 
-Every programme is simulated with the record's own wires, and each rival predicts the angle. A programme is worth the
-least gain over all pairs of rivals after a refit (:mod:`.separation`). The search first tries every kind of half-cycle
-alone, then mixes the best one with every other; for the last few the gains are found by refits. Where even the best
-promises little more than is needed, the last few are also tried at twice their length, because a promise holds for the
-rig as it was fitted. Separation beyond what is surely enough counts little, and so does a shorter duration.
+Every programme is simulated with the thermal model of the record's wires, and each rival predicts the angle. The worth
+of a programme is the least gain over all pairs of rivals after a refit (:mod:`.separation`). The search first tries
+every kind of half-cycle alone, then mixes the best one with every other; the gains of the finalists are found by
+refits. Where even the best one promises little more gain than needed, the finalists are also tried at twice their
+length, because the promise holds only for the rig as it was fitted. A gain beyond what is surely enough counts little,
+and so does a shorter duration.
 """
 
 from __future__ import annotations
@@ -33,19 +34,19 @@ from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
 
 _ENOUGH: Final = 25.0
-"""A programme this many times over the gain at which rivals cease to be rivals is surely enough ..."""
+"""Multiple of the gain at which rivals cease to be rivals that is surely enough ..."""
 _LITTLE: Final = 4.0
-"""... and one below this many times is too little to rely on."""
+"""... and multiple below which the gain of a programme is too small to rely on."""
 _SURE: Final = 30.0
-"""Standard deviations beyond which the noise is not what could go wrong."""
+"""Distance in standard deviations beyond which other things than the noise would make the experiment fail."""
 NEEDED_GAIN: Final = Settings().apart
 """Gain at which rivals cease to be rivals."""
 _LEAST_DURATION_S: Final = 3600.0
-"""Programmes may always last this long, an hour ..."""
+"""Longest duration of a programme, an hour ..."""
 _DURATION_FACTOR: Final = 1.5
-"""... or so many times as long as the record, where that is longer."""
+"""... or this many times the duration of the record, where that is longer."""
 _FINALISTS: Final = 3
-"""Programmes of which the gains are found by refits, after the gains of all were found linearly."""
+"""Number of programmes whose gains are found by refits, after the gains of all were found linearly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,13 +56,13 @@ class NextExperiment:
     Attributes
     ----------
     text : str
-        What to do and what it is worth, in words.
+        The programme and its worth, in words.
     segments : tuple of mapping
         Spring, action, temperatures, rate, hold and duration, in order.
     duration_s : float
-        Of the whole programme.
+        Duration of the whole programme.
     gain, repeat_gain : float
-        Least gain over all pairs of rivals that the programme promises, and that a plain repeat of the record would.
+        Least gain over all pairs of rivals that the programme promises, and that of a plain repeat of the record.
     needed_gain : float
         Gain at which rivals cease to be rivals.
     pairs : tuple of mapping
@@ -80,7 +81,7 @@ class NextExperiment:
     columns: Mapping[str, NDArray[np.generic]]
 
     def to_json(self) -> dict[str, Any]:
-        """Return what stands in ``discovery.json``."""
+        """Return the entry ``next_experiment`` of ``discovery.json``."""
         return {
             "text": self.text,
             "duration_s": self.duration_s,
@@ -120,7 +121,7 @@ class _Weighed:
     gains: Floats
 
     def worth(self, enough: float) -> float:
-        """Return what is maximised: the least gain as far as it is needed, a little for more and for being short."""
+        """Return the quantity to maximise: the least gain (beyond ``enough`` a thousandth of it), less 2 % per hour."""
         gain = least_gain(self.gains)
         return min(gain, enough) * (1.0 - 0.02 * self.duration_s / 3600.0) + 1e-3 * min(gain, 100.0 * enough)
 
@@ -152,12 +153,12 @@ class _Planner:
         self._longest_s = max(_LEAST_DURATION_S, _DURATION_FACTOR * lasted_s)
 
     def best(self) -> _Weighed:
-        """Search: every kind of half-cycle alone, mixtures with the best, true refits of the last few."""
+        """Search: every kind of half-cycle alone, mixtures with the best one, then refits for the finalists."""
         names = list(self._menu)
         first_keys = [(name,) * 4 for name in names] + [("usual",) * 8, ("fast",) * 8]
         alone = self._weigh_all(first_keys)
         if not alone:
-            # Everything that this rig does takes longer than the limit: then it takes so long.
+            # All programmes of this rig last longer than the limit: the limit is lifted.
             self._longest_s = math.inf
             alone = self._weigh_all(first_keys)
         ranked = self._ranked(alone)
@@ -177,7 +178,7 @@ class _Planner:
         return max(found, key=lambda item: item.worth(self._enough))
 
     def weigh(self, drive: Drive, *, refitted: bool) -> Floats:
-        """Return the gains (k, k) that a record under these temperatures would give."""
+        """Return the gains (k, k) from a record under these temperatures; see :mod:`.separation`."""
         planned, weight = self._planned(drive)
         gains = refitted_gains if refitted else linear_gains
 
@@ -187,7 +188,7 @@ class _Planner:
         return gains(predict, self._rivals, weight)
 
     def answer(self, best: _Weighed, *, repeat_gain: float) -> NextExperiment:
-        """Return the answer with its words and columns."""
+        """Return the best programme with its words and columns."""
         played = best.programme.play(self._heat)
         gain = least_gain(best.gains)
         names = [" with ".join(effect_name(name) for name in one.name) for one in self._rivals]
@@ -224,7 +225,7 @@ class _Planner:
         return programme.play(self._heat).drive(start_angle_rad=self._problem.drive.start_angle_rad)
 
     def _planned(self, drive: Drive) -> tuple[ActuatorProblem, Weight]:
-        """Return the planned record as a problem, and the information that it would carry."""
+        """Return the planned record as a problem, and the weight of its samples."""
         own, first = self._problem.drive, self._rivals[0]
         values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
         angle_rad = self._problem.with_laws(first.forms).model(first.effects).angle_rad(drive, values)
@@ -241,7 +242,7 @@ class _Planner:
             self._problem.spec,
             seed=self._problem.seed,
         )
-        # A model is never quite right under temperatures that it was not fitted to: no finer than the resolution.
+        # Under temperatures that it was not fitted to, a model is no more exact than the resolution.
         least, tau = self._problem.resolution, self._field.likelihood.correlation_samples
         wider = Scales(math.hypot(self._left[0], least), math.hypot(self._left[1], least), tau)
         known = planned.with_laws(first.forms)
@@ -281,7 +282,7 @@ def _forms(explanation: Explanation) -> tuple[LawForm, ...]:
 
 
 def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
-    """Return an explanation as a later record would see it: without events of this one."""
+    """Return an explanation as it applies to a later record: without the events of this record."""
     events = {candidate.id for candidate in problem.candidates if candidate.propose is not None}
     lasting = tuple(name for name in explanation.fit.effects if name not in events)
     own = {p.name for c in problem.candidates if c.id in events for p in c.parameters}
@@ -298,9 +299,9 @@ def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: flo
     needed = f"{math.sqrt(needed_gain):.1f} are needed"
     if gain < needed_gain:
         return (
-            f"No programme that was tried tells {listed(names)} apart: measure what separates them directly. The one "
-            f"that comes nearest is to {words}; after a refit they then differ by at least {math.sqrt(gain):.1f} "
-            f"standard deviations, and {needed}."
+            f"No programme that was tried distinguishes {listed(names)}: measure directly what separates them. The "
+            f"programme that comes nearest is to {words}; after a refit they then differ by at least "
+            f"{math.sqrt(gain):.1f} standard deviations, and {needed}."
         )
     apart = f"at least {math.sqrt(gain):.1f}" if gain < _SURE**2 else f"more than {_SURE:.0f}"
     rivals = f"{listed(names)} then differ by {apart} standard deviations after a refit"
@@ -308,4 +309,4 @@ def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: flo
     first = f"{capital(words)}: {rivals} ({repeat}; {needed})."
     if gain >= _LITTLE * needed_gain:
         return first
-    return f"{first} That is little more than is needed: the new record may leave it open, too."
+    return f"{first} That is little more than is needed: the new record may leave the question open, too."

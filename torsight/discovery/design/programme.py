@@ -1,8 +1,8 @@
-"""Temperature programmes for the actuator: what an experimenter can be asked to do, and the log that it would give.
+"""Temperature programmes that an experimenter can carry out on the actuator, and the logs that they would give.
 
-A programme is a chain of half-cycles. In each one spring is led through legs (a temperature, the rate to get there, a
-hold) and then cools by itself; how fast it cools, and how far the other spring follows, is taken from the record at
-hand: of two wires, dT/dt = −α (T − T_room) + κ (T_other − T).
+A programme is a chain of half-cycles. In each of them one spring is driven through legs (a temperature, the rate to get
+there, a hold) and then cools freely. How fast the spring cools, and how far the other spring follows, is estimated from
+the given record: dT/dt = −α (T − T_room) + κ (T_other − T) for each of the two wires.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from torsight.actuator.record.turns import turns_of
 from torsight.core.units import Floats, Ints
 
 STEP_S: Final = 0.5 * SLOW_S
-"""Rows of a planned log: twice the rate at which a record's corners are still seen."""
+"""Time between rows of a planned log: half the longest at which a record's corners are still resolved."""
 _FIRST_REST_S: Final = 20.0
-"""Both springs at rest before the first heating: the film then shows where the actuator stands unheated."""
+"""Time without heating before the first half-cycle: the film then shows the angle of the unheated actuator."""
 _MEASURED_ROUNDING_S: Final = (0.5, 20.0)
-"""Least and most of the time over which a wire's free cooling begins, as a record shows it: a row of the plan, and half
-of what a wire takes to cool (45 s); a heater that fades for longer is another programme."""
+"""Bounds of the time constant with which a wire's free cooling begins, as estimated from a record: a row of the plan,
+and half the time that a wire takes to cool (45 s); a heater that fades for longer is another programme."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """Lead the driven spring to a temperature at a rate, and hold it there."""
+    """Drive a spring to a temperature at a rate, and hold it there."""
 
     to_c: float
     rate_c_per_s: float
@@ -42,7 +42,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class HalfCyclePlan:
-    """One spring's heating and cooling: words after 'heat a spring', legs, and the time switched off after them."""
+    """Heating and cooling of one spring: words after 'heat a spring', legs, and the time of cooling after them."""
 
     words: str
     legs: tuple[Leg, ...]
@@ -50,16 +50,16 @@ class HalfCyclePlan:
 
     @property
     def top_c(self) -> float:
-        """Highest temperature that it asks for."""
+        """Highest temperature of the half-cycle."""
         return max(leg.to_c for leg in self.legs)
 
 
 @dataclass(frozen=True, slots=True)
 class Heat:
-    """How the two springs' readings follow what is done to them, as the record at hand shows it.
+    """Thermal model of both springs and their sensors, estimated from the given record.
 
-    Losses to the room and to the other spring, the room's temperature, and the time constant with which a reading turns
-    its corners.
+    It consists of the losses to the room and to the other spring, the room's temperature, and the time constant with
+    which a reading follows a corner.
     """
 
     to_room_per_s: float
@@ -69,7 +69,7 @@ class Heat:
 
     @classmethod
     def of(cls, drive: Drive) -> Heat:
-        """Learn it from a record: the loss from the driven spring as it cools, the passage from the other one."""
+        """Estimate the model: the loss from the driven spring's cooling, the exchange from the other spring's rate."""
         active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
         active_rate, passive_rate = by_role(drive.cycles.active, drive.rate_a_c_s, drive.rate_b_c_s)
         falling = (active_rate < -0.02) & (active > drive.room_c + 0.2 * np.ptp(active))
@@ -84,15 +84,15 @@ class Heat:
         return cls(to_room, between, drive.room_c, _rounding_s(drive, to_room))
 
     def cooling_s(self, from_c: float, to_c: float) -> float:
-        """Return how long a wire takes to cool by itself."""
+        """Return the time that a wire takes to cool freely, s."""
         return math.log(max(from_c - self.room_c, 1.0) / max(to_c - self.room_c, 0.5)) / self.to_room_per_s
 
 
 def _rounding_s(drive: Drive, to_room_per_s: float) -> float:
     """Return the time constant τ of the corners at which a driven spring's reading turns from rising to falling.
 
-    The wire falls at once as fast as it loses heat; behind a first-order sensor its slope goes from a tenth to half of
-    that in τ ln (0.9 / 0.5).
+    The wire's temperature falls immediately at the rate of its loss of heat. Behind a first-order sensor the slope goes
+    from a tenth to half of that rate in τ ln (0.9 / 0.5).
     """
     found = []
     for half, spring in enumerate(drive.cycles.springs):
@@ -118,11 +118,11 @@ class Programme:
     half_cycles: tuple[HalfCyclePlan, ...]
 
     def completes(self, full_c: float) -> bool:
-        """Return whether each spring is heated fully at least once: everything else is measured against that."""
+        """Return whether each spring is heated fully at least once, as the reference of all incomplete heatings."""
         return all(any(plan.top_c >= full_c for plan in self.half_cycles[spring::2]) for spring in (0, 1))
 
     def play(self, heat: Heat) -> Played:
-        """Return what it would do to the two springs."""
+        """Return the readings of both springs under the programme."""
         player = _Player(heat)
         player.rest(_FIRST_REST_S)
         for number, plan in enumerate(self.half_cycles):
@@ -150,7 +150,7 @@ class Played:
     room_c: float
 
     def drive(self, *, start_angle_rad: float) -> Drive:
-        """Return it as a drive without measured angles; the readings are exact, so nothing needs conditioning."""
+        """Return the programme as a drive without measured angles; exact readings need no conditioning."""
         n = len(self.time_s)
         rates = (np.gradient(self.temp_a_c, self.time_s), np.gradient(self.temp_b_c, self.time_s))
         springs = tuple(number % 2 for number in range(int(self.half[-1]) + 1))
@@ -178,10 +178,10 @@ class Played:
 
 
 class _ExactSensors(Sensors):
-    """Readings without noise: what a lag hides is τ dT/dt."""
+    """Readings without noise: a lag τ hides τ dT/dt of the wire's temperature."""
 
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
-        """Return what the wires' temperatures differ from the sensors' by."""
+        """Return the differences of the wires' temperatures from the sensors'."""
         a, b = (lag_s * np.gradient(temp, self.time_s) for temp in self.temps_c)
         return 0.0, (a, b), (a, b)
 
@@ -202,26 +202,26 @@ class _Player:
         return self._number % 2
 
     def rest(self, duration_s: float) -> None:
-        """Leave both wires alone."""
+        """Heat neither wire."""
         for _ in range(round(duration_s / STEP_S)):
             self._step(None)
 
     def begin(self, number: int) -> None:
-        """Go on to a half-cycle."""
+        """Begin a half-cycle."""
         self._number = number
 
     def lead(self, leg: Leg) -> None:
-        """Lead the driven wire to a temperature and hold it."""
+        """Drive the wire of this half-cycle to a temperature and hold it there."""
         start_c = self._temps[self._spring][-1]
-        way_c = leg.to_c - start_c
-        ramp = max(1, round(abs(way_c) / leg.rate_c_per_s / STEP_S))
+        change_c = leg.to_c - start_c
+        ramp = max(1, round(abs(change_c) / leg.rate_c_per_s / STEP_S))
         hold = round(leg.hold_s / STEP_S)
         for k in range(1, ramp + hold + 1):
-            self._step(start_c + way_c * min(1.0, k / ramp))
-        self._note(start_c, leg.to_c, math.copysign(leg.rate_c_per_s, way_c), ramp, hold)
+            self._step(start_c + change_c * min(1.0, k / ramp))
+        self._note(start_c, leg.to_c, math.copysign(leg.rate_c_per_s, change_c), ramp, hold)
 
     def cool(self, duration_s: float) -> None:
-        """Switch off and wait."""
+        """Switch the heating off and wait."""
         start_c = self._temps[self._spring][-1]
         steps = max(1, round(duration_s / STEP_S))
         for _ in range(steps):
@@ -229,7 +229,7 @@ class _Player:
         self._note(start_c, self._temps[self._spring][-1], None, steps, 0)
 
     def played(self) -> Played:
-        """Return what was played, with corners as the sensors turn them."""
+        """Return the programme sample by sample, with corners rounded by the sensors."""
         keep = math.exp(-STEP_S / self._heat.rounding_s)
         temps: list[Floats] = [_followed(np.array(one), keep) for one in self._temps]
         driven = np.array(self._driven, np.int8)
@@ -243,7 +243,7 @@ class _Player:
             own, other = last[spring], last[1 - spring]
             rate = heat.to_room_per_s * (heat.room_c - own) + heat.between_per_s * (other - own)
             free_c = own + STEP_S * rate
-            # A heater can only heat: on the way down it cannot lead faster than the wire cools by itself.
+            # A heater can only heat: it cannot make a wire cool faster than freely.
             led = spring == self._spring and wanted_c is not None
             self._temps[spring].append(max(wanted_c, free_c) if led and wanted_c is not None else free_c)
         self._driven.append(-1 if wanted_c is None else self._spring)
@@ -264,8 +264,8 @@ class _Player:
 
 
 def _followed(values: Floats, keep: float) -> Floats:
-    """Return what a first-order sensor reads that started in equilibrium."""
-    # Imported where a protocol is planned only: it takes half a second.
+    """Return the readings of a first-order sensor that starts in equilibrium."""
+    # Imported only where an experiment is planned: it takes half a second.
     from scipy.signal import lfilter
 
     read, _ = lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])

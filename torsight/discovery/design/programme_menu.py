@@ -1,4 +1,4 @@
-"""The half-cycles of which programmes are made: within the range of the given record, and in words."""
+"""The half-cycles of which programmes consist: within the range of the given record, and in words."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from torsight.discovery.design.programme import HalfCyclePlan, Heat, Leg, Progra
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the record at hand did: the programmes stay within reach of that.
+    """Rates and temperatures of the given record, near which the programmes stay.
 
-    Its usual and its highest rate of a half-cycle's heating, its highest temperature, and the temperatures at which a
+    The usual and the highest rate of a half-cycle's heating, the highest temperature, and the temperatures at which a
     quarter (onset) and a half (middle) of a heating's transformation are done.
     """
 
@@ -28,7 +28,7 @@ class Habits:
 
     @classmethod
     def of(cls, drive: Drive, fractions: tuple[Floats, Floats]) -> Habits:
-        """Read them from a record and its model's martensite fractions of A and B."""
+        """Estimate the habits from a record and from the martensite fractions of A and B in its model."""
         rates: list[float] = []
         tops: list[float] = []
         onsets: list[float] = []
@@ -55,7 +55,7 @@ class Habits:
 
 
 def menu(habits: Habits, heat: Heat) -> Mapping[str, HalfCyclePlan]:
-    """Return the half-cycles that programmes are made of, by a short name."""
+    """Return the half-cycles of which programmes consist, by a short name."""
     usual, full_c, middle_c = habits.rate_c_per_s, habits.full_c, habits.middle_c
     slow, fast = min(usual, max(usual / 3.0, 0.03)), min(2.5 * habits.fastest_c_per_s, 0.8)
     cold_s = min(heat.cooling_s(full_c, heat.room_c + 4.0), 900.0)
@@ -110,7 +110,7 @@ def menu(habits: Habits, heat: Heat) -> Mapping[str, HalfCyclePlan]:
 
 
 def in_words(programme: Programme) -> str:
-    """Return a programme as one sentence part: cycles that are alike are said once."""
+    """Return a programme as part of a sentence; equal cycles in a row are named once, with their number."""
     cycles: list[tuple[tuple[HalfCyclePlan, ...], int]] = []
     plans = programme.half_cycles
     for first in range(0, len(plans), 2):

@@ -1,12 +1,12 @@
-"""How well a planned record would separate explanations that a given record cannot distinguish.
+"""Separation, by a planned record, of explanations that a given record cannot distinguish.
 
-Each explanation in turn is taken as true and predicts what the planned record would show. Every other one is then
-refitted to that: all its free parameters, within their priors, take up what they can, and what is left is weighed
-against the noise of the record at hand with its correlation. The answer is a gain, the difference of the two costs in
-the engine's own units, so that it compares with the gain at which rivals cease to be rivals; its root is the distance
-in standard deviations.
+Each explanation in turn is taken as true and predicts the planned record. Every other explanation is then refitted to
+that prediction: all its free parameters, within their priors, absorb a part of the difference, and the residual is
+weighted by the noise of the given record and its correlation. The gain is the difference of the two costs in the
+engine's own units, to be compared with the gain at which rivals cease to be rivals; its root is the distance in
+standard deviations.
 
-Linear in the parameters for a search over many plans (:func:`linear_gains`), or with true refits for the last few
+The refit is linear in the parameters for a search over many plans (:func:`linear_gains`), or complete for the last few
 (:func:`refitted_gains`).
 """
 
@@ -27,11 +27,11 @@ from torsight.discovery.inference.weight import Weight
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rival:
-    """One fitted set of effects, as a planned record would see it: the effects by which the answer calls it.
+    """One fitted set of effects, as it applies to a planned record.
 
-    ``effects`` are those of them that a later record shows too: an event of the record at hand (a bump) does not come
-    back. ``parameters`` are free, with bounds and priors, ``x`` (m,) their fitted values, ``forms`` those of the laws
-    among the effects.
+    ``name`` holds the effects of the set in the answer, ``effects`` those that a later record shows too: an event of
+    the given record (a bump) does not come back. ``parameters`` are free, with bounds and priors, ``x`` (m,) are their
+    fitted values, ``forms`` the forms of the laws among the effects.
     """
 
     name: EffectSet
@@ -47,7 +47,7 @@ class Rival:
 
     @property
     def prior_cost(self) -> float:
-        """What the priors charge for the fitted values."""
+        """Cost of the fitted values under their priors."""
         return float(np.sum(space_of(self.parameters).prior_residual(self.x) ** 2))
 
 
@@ -56,16 +56,16 @@ Predict = Callable[[Mapping[str, float], Rival], Floats]
 
 
 def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight) -> Floats:
-    """Return by how much each explanation (column) costs more than each that is taken as true (row), (k, k).
+    """Return the excess cost (k, k) of each explanation (column) over each one that is taken as true (row).
 
-    NaN on the diagonal, and where the other explanation holds the true one: it would fit as well, and what tells them
-    apart is that its additional effect is not found.
+    NaN on the diagonal, and where the other explanation contains the true one: it would fit equally well, and the two
+    are distinguished in that its additional effect is not found.
     """
     models = [one.model(predict) for one in explanations]
     values = [model(one.x) for model, one in zip(models, explanations, strict=True)]
     gains = np.full((len(explanations), len(explanations)), np.nan)
     for j, other in enumerate(explanations):
-        if not any(_tells(true, other) for true in explanations):
+        if not any(_distinguishable(true, other) for true in explanations):
             continue
         space = space_of(other.parameters)
         slopes = jacobian(models[j], other.x, at_x=values[j], space=space)
@@ -74,7 +74,7 @@ def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight
         normal[np.diag_indices_from(normal)] += space.prior_information + 1e-9 / space.scale**2
         pull = space.prior_information * (other.x - space.prior_mean)
         for i, true in enumerate(explanations):
-            if not _tells(true, other):
+            if not _distinguishable(true, other):
                 continue
             apart = values[i] - values[j]
             gradient = weighted.T @ apart - pull
@@ -87,13 +87,13 @@ def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight
 def refitted_gains(
     predict: Predict, explanations: Sequence[Rival], weight: Weight, *, max_iterations: int = 8
 ) -> Floats:
-    """Return the same as :func:`linear_gains` with every other explanation really refitted."""
+    """Return the gains of :func:`linear_gains`, with a complete refit of every other explanation."""
     models = [one.model(predict) for one in explanations]
     gains = np.full((len(explanations), len(explanations)), np.nan)
     for i, true in enumerate(explanations):
         shown = models[i](true.x)
         for j, other in enumerate(explanations):
-            if _tells(true, other):
+            if _distinguishable(true, other):
                 found = solve(
                     models[j],
                     other.x,
@@ -107,10 +107,10 @@ def refitted_gains(
 
 
 def least_gain(gains: Floats) -> float:
-    """Return the worst case of all pairs, not below zero; 0 where there is no pair to tell apart."""
+    """Return the smallest gain of all pairs, not below zero; 0 where there is no pair to distinguish."""
     known = gains[np.isfinite(gains)]
     return max(0.0, float(known.min())) if len(known) else 0.0
 
 
-def _tells(true: Rival, other: Rival) -> bool:
+def _distinguishable(true: Rival, other: Rival) -> bool:
     return true is not other and not set(true.effects) <= set(other.effects)

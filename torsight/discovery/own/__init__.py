@@ -1,5 +1,5 @@
 """Discovery on a model of one's own: from a function, a table and a list of parameters to findings.
 
-``model_problem`` puts a model before the engine, ``find_missing`` asks what it lacks, ``ode`` makes a model from
-differential equations.
+``model_problem`` makes the engine's problem from a model, ``find_missing`` searches for what the model lacks, ``ode``
+makes a model from differential equations.
 """

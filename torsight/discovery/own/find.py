@@ -31,12 +31,13 @@ from torsight.discovery.own.prepare import MUCH_BETTER, prepare
 from torsight.discovery.settings import Settings
 
 _MOST_TRACES: Final = 20
-"""Failures of which the traceback is kept."""
+"""Number of failures whose traceback is kept."""
 _MISJUDGED: Final = 1.5
-"""Ratio of the noise that is found to the one that was given, either way, that is reported: with it an interval of 95 %
-holds 81 %, or 99.7 %."""
+"""Ratio of estimated to given noise, or its inverse, from which a warning is given: with it an interval of 95 % holds
+81 %, or 99.7 %."""
 _ROWS: Final = 64
-"""Rows from which that ratio is known to a tenth, one over the root of twice their number."""
+"""Fewest rows from which the ratio is estimated: its relative error, one over the root of twice their number, is then
+below a tenth."""
 
 
 def find_missing(
@@ -52,16 +53,16 @@ def find_missing(
     Parameters
     ----------
     problem : Problem
-        Record and model: of ``model_problem``, ``linear_problem``, or a class of one's own.
+        Record and model: made by ``model_problem`` or ``linear_problem``, or an object of a class of your own.
     settings : Settings, optional
-        How to decide.
+        Probabilities and budgets of the decision.
     seed : int
-        Kept with the answer; nothing here is drawn.
+        Stored with the answer; the search draws no random numbers.
     processes : bool, optional
-        Call a model of ``model_problem`` in processes, or in none. Without it, where that pays, it is compiled if numba
-        can do that, else called in processes.
+        Whether a model of ``model_problem`` is called in processes of its own. By default a slow model is compiled if
+        numba can do that, else called in processes.
     progress : Progress
-        Told how far the work is.
+        Called with the name of each step and how much of the step is done.
 
     Raises
     ------
@@ -81,31 +82,31 @@ def find_missing(
             return Findings(problem, found, _added(notes, stream.note()), settings=settings or Settings())
         asked = quickened(problem) if processes is None else problem
         notes = list(check_problem(asked))
-        here = processes is None and is_compiled(asked.model.predict)
-        with problem.evaluator.processes(wanted=False if here else processes):
+        in_threads = processes is None and is_compiled(asked.model.predict)
+        with problem.evaluator.processes(wanted=False if in_threads else processes):
             try:
-                made = _search(asked, settings=settings, seed=seed, progress=loud, notes=notes)
+                findings = _search(asked, settings=settings, seed=seed, progress=loud, notes=notes)
             except np.linalg.LinAlgError as error:
-                # A model that gives nothing from some call on leaves nothing to solve for: its own error is the cause.
+                # A model that fails from some call on makes the equations singular: the model's own error is the cause.
                 if not problem.evaluator.failures:
                     raise
                 raise problem.evaluator.failures[-1].error("predict") from error
         printed = stream.note(elsewhere=problem.evaluator.printed)
-        return replace(made, warnings=_added(list(made.warnings), printed))
+        return replace(findings, warnings=_added(list(findings.warnings), printed))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownFit:
-    """The fit of a set of effects, and whether one more from its optimum gains nothing that matters."""
+    """The fit of a set of effects, and whether a further fit from its optimum would gain nothing that matters."""
 
     explanation: Explanation
     settled: bool
 
 
 def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -> KnownFit:
-    """Fit a model with effects, by their ids, that are known to belong to it: a discovery without a choice.
+    """Fit a model with effects that are known to act, given by their ids: a discovery without a choice.
 
-    The plain model comes first, then one effect after the other, each time with all that came before.
+    The plain model is fitted first; then the effects are added one by one, each beside all earlier ones.
     """
     check_problem(problem)
     search, steps = Search(problem, settings=Settings(), progress=progress), 1 + len(members)
@@ -119,9 +120,9 @@ def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -
 
 
 def _proposed_at_means(search: Search, found: Explanation, name: str) -> Explanation:
-    """Return a fit, or a better one from where an effect is seen in what the priors' means leave.
+    """Return the better of a fit and one that starts where the residual at the priors' means shows the effect.
 
-    The plain fit may have made up for an event in the record, so that its residual shows it at another time.
+    The plain fit may have absorbed part of an event in the record: its residual then shows the event at another time.
     """
     fitter, effects = found.fitter, found.fit.effects
     candidate, means = fitter.candidates[name], fitter.nominal
@@ -143,7 +144,7 @@ def _search(
     progress("starts", 0, None)
     prepared = prepare(problem)
     problem, notes = prepared.problem, [*notes, *prepared.warnings]
-    # Points that were only looked at may lie outside of what the model can do.
+    # Only failures from here on count: the points tried in the preparation may lie where the model cannot work.
     looked, before = len(evaluator.failures), evaluator.failed
     start = {p.name: p.value for p in problem.parameters}
     begun = problem.outputs(start, ())
@@ -158,7 +159,7 @@ def _search(
     notes += [*_missed(declared, found), *_at_bounds(found), *_noise_given(problem, found), *beyond(called, curves)]
     notes += _held_is_better(problem, found, findings.price)
     notes += bend_within(problem, found.decision.chosen, findings.price)
-    # What the findings show of other sets is predicted while the processes are there.
+    # Computed while the processes exist: the findings show held-out predictions of other sets, too.
     _ = findings.best_fits, findings.parameters, findings.laws
     failures, failed = evaluator.failures[looked:], evaluator.failed - before
     if failures:
@@ -166,14 +167,14 @@ def _search(
             f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
             f"first: {failures[0].sentence()}"
         )
-    # A model may keep something from call to call that shows only after many of them.
+    # A model may keep a state between calls that changes its results only after many of them.
     check_same(problem, start, begun)
     traces = tuple(f"{one.sentence()}\n{one.trace}" for one in failures[:_MOST_TRACES])
     return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
 
 
 def _at_answer(problem: ModelProblem, found: engine.Findings) -> tuple[list[Called], dict[str, Curve]]:
-    """Return the calls of the answer, and its declared laws as the model called them."""
+    """Return the model's calls with the values of the answer, and the declared laws with which it was called."""
     chosen = found.decision.chosen
     extended, values = problem.with_laws([one.form for one in chosen.laws]), chosen.fit.values
     curves = extended.curves(values, chosen.members)
@@ -181,10 +182,10 @@ def _at_answer(problem: ModelProblem, found: engine.Findings) -> tuple[list[Call
 
 
 def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
-    """Return a warning for every output whose given noise is not that of its readings.
+    """Return a warning for every output whose given noise differs from that of its readings.
 
-    What neighbouring rows of the residual differ by is noise, whatever else is missing; and noise is part of what is
-    left, whatever else is.
+    The scatter of neighbouring rows of the residual is noise even where a slow effect is missing: if it is larger than
+    given, sigma is too small. The whole residual contains the noise: if it is smaller than given, sigma is too large.
     """
     if not problem.sigma_known:
         return []
@@ -199,21 +200,21 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
         between, whole = scatter(*pieces), rms(rows)
         if between > _MISJUDGED:
             notes.append(
-                f"neighbouring rows of what is left of '{output}' scatter by {between:.2g} times the sigma that was "
-                "given: it is too small, or something fast is missing; without sigma it is measured"
+                f"neighbouring rows of the residual of '{output}' scatter by {between:.2g} times the sigma that was "
+                "given: sigma is too small, or a fast effect is missing; without sigma the noise is measured"
             )
         elif whole < 1.0 / _MISJUDGED:
             notes.append(
-                f"what is left of '{output}' is {whole:.2g} times the sigma that was given: it is too large, and hides "
-                "what is smaller; without sigma it is measured"
+                f"the residual of '{output}' is {whole:.2g} times the sigma that was given: sigma is too large, and "
+                "hides effects that are smaller; without sigma the noise is measured"
             )
     return notes
 
 
 def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float) -> list[str]:
-    """Return a note for every input of an ``ode`` that stands and jumps, and explains the record better when held.
+    """Return a note for every input of an ``ode`` that stands still and jumps, and explains the record better if held.
 
-    Better by more than a member of an answer has to gain (``price``), in log evidence.
+    The log evidence has to grow by more than ``price``, the gain that a member of an answer needs.
     """
     ode, base = problem.model.predict, found.field.base
     if not isinstance(ode, Ode):
@@ -228,9 +229,9 @@ def _held_is_better(problem: ModelProblem, found: engine.Findings, price: float)
         held = base.fitter.known(fit.effects, fit.solution.x, prediction, fit.solution.jacobian)
         if lines.cost - held.cost > 2.0 * price:
             notes.append(
-                f"'{name}' stands still and jumps between rows, where the model draws lines; with values that hold "
-                f"until the next row {(held.cost / lines.cost) ** 0.5:.2g} times as much is left: if it is a command "
-                f"or a switch, say ode(…, inputs={{'{name}': 'held'}})"
+                f"'{name}' stands still and jumps between rows, where the model interpolates; with values that hold "
+                f"until the next row the residual is {(held.cost / lines.cost) ** 0.5:.2g} times as large: if it is a "
+                f"command or a switch, give ode(…, inputs={{'{name}': 'held'}})"
             )
     return notes
 
@@ -246,18 +247,18 @@ def _at_bounds(found: engine.Findings) -> list[str]:
     chosen = found.decision.chosen
     named = [p for effect in chosen.effects for p in chosen.fitter.candidates[effect].parameters]
     return [
-        f"'{p.name}' ends at its bound {chosen.fit.values[p.name]:.4g}: where that is no limit of the rig itself, "
-        "widen it; where it is far from what the rig can have, the form is another one"
+        f"'{p.name}' ends at its bound {chosen.fit.values[p.name]:.4g}: if the rig itself has no such limit, widen "
+        "the bound; if the rig cannot have such a value, the effect has another form"
         for p in named
         if chosen.fit.values[p.name] in (p.lower, p.upper)
     ]
 
 
 def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
-    """Return a warning for every named effect whose fit from its declared start alone ends far above the answer."""
+    """Return a warning for every named effect whose fit from its declared start alone is far worse than the answer."""
     chosen, base = found.decision.chosen, found.field.base
     at = chosen.fit.solution
-    # The weights have been taken anew since it was fitted.
+    # The weights have changed since the answer was fitted.
     cost = chosen.fitter.known(chosen.fit.effects, at.x, at.prediction, at.jacobian).cost
     notes = []
     for name in chosen.effects:
@@ -265,16 +266,16 @@ def _missed(declared: ModelProblem, found: engine.Findings) -> list[str]:
         if len(chosen.fitter.candidates[name].starts) == len(candidate.starts):
             continue
         own = {p.name: p.value for p in candidate.parameters}
-        # Beside other effects all else is where it belongs: what is asked is whether this one finds its place.
+        # Beside other effects all other values start at the answer: the question is whether this effect finds its own.
         around = chosen.fit.values if len(chosen.members) > 1 else base.fit.values
         alone: Fit = chosen.fitter.fit(chosen.fit.effects, [{**around, **own}], keep=1)
         if cost < MUCH_BETTER * alone.cost:
-            given = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
+            begun = ", ".join(f"{key} {value:.4g}" for key, value in own.items())
             ended = ", ".join(f"{key} {alone.values[key]:.4g}" for key in own)
-            ends = "does not leave it" if given == ended else f"ends elsewhere ({ended})"
+            ends = "does not leave it" if begun == ended else f"ends elsewhere ({ended})"
             notes.append(
-                f"the fit of '{name}' from its declared start ({given}) {ends} and leaves "
-                f"{(alone.cost / cost) ** 0.5:.3g} times more: another start was needed, so look whether "
+                f"the fit of '{name}' from its declared start ({begun}) {ends}, with a residual "
+                f"{(alone.cost / cost) ** 0.5:.3g} times as large: another start was needed, so check whether "
                 "the fitted values make sense"
             )
     return notes

@@ -1,10 +1,10 @@
 """Differential equations in which small errors grow: how a fit follows a record, and where it cannot.
 
-Over a whole record the squares may have many valleys; over a stretch that begins at what was measured they have few
-(multiple shooting: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981), and what a
-beginning tells is near enough for twice of it. A model that lacks something cannot be led on in this way where small
-errors grow: what it lacks acts on the states, which from some time on have nothing to do with the record's. What such a
-record tells lies in the course over times in which the error of a reading stays as small as it is.
+Over a whole record the sum of squares may have many local minima; over short stretches that start from measured values
+it has few (multiple shooting: Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981). A fit
+to the beginning of a record is then a good enough start for a beginning twice as long. Where small errors grow, a model
+that lacks an effect cannot be extended in this way: the missing effect acts on the states, which after some time have
+nothing to do with the record's. Such a record is informative only over times in which a reading error does not grow.
 """
 
 from __future__ import annotations
@@ -29,36 +29,36 @@ from torsight.discovery.own.model.values import Values
 from torsight.discovery.own.own_records import Record
 
 _STRETCHES: Final = 64
-"""Stretches of a record over which differential equations are fitted first ..."""
+"""Number of stretches of a record over which differential equations are fitted first ..."""
 _BEGINNINGS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
-"""... then longer and longer beginnings of it (benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling
-pendulum 13 are fitted so, none without; 15 where measured states begin anew) ..."""
+"""... then shares of it from its beginning (benchmarks/discovery/valleys.py: of 16 pairs of records of a tumbling
+pendulum 13 are fitted in this way, none without; 15 where measured states begin anew) ..."""
 _UNSURE: Final = 3.0
-"""... with what the stretches tell as a prior, so many times as wide: they begin at readings, noise and all."""
+"""... with the stretches' estimates as a prior, this many times as wide: stretches start from noisy readings."""
 _LEAST_ROWS: Final = 4
-"""Rows from one end of a stretch to the other, at least: its states have to show in them."""
+"""Smallest length of a stretch in steps from row to row: its states have to show in them."""
 _GROWN: Final = math.sqrt(2.0)
-"""Growth of a reading's error, root mean square over the stretches that begin with it, up to which they are compared:
-then it adds to the residual's variance no more than twice that of the readings themselves."""
+"""Largest growth of a reading error, root mean square over stretches that start with the error: it then adds to the
+residual's variance no more than twice that of the readings themselves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretched:
-    """The plain model fitted over stretches that begin at what was measured, the others going on."""
+    """The plain model fitted over stretches: measured states begin anew in each, others continue."""
 
     ode: Ode
     solution: Solution
 
 
 def follows(problem: ModelProblem, fitter: Fitter, fit: Fit) -> bool:
-    """Return whether a fit leaves little more than noise."""
+    """Return whether a fit's residual is little more than noise."""
     left = np.where(fitter.weight.each > 0.0, fitter.residual(fit), np.nan)
     pieces = [left[place][np.isfinite(left[place])] for *_, place in problem.layout.places]
     return float(np.sqrt(np.nanmean(left**2))) <= OVER_GIVEN * scatter(*pieces)
 
 
 def over_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> Stretched | None:
-    """Return the fit over stretches; None where no states are measured, or the record has been followed already."""
+    """Return the fit over stretches; None without measured states, with a given ``restart_s``, or if ``own`` fits."""
     ode = problem.model.predict
     if not isinstance(ode, Ode) or not ode.measured or math.isfinite(ode.solver.restart_s):
         return None
@@ -74,7 +74,7 @@ def over_stretches(problem: ModelProblem, fitter: Fitter, own: Fit) -> Stretched
 
 
 def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
-    """Return the fit over the whole record that longer and longer beginnings of it have led to."""
+    """Return the fit over the whole record, reached by fits to longer and longer beginnings of it."""
     times, space, found = problem.times(), fitter.space(()), stretched.solution
     since = problem.layout.spread([one - one[0] for one in times])
 
@@ -85,7 +85,7 @@ def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
     unsure = left_open(found, fitter.weight)
     over = replace(space, prior_mean=found.x, prior_sigma=_UNSURE * unsure)
     for share in _BEGINNINGS:
-        # Derivatives are differences over what the fit before leaves open: over a longer time everything is steeper.
+        # Steps of the differences are at most the uncertainty of the fit before: over a longer time slopes are steeper.
         weight = fitter.weight.only(since <= share * _span_s(problem))
         finer = np.minimum(space.scale, unsure / STEP_SHARE)
         found = _solved(problem, found.x, weight, replace(over if share < 1.0 else space, scale=finer))
@@ -94,10 +94,10 @@ def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
 
 
 def kept_s(problem: ModelProblem, stretched: Stretched) -> float:
-    """Return the longest time over which an error of a reading stays as small as it is, else the shortest stretch.
+    """Return the longest time (s) over which a reading error does not grow, at least that of the shortest stretch.
 
-    Infinite where such errors change the record in proportion: then it can be followed as a whole, once what is missing
-    is there.
+    Infinite where the prediction is linear in such errors: the record can then be followed as a whole, once the missing
+    effect is in the model.
     """
     measured, least = problem.measured(), problem.resolution * problem.layout.scale
     noise = np.array([max(noise_of(measured, k), float(least[k])) for k in range(len(least))])
@@ -113,7 +113,7 @@ def kept_s(problem: ModelProblem, stretched: Stretched) -> float:
 
 
 def begun_anew(problem: ModelProblem, stretched: Stretched, length_s: float) -> ModelProblem:
-    """Return a problem in which states that are measured begin anew; its fits begin where stretches have led."""
+    """Return a problem whose measured states begin anew every ``length_s``, with the stretches' estimates as starts."""
     names = [p.name for p in problem.parameters]
     found = dict(zip(names, stretched.solution.x.tolist(), strict=True))
     parameters = tuple(p if p.sigma is not None else p.at(found[p.name]) for p in problem.parameters)
@@ -125,9 +125,10 @@ def begun_anew(problem: ModelProblem, stretched: Stretched, length_s: float) -> 
 def _of_an_error(
     problem: ModelProblem, ode: Ode, values: dict[str, float], *, noise: Floats, length_s: float
 ) -> tuple[float, float]:
-    """Return what an error of the noise's size in every reading does to stretches that begin with it, in that size.
+    """Return the effect of an error of the noise's size in every reading on stretches, in units of the noise.
 
-    Root mean square of what is not proportional to it, and of what is. Infinite where the model gives no numbers.
+    The two values are root mean squares: of the part that is not linear in the error, and of the linear part. Both are
+    infinite where the model gives no numbers.
     """
     bent, grown, ode = [], [], ode.begun_anew(length_s)
     outputs = problem.model.outputs
@@ -150,7 +151,7 @@ def _of_an_error(
 
 
 def anew(model: Model, length_s: float) -> Model:
-    """Return a model whose measured states begin anew after every such time; one without such states as it is."""
+    """Return a model whose measured states begin anew every ``length_s``; a model without such states unchanged."""
     ode = model.predict
     return replace(model, predict=ode.begun_anew(length_s)) if isinstance(ode, Ode) and ode.measured else model
 
@@ -160,7 +161,7 @@ def _span_s(problem: ModelProblem) -> float:
 
 
 def shortest_s(problem: ModelProblem) -> float:
-    """Return the time of the shortest stretches."""
+    """Return the duration of the shortest stretches, s."""
     row = max(float(np.median(np.diff(one))) for one in problem.times())
     return max(_span_s(problem) / _STRETCHES, _LEAST_ROWS * row)
 

@@ -1,4 +1,4 @@
-"""The records of one's own rig: tables with a time, read from files or handed over as they are."""
+"""The records of one's own rig: tables with a time, read from files or given as data."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ else:
 
 
 _TIMES: Final = ("time_s", "time", "t_s", "t")
-"""Names under which a column is taken for the time where none is named, the first one first; capitals and what stands
-in brackets do not matter: ``Time (s)``."""
+"""Names of a column that is the time where none is named, in order of preference; capitals and text in brackets do not
+matter: ``Time (s)``."""
 LEAST_ROWS: Final = 8
 """Rows below which neither noise nor correlation of a residual can be measured."""
 
@@ -39,7 +39,7 @@ class Record(ByName[Floats]):
     columns : mapping of str to (n,) array
         Columns of one length; NaN where a value is not known.
     label : str
-        By what the record is called in messages and reports.
+        Name of the record in messages and reports.
     """
 
     UNCHANGED = "a record cannot be changed; make a new array in place of '{}'"
@@ -47,14 +47,14 @@ class Record(ByName[Floats]):
     columns_: dict[str, Floats]
     """Columns by name."""
     label_: str
-    """By what the record is called."""
+    """Name of the record in messages and reports."""
 
     def __init__(self, columns: Mapping[str, Floats], label: str) -> None:
-        made = {name: np.array(values, np.float64) for name, values in columns.items()}
-        for values in made.values():
+        copies = {name: np.array(values, np.float64) for name, values in columns.items()}
+        for values in copies.values():
             values.setflags(write=False)
-        super().__init__({name: values for name, values in made.items() if not name.startswith("_")})
-        self.__dict__.update(_items=made, columns_=made, label_=label)
+        super().__init__({name: values for name, values in copies.items() if not name.startswith("_")})
+        self.__dict__.update(_items=copies, columns_=copies, label_=label)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (Record, (self.columns_, self.label_))
@@ -106,7 +106,7 @@ def _read(table: Table, number: int) -> Record:
 
 
 def _table_of(path: Path) -> pd.DataFrame:
-    """Return a file's table; semicolons or tabs may part the columns, and numbers then have a decimal comma."""
+    """Return a file's table; where semicolons or tabs separate the columns, numbers may have a decimal comma."""
     with contextlib.suppress(OSError, UnicodeDecodeError), path.open(encoding="utf-8-sig") as file:
         header = file.readline()
         mark = next((one for one in ";\t" if one in header and "," not in header), None)
@@ -130,7 +130,7 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
     numbers = {name: values for name, values in columns.items() if np.asarray(values).dtype.kind in "fiub"}
     rows = max((shape[0] for shape in lengths.values()), default=0)
     if columns and not numbers:
-        do = "give a row of names, then numbers, parted by commas; what stands above the names is to be cut off"
+        do = "give a row of names, then rows of numbers, separated by commas; remove lines above the names"
         raise InputError("has no column of numbers", where=where, value=", ".join(columns), do=do)
     if not numbers or rows < LEAST_ROWS:
         raise InputError(
@@ -151,7 +151,7 @@ def time_of(record: Record, name: str | None) -> Floats:
     time = column_of(record, chosen)
     if not np.isfinite(time).all():
         row = int(np.flatnonzero(~np.isfinite(time))[0])
-        raise InputError("time is not known", where=f"{record.label_}, row {row + 1}, column {chosen}", do="mend it")
+        raise InputError("time is not known", where=f"{record.label_}, row {row + 1}, column {chosen}", do="fill it")
     back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back) or time[-1] <= time[0]:
         row = int(back[0]) + 1 if len(back) else 0
@@ -165,13 +165,13 @@ def time_of(record: Record, name: str | None) -> Floats:
 
 
 def time_column(names: Iterable[str]) -> str | None:
-    """Return the name of a column that is a time by its name, None where none is."""
+    """Return the name of the column that is the time by its name, None where there is none."""
     plain = {re.sub(r"[(\[].*", "", name).strip().lower(): name for name in names}
     return next((plain[one] for one in _TIMES if one in plain), None)
 
 
 def column_of(record: Record, name: str) -> Floats:
-    """Return a column, or say which there are."""
+    """Return a column; the error for one that is missing lists those that there are."""
     if name not in record:
         do = "give its name as in the table; columns that hold words and no numbers are left out"
         raise InputError(f"has no column '{name}'", where=record.label_, value=", ".join(record), do=do)

@@ -1,8 +1,9 @@
-"""Before the search: the starts of its fits, and the values that only one block determines.
+"""Preparation of the search: start values of its fits, and the values that only one block determines.
 
-A fit that begins far from its goal may end in another valley. The plain model is fitted from several points over its
-bounds; for every candidate points are laid out over its bounds, and those go into the search from which, with the base
-relaxed linearly, less would be left than from the declared start. That costs a call per point where a fit costs tens.
+A fit that starts far from the optimum may end in another local minimum. The plain model is fitted from several points
+within its bounds. For every candidate, points are laid out within its bounds; the search starts also from those points
+whose residual, after a linear re-fit of the base parameters, is smaller than at the declared start. That costs one call
+of the model per point, where a fit costs tens.
 """
 
 from __future__ import annotations
@@ -30,39 +31,39 @@ from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import without_readings
 
 _POINTS: Final = 12
-"""Points over the bounds at which the plain model is looked at, and over a candidate's bounds ..."""
+"""Number of points within the bounds at which the plain model, or a candidate, is evaluated ..."""
 _MOST_POINTS: Final = 48
-"""... up to so many along one parameter, where the prediction moves far between two of them ..."""
+"""... or up to this number along one parameter, where the prediction changes much between two points ..."""
 _STARTS: Final = 2
-"""... of which so many, the best ones, are starts of a fit beside the declared one."""
+"""... and number of the best ones from which a fit starts beside the declared start."""
 _BETTER: Final = 0.95
 """Share of the cost from the declared start below which another point is worth a fit."""
 MUCH_BETTER: Final = 0.8
-"""Share of the cost below which a fit from another start has found another valley, which a person should know."""
+"""Share of the cost below which a fit from another start has found another minimum, which is reported."""
 _ONE_BLOCK: Final = 0.99
-"""Share of a record's information about a value that lies in one block where no other block can tell it."""
+"""Share of a record's information about a value above which a single block determines the value."""
 _NEAR: Final = 0.004
 """Step, in parameter scales, of the central differences by which parameters are distinguished ..."""
 _ALIKE: Final = 1e-3
-"""... and share of its size that is left of a parameter's effect by the other ones where they can do the same. A value
-at a tenth of its start moves by 1 % in that step, which bends the difference by 1e-4; a solver's tolerance of 1e-6 does
-by 2e-4."""
+"""... and smallest singular value of their normalised columns up to which they cannot be. For a value at a tenth of its
+start the step is 1 % of the value, which changes the difference by 1e-4; a solver's tolerance of 1e-6 changes it by
+2e-4."""
 _PART: Final = 0.1
-"""Share of the greatest part in such a combination from which a parameter is named."""
+"""Share of the largest coefficient in such a combination from which a parameter is named."""
 _LEAST_SCALE: Final = 0.2
-"""Share of a parameter's scale that must be left by a value that becomes its start: a start near 0 has no scale."""
+"""Smallest scale of a fitted value that becomes a start, as a share of the declared scale: a start near 0 has none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """The problem with better starts, and what a person should know."""
+    """The problem with better starts, and warnings to the user."""
 
     problem: ModelProblem
     warnings: tuple[str, ...]
 
 
 def prepare(problem: ModelProblem) -> Prepared:
-    """Return a problem whose fits begin where they should, and whose initial states are known as such."""
+    """Return a problem with good start values, in which values that only one block determines are initial states."""
     stretches = Stretches.of(problem)
     fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), _floor(problem)))
     base, warnings, stretched = _base(problem, fitter)
@@ -71,9 +72,9 @@ def prepare(problem: ModelProblem) -> Prepared:
         if math.isfinite(length_s):
             again = prepare(begun_anew(problem, stretched, length_s))
             note = (
-                "small errors grow in this model, and as it is it cannot follow the whole record: the states that are "
-                f"measured begin anew every {length_s:.3g}, and what is compared is the course in between; another "
-                "time is given by ode(…, solver=Solver(restart_s=…))"
+                "small errors grow in this model, so that it cannot follow the whole record: the states that are "
+                f"measured begin anew every {length_s:.3g} s, and the model is compared with the record in between; "
+                "ode(…, solver=Solver(restart_s=…)) sets another time"
             )
             return replace(again, warnings=(note, *again.warnings))
     problem, left_out = without_readings(problem, base)
@@ -87,14 +88,14 @@ def prepare(problem: ModelProblem) -> Prepared:
     if problem.ports:
         problem = with_nodes(problem, base.values)
     candidates = usual_forms(problem, base, candidates)
-    # What is missing may have pulled the values off: laws are measured from where they were declared, too.
+    # A missing effect may have biased the fitted values: laws are measured from the declared values, too.
     elsewhere = ({p.name: p.value for p in problem.parameters if p.sigma is None},)
     problem = replace(problem, parameters=started, candidates=candidates, elsewhere=elsewhere, alike=not each_its_own)
     return Prepared(problem, (*warnings, *notes))
 
 
 def _floor(problem: ModelProblem) -> Floats:
-    """Return a noise for the first fits: what was given, else the resolution stands for it."""
+    """Return the noise (n,) for the first fits: the given one, else the resolution."""
     return problem.sigma if problem.sigma[problem.valid].any() else np.full(len(problem.observed), problem.resolution)
 
 
@@ -119,16 +120,17 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
     listed = ", ".join(f"{p.name} {own.values[p.name]:.4g} → {best.values[p.name]:.4g}" for p in away)
     root = math.sqrt(own.cost / best.cost)
     note = (
-        f"the fit of the model from its start leaves {root:.3g} times more than one from elsewhere"
-        f"{f' ({listed})' if listed else ''}: the better one is gone on with; starts nearer to it make the answer surer"
+        f"the fit of the model from its start has a residual {root:.3g} times as large as one from elsewhere"
+        f"{f' ({listed})' if listed else ''}: the better fit is used; starts nearer to it make the answer surer"
     )
     return best, [note], stretched
 
 
 def _elsewhere(problem: ModelProblem, fitter: Fitter, own: Fit, free: list[Parameter]) -> list[dict[str, float]]:
-    """Return the best points along one parameter each at which less is left than by a fit, the others giving way.
+    """Return the best points that differ from the declared start in one parameter and cost less than a fit.
 
-    Around the declared start: what a fit in the wrong valley has made of the others would hide the right one.
+    The cost of a point is that after a linear re-fit of the parameters and of the prediction's size. The points lie
+    around the declared start, because the other parameters' values at a wrong minimum would hide the right one.
     """
     start, costs = {p.name: p.value for p in problem.parameters}, []
     for p in free:
@@ -147,10 +149,11 @@ def _along(
     points: list[dict[str, float]],
     effects: EffectSet,
 ) -> tuple[list[dict[str, float]], list[Floats]]:
-    """Return points along one parameter, with predictions, and further ones half-way between them.
+    """Return points along one parameter, and further ones half-way between them, with their predictions.
 
-    Where from one to the next more than half of the prediction's course becomes another one, its size and the base
-    parameters apart, a valley may lie between them: of a delay, every rise and fall of the input makes one.
+    A minimum may lie between two neighbours where more than half of one prediction (root mean square) cannot be
+    expressed by the other one's size and by the base parameters. For a delay, every rise and fall of the input makes
+    such a minimum.
     """
     ((name, _),) = points[0].items()
     found: list[Floats] = []
@@ -182,10 +185,11 @@ def _spread(parameters: list[Parameter], count: int) -> list[dict[str, float]]:
 
 
 def _place(p: Parameter, u: float) -> float:
-    """Return the value at a share of a parameter's range.
+    """Return the value at a share ``u`` (0 to 1) of a parameter's range.
 
-    From a null value outwards distances are even in their logarithm, from a tenth of the start's distance on; so are
-    values without a null whose start is positive. Where there is no bound, to ten times the start's distance.
+    With a null value, distances from it are spaced logarithmically, from a tenth of the start's distance to the bound,
+    or to ten times that distance without a bound. Without a null value, the range between the bounds is divided evenly;
+    without bounds, values are spaced logarithmically from a tenth to ten times the start.
     """
     if p.null is not None:
         distance = abs(p.value - p.null) or _scale(p)
@@ -209,7 +213,7 @@ def _scale(p: Parameter) -> float:
 
 
 def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProblem, list[str]]:
-    """Find the values that only one block tells; they stay as the whole record gave them while it is held out."""
+    """Mark the values that only one block determines: while it is held out, they stay as fitted to the whole record."""
     labels = block_labels(problem)
     if len(labels) < 3:
         return problem, []
@@ -223,14 +227,15 @@ def _once(problem: ModelProblem, fitter: Fitter, base: Fit) -> tuple[ModelProble
         if shares[:, j].max() > _ONE_BLOCK * total[j]:
             found.append(p.name)
             notes.append(
-                f"only block {labels[shares[:, j].argmax()]} tells '{p.name}': it is taken as an initial state, whose "
-                "value the other blocks need not predict; say so with initial=… (one for each record), or fix it"
+                f"only block {labels[shares[:, j].argmax()]} determines '{p.name}': it is taken as an initial state, "
+                "whose value the other blocks need not predict; declare it with initial=… (one for each record), or "
+                "fix it"
             )
     return replace(problem, once=tuple(found)), notes
 
 
 def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
-    """Return a warning where parameters without a prior can change together and the prediction stays as it is."""
+    """Return a warning where parameters without a prior can change together without changing the prediction."""
     free = [j for j, p in enumerate(base.parameters) if p.sigma is None]
     if len(free) < 2:
         return []
@@ -251,16 +256,16 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     part = np.abs(directions[-1])
     alike = [names[j] for j, share in zip(free, part, strict=True) if share > _PART * part.max()]
     note = (
-        f"the record tells only combinations of {', '.join(alike)}: they can change together and the prediction stays "
-        "as it is, which hides what is missing; give one of them fixed=True, or a sigma if it was measured"
+        f"the record determines only combinations of {', '.join(alike)}: they can change together without changing the "
+        "prediction, which hides what is missing; give one of them fixed=True, or a sigma if it was measured"
     )
     return [note]
 
 
 def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
-    """Return a warning where one value, had every record its own, would leave far less: what a record begins with, say.
+    """Return a warning where a value of its own for every record (an initial state, say) would improve the fit greatly.
 
-    Far less is less than half the squares, as far as the model is linear in the value.
+    Greatly: to less than half the sum of squares, with the model linear in the value.
     """
     count = len(problem.model.records)
     free = [j for j, p in enumerate(base.parameters) if p.sigma is None and p.name not in problem.once]
@@ -276,8 +281,8 @@ def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]
         return []
     name = base.parameters[free[best]].name
     note = (
-        f"with a value of '{name}' for each record the model would leave {number(math.sqrt(costs[best] / before))} "
-        f"times what it leaves with one for all: if it says how a record begins, say so with initial='{name}'"
+        f"with a value of '{name}' for each record the residual would be {number(math.sqrt(costs[best] / before))} "
+        f"times that with one value for all: if it says how a record begins, declare it with initial='{name}'"
     )
     return [note]
 
@@ -293,10 +298,10 @@ def _started(problem: ModelProblem, base: Fit) -> tuple[Parameter, ...]:
 
 
 def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fit) -> Candidate:
-    """Return a candidate with the further starts that promise more than its own, and the scales that belong to them.
+    """Return a candidate with further starts that promise a better fit than its own, and with the scales of these.
 
-    What is missing may have pulled the base parameters off to where the candidate does nothing: it is fitted from where
-    they were declared, too, and that start then holds their values as well.
+    A missing effect may have biased the base parameters to where the candidate does nothing. The candidate is therefore
+    fitted from the declared base parameters, too; a start from that fit holds the base parameters as well.
     """
     if one.propose is not None:
         return one
@@ -324,9 +329,9 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
 
 
 def _relaxed_cost(fitter: Fitter, base: Fit, left: Floats, further: Floats | None = None) -> float:
-    """Return the cost of what a prediction leaves, the base parameters having given way linearly.
+    """Return the cost of a residual ``left`` (n,) after a linear re-fit of the base parameters.
 
-    ``further`` (n, k) are columns of values beside them of which nothing is known.
+    ``further`` (n, k) are the columns of additional coefficients, which have no prior.
     """
     weight, space = fitter.weight, space_of(base.parameters)
     columns, information = base.solution.jacobian, space.prior_information + 1e-9 / space.scale**2

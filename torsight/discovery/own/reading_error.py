@@ -1,12 +1,13 @@
-"""Drivers that hold the reading error of an output: they would explain the noise, and with it whatever is missing.
+"""Drivers that contain the reading error of an output: they would explain the noise, and with it any missing effect.
 
-Two things tell such a driver from a cause. It follows what was *read*: one function of the output gives it better than
-the model's prediction alone, better than what the model leaves alone, and as well as both of them each by itself (a
-cause of what is missing follows what the model leaves, an input of the model its prediction). And what is new in it
-from row to row goes with what is new in the residual, which of noise nothing else does (Haugh, JASA 71, 1976).
+Two tests distinguish such a driver from a cause. First, it follows the *measured* output: one function of that output
+fits the driver better than a function of the prediction alone or of the residual alone, and as well as functions of all
+three (a cause of the missing effect follows the residual, an input of the model follows the prediction). Second, the
+changes of the driver from row to row are correlated with those of the residual; where these are noise, no other
+variable's are (Haugh, JASA 71, 1976).
 
-A filter of what was read lags, as a state does on which the output acts, and is looked for by itself: over a window of
-rows before, by the same two things.
+A filter of the measured output lags behind it, as does a state on which the output acts. Filters are therefore sought
+separately, over a window of previous rows, with the same two tests.
 """
 
 from __future__ import annotations
@@ -35,33 +36,35 @@ from torsight.discovery.settings import Settings
 Pieces = Sequence[Floats]
 
 _PARTS: Final = 8
-"""Pieces of third order of which a function of the output is made: a law's free forms bend less often."""
+"""Cubic pieces of the spline that is a function of the output: a law's free forms bend less often."""
 _SURE: Final = NormalDist().inv_cdf(1.0 - 1e-3)
-"""Standard deviations that one signal in a thousand exceeds that has nothing to do with another one."""
+"""Threshold for a slope in its standard deviations: that of unrelated signals exceeds it once in a thousand times."""
 _REACH: Final = 4
-"""Standard deviations of a bell curve at which it is cut off, as SciPy's is."""
+"""Standard deviations at which a Gaussian filter is truncated, as in SciPy."""
 _WIDEST: Final = 64
-"""Rows to each side of the widest smoothing that is looked for: the mean of as many leaves less than a tenth of the
+"""Half-width in rows of the widest smoothing that is sought: a mean over so many rows retains less than a tenth of the
 noise."""
 _WINDOW: Final = 8
-"""Rows before in which a filter is looked for, among readings and in the driver's own past, where what it keeps for
-longer shows. From 6 on no more filters are seen and no cause is taken for one; each further row asks for a longer
-record (benchmarks/discovery/readings.py)."""
+"""Number of previous rows in which a filter is sought, among the readings and in the driver's own past, which shows
+what the filter retains for longer. With 6 rows and more no further filters are detected and no cause is mistaken for
+one; each further row needs a longer record (benchmarks/discovery/readings.py)."""
 _SURE_OF_ANY: Final = NormalDist().inv_cdf(1.0 - 0.5e-3 / (_WINDOW + 1))
-"""Standard deviations that the largest of ``_WINDOW`` + 1 correlations exceeds by chance once in a thousand times."""
+"""Threshold, in standard deviations, that the largest of ``_WINDOW`` + 1 correlations exceeds by chance once in a
+thousand times."""
 _FORM_SHARE: Final = Settings().form_share
-"""Share that readings must do of what prediction and residual do, each by itself: a filter that is longer than the
-window leaves some of it."""
+"""Share that readings must explain of what prediction and residual, as separate columns, explain beyond the prediction:
+a filter that is longer than the window leaves a part unexplained."""
 _FAR_OFF: Final = 10.0
-"""Times its range by which a value is moved to see what depends on it: beyond all other rows."""
+"""Multiple of a column's range by which a value is moved to see what depends on it: beyond all other rows."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Smoothing:
-    """A way in which a column may have been made from another one: a moving average or a bell curve of so many rows.
+    """A smoothing by which a column may have been computed from another one: a moving average or a Gaussian filter.
 
-    Both hold rows before and after. What lags, as instruments do, is no other than a state that the output acts on,
-    which may well be a cause of what is missing. A width of 0 leaves a column as it is.
+    ``width`` is in rows: the half-width of the average, or the standard deviation of the Gaussian; 0 leaves a column
+    unchanged. Both are symmetric. A filter that lags, as instruments do, looks the same as a state on which the output
+    acts, and such a state may well be a cause of the missing effect.
     """
 
     kind: Literal["mean", "bell"] = "mean"
@@ -69,7 +72,7 @@ class _Smoothing:
 
     @property
     def reach(self) -> int:
-        """Rows at a record's ends at which it depends on what lies outside."""
+        """Number of rows at each end of a record whose smoothing depends on rows outside of the record."""
         return math.ceil(self.width if self.kind == "mean" else _REACH * self.width)
 
     def __call__(self, values: Floats) -> Floats:
@@ -80,15 +83,15 @@ class _Smoothing:
         return np.asarray(gaussian_filter1d(values, self.width, mode="nearest", truncate=_REACH))
 
     def inner(self, rows: int) -> Flags:
-        """Return the rows (rows,) that are made of the record alone."""
+        """Return which rows (rows,) are computed from rows of the record alone."""
         own = np.arange(rows)
         return (own >= self.reach) & (own < rows - self.reach)
 
 
 def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> bool:
-    """Return whether a driver is made of the output as it was read, noise included.
+    """Return whether a driver is computed from the measured output, reading noise included.
 
-    The arguments hold (rows,) per record: the driver, the prediction of the output, and measured less predicted, NaN
+    Each argument holds an array (rows,) per record: the driver, the prediction of the output, and the residual, NaN
     where nothing was measured.
     """
     known = [np.isfinite(one) for one in residual]
@@ -99,20 +102,20 @@ def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> 
     if sum(map(np.sum, known)) < 8 * _PARTS or smallest <= 0.0:
         return False
 
-    def made(smoothing: _Smoothing, some: Pieces) -> _Functions:
+    def functions_of(signal: Pieces, smoothing: _Smoothing) -> _Functions:
         rows = [has & smoothing.inner(len(has)) for has in known]
-        return _Functions.of(np.concatenate([smoothing(one) for one in some]), np.concatenate(rows))
+        return _Functions.of(np.concatenate([smoothing(one) for one in signal]), np.concatenate(rows))
 
     @cache
-    def left_by(way: _Smoothing) -> float:
-        return made(way, read).left(values)[0]
+    def left_by(smoothing: _Smoothing) -> float:
+        return functions_of(read, smoothing).left(values)[0]
 
-    way = _nearest(left_by, max(map(len, driver)))
-    y, m, r = (made(way, some) for some in (read, predicted, left))
+    nearest = _nearest(left_by, max(map(len, driver)))
+    y, m, r = (functions_of(signal, nearest) for signal in (read, predicted, left))
     (by_read, remains), by_both = y.left(values), y.together(m, r).left(values)[0] + smallest
     by_read, by_one = by_read + smallest, min(m.left(values)[0], r.left(values)[0]) + smallest
     count = y.rows.sum() / correlation_time([one[np.isfinite(one)] for one in np.split(remains, ends)])
-    # Of so many values more, in log likelihood times two.
+    # Of as many coefficients, in twice the log likelihood.
     price = _PARTS * math.log(max(count, math.e))
     if count * math.log(by_one / by_read) < price or count * math.log(by_read / by_both) > price:
         return False
@@ -120,12 +123,13 @@ def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> 
 
 
 def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> bool:
-    """Return whether a driver is made of readings of the same row and of rows before, noise included.
+    """Return whether a driver is computed from readings of the same row and of previous rows, noise included.
 
-    A filter, a mean over rows before, a row before: like a state on which the output acts it follows the output's
-    course, but such a state knows nothing of the reading's noise. Beside its own past and the prediction, readings say
-    more of it than the prediction does, and hardly less than prediction and residual each by itself; it takes up some
-    of the residual; and what is new in it goes with what was new there in one of these rows. Arguments as above.
+    Such a driver is a filter, a mean over previous rows, or a previous row. It follows the output, as does a state on
+    which the output acts, but such a state does not contain the reading noise. Three conditions have to hold. Beside
+    the driver's own past, readings explain it better than the prediction does, and hardly less than prediction and
+    residual as separate columns. The driver explains part of the residual. The driver's innovations are correlated with
+    the residual's innovations in one of these rows. Arguments as in :func:`holds_reading_error`.
     """
     size = float(np.std(np.concatenate(list(driver))))
     three = zip(driver, predicted, residual, strict=True)
@@ -134,7 +138,7 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
         return False
     at = _Window(*(np.concatenate(some) for some in zip(*(one.members for one in pieces), strict=True)))
     count, price = len(at.driver), (_WINDOW + 1) * math.log(max(len(at.driver), 2))
-    if count <= 3 * (_WINDOW + 1):  # so many values could make anything
+    if count <= 3 * (_WINDOW + 1):  # as many coefficients could fit anything
         return False
     new, *others = (
         left_beside(np.hstack([at.past, *columns]), at.driver)
@@ -148,7 +152,7 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
     independent = count / correlation_time([left])
     if independent * math.log(np.mean(alone**2) / np.mean(beside**2)) < math.log(independent):
         return False
-    # By ranks: where a record jumps, that is no noise, and a few rows would say it all.
+    # By ranks: a jump of the record is no noise, and its few rows would dominate the correlation.
     one, other = _ranks(new), _ranks(at.new)
     together = one @ other / np.sqrt((one @ one) * np.sum(other**2, axis=0))
     return bool(np.max(np.abs(together)) * math.sqrt(count) > _SURE_OF_ANY)
@@ -156,7 +160,7 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Window:
-    """Rows with what came before them: a driver (n,) and its past, prediction, residual, the residual's news (n, k)."""
+    """Rows with previous ones: a driver (n,); its past, prediction, residual, and the residual's innovations (n, k)."""
 
     driver: Floats
     past: Floats
@@ -170,7 +174,7 @@ class _Window:
 
     @staticmethod
     def of(driver: Floats, predicted: Floats, residual: Floats) -> _Window:
-        """Return the rows before which everything is known."""
+        """Return the rows whose previous rows are all known."""
         before, past = np.arange(_WINDOW + 1), np.arange(1, _WINDOW + 1)
         own = np.arange(_WINDOW, len(driver))[:, None]
         columns, new = residual[own - past], np.full(len(driver), np.nan)
@@ -191,7 +195,7 @@ def _ranks(values: Floats) -> Floats:
 
 
 def _nearest(left_by: Callable[[_Smoothing], float], rows: int) -> _Smoothing:
-    """Return the smoothing by which least is left: the best width of each kind, none as well."""
+    """Return the smoothing with the smallest residual, out of the best width of each kind and none."""
     widths = [2.0 ** (k / 2) for k in range(int(2 * math.log2(max(min(rows / 16, _WIDEST), 1))) + 1)]
     mean, bell = (min((_Smoothing(kind, width) for width in widths), key=left_by) for kind in ("mean", "bell"))
     means = [_Smoothing("mean", k) for k in range(max(round(mean.width / 2**0.5), 1), round(mean.width * 2**0.5) + 1)]
@@ -204,9 +208,9 @@ def _nearest(left_by: Callable[[_Smoothing], float], rows: int) -> _Smoothing:
 
 
 def _go_together(driver: Pieces, function: Pieces) -> bool:
-    """Return whether what a driver does from row to row is what the function does: noise is what is fast in any record.
+    """Return whether a driver's changes from row to row are those of the function: the fast part of a record is noise.
 
-    With the function taken off, less of it is left, and that not by chance.
+    Subtracting the function must reduce these changes (a slope above one half), and significantly so.
     """
     pairs = [(np.diff(a, ORDER), np.diff(b, ORDER)) for a, b in zip(driver, function, strict=True)]
     one, other = (np.concatenate(some) for some in zip(*pairs, strict=True))
@@ -216,15 +220,15 @@ def _go_together(driver: Pieces, function: Pieces) -> bool:
     if square <= 0.0:
         return False
     slope = float(one @ other) / square
-    # Each difference shares rows with as many more as its order.
+    # Each difference shares rows with its neighbours, as many as its order.
     spread = math.sqrt(float(np.mean((one - slope * other) ** 2)) * (ORDER + 1) / square)
     return slope > 0.5 and slope > _SURE * spread
 
 
 def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, list[str]]:
-    """Return a problem without the drivers that hold an output's reading error, and what a person should know of that.
+    """Return a problem without the drivers that contain an output's reading error, and notes on such columns.
 
-    ``base`` is the fit of the plain model. A declared law over such a column cannot be left out: it is only reported.
+    ``base`` is the fit of the plain model. A declared law over such a column is not removed, only reported.
     """
     predicted = problem.layout.native(base.solution.prediction)
     records = problem.model.records
@@ -233,7 +237,7 @@ def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, li
     for name in (*problem.drivers, *sorted(declared)):
         if not all(name in record and np.isfinite(record[name]).all() for record in records):
             continue
-        output = _made_of([record[name] for record in records], problem, predicted)
+        output = _source_of([record[name] for record in records], problem, predicted)
         if output is None:
             continue
         left_out = kept.pop(name, None) is not None
@@ -243,26 +247,26 @@ def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, li
         out = "it was left out of the drivers, because it" if left_out else "it"
         beside = "".join(f"; the law '{law}' over it explains noise, too" for law in laws)
         notes.append(
-            f"'{name}' is made of '{output}' as it was read, noise included: {out} would explain the residual by "
-            f"itself{beside}; give what the model computes, or the variable from another sensor"
+            f"'{name}' is computed from '{output}' as it was read, noise included: {out} would explain the residual "
+            f"alone{beside}; give what the model computes, or the variable from another sensor"
         )
     return replace(problem, drivers=kept), notes
 
 
-def _made_of(column: Pieces, problem: ModelProblem, predicted: Pieces) -> str | None:
-    """Return the output of whose readings a column is made, None where it is of none."""
+def _source_of(column: Pieces, problem: ModelProblem, predicted: Pieces) -> str | None:
+    """Return the output from whose readings a column is computed, None where there is none."""
     for k, name in enumerate(problem.model.outputs):
-        made = [one[:, k] for one in predicted]
-        left = [one[:, k] - own for one, own in zip(problem.measured(), made, strict=True)]
-        if holds_reading_error(column, made, left) or follows_readings(column, made, left):
+        modelled = [one[:, k] for one in predicted]
+        left = [one[:, k] - own for one, own in zip(problem.measured(), modelled, strict=True)]
+        if holds_reading_error(column, modelled, left) or follows_readings(column, modelled, left):
             return name
     return None
 
 
 def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column: str) -> list[str]:
-    """Return the laws that the model calls with what a column holds in the same row, or in later ones.
+    """Return the laws that the model calls with a column's value of the same row, or of a later one.
 
-    What stands in rows before, and how a record begins, is another thing: so it is the last row that is moved.
+    A law may depend on previous rows, and on how a record begins: so only the last row's value is changed.
     """
     found = []
     for k, own in enumerate(problem.given(values, ()) if problem.ports else ()):
@@ -279,14 +283,14 @@ def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Functions:
-    """Smooth functions of one signal: their values (n, k), over the rows (n,) that count."""
+    """Smooth basis functions of one signal: their values (n, k), and the rows (n,) that count."""
 
     columns: Floats
     rows: Flags
 
     @staticmethod
     def of(values: Floats, rows: Flags) -> _Functions:
-        """Return splines of third order with as many rows in each piece."""
+        """Return cubic splines whose pieces hold equally many rows."""
         known = np.sort(values[rows]) if rows.any() else np.zeros(1)
         # Quantiles, each once; NumPy's own functions for both take as long as all the rest.
         inner = np.interp(np.linspace(0.0, len(known) - 1.0, _PARTS + 1), np.arange(len(known)), known)
@@ -298,11 +302,11 @@ class _Functions:
         return _Functions(BSpline.construct_fast(places, np.eye(len(places) - 4), 3)(at), rows)
 
     def together(self, *others: _Functions) -> _Functions:
-        """Return the sums of functions of other signals, over the same rows."""
+        """Return the functions together with those of other signals, over the same rows."""
         return _Functions(np.hstack([one.columns for one in others]), self.rows)
 
     def left(self, values: Floats) -> tuple[float, Floats]:
-        """Return the mean square that the nearest function leaves, what it leaves (n,; NaN elsewhere)."""
+        """Return the mean square of the residual of a least-squares fit, and the residual (n,; NaN in other rows)."""
         if not self.rows.any():
             return math.inf, np.full(len(values), np.nan)
         columns, known = self.columns[self.rows], values[self.rows]

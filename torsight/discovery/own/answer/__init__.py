@@ -1,1 +1,1 @@
-"""What was found on a model of one's own: from the engine's findings to words, pictures, tables and files."""
+"""Findings on a model of one's own: from the engine's answer to words, pictures, tables and files."""

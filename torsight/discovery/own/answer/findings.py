@@ -1,4 +1,4 @@
-"""What was found on a model of one's own: a summary, intervals, predictions, pictures, a file."""
+"""Findings on a model of one's own: a summary, intervals, predictions, pictures, a file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 _SHOWN: Final = 5
-"""Fits that are listed beside the answer."""
+"""Number of fits with a single effect or law that are listed beside the answer."""
 _BETTER: Final = 0.95
 """Share of the chosen set's error on held-out blocks below which a larger set predicts better."""
 
@@ -70,23 +70,23 @@ class FittedSet:
 class Findings(Shown):
     """What a model lacks.
 
-    ``print`` gives a summary, a notebook shows it; :meth:`predict`, :meth:`overview` and :meth:`to_json` go on from
-    there.
+    ``print`` gives a summary, as does a notebook; :meth:`predict` predicts other records, :meth:`overview` draws, and
+    :meth:`to_json` holds all numbers.
 
     Attributes
     ----------
     problem : Problem
-        What was asked.
+        The problem that was searched.
     found : torsight.discovery.inference.engine.Findings
         The engine's answer.
     warnings : tuple of str
-        What a person should know.
+        Warnings and notes to the user.
     failures : tuple of str
-        Calls in which the model raised or gave no numbers, the first of them with its traceback.
+        The first calls in which the model raised an error or gave no numbers, each with its traceback.
     failed, calls : int
-        How many of the calls failed, and how many there were.
+        Number of calls that failed, and of all calls.
     settings : Settings
-        How it was decided.
+        Probabilities and budgets of the decision.
     """
 
     problem: Problem
@@ -101,7 +101,7 @@ class Findings(Shown):
     def verdict(self) -> engine.Verdict:
         """``none``, ``identified``, ``ambiguous`` or ``unknown``.
 
-        Where far more than the noise is left, beside a name or without one, that is ``unknown``, too.
+        Where the residual is far above the noise, the verdict is ``unknown`` even if an effect has been named.
         """
         named = self.found.verdict == "identified"
         return "unknown" if named and self.decision.over_floor > self.problem.over_floor else self.found.verdict
@@ -114,7 +114,7 @@ class Findings(Shown):
 
     @property
     def forms_taken(self) -> tuple[str, ...]:
-        """Effects of the answer whose form was taken as it was offered: no free law was measured in their place."""
+        """Effects of the answer whose form was not compared with a free law in the same place."""
         found = []
         for member, (name, _) in self.decision.named.items():
             others = less(self._chosen.members, member)
@@ -130,17 +130,17 @@ class Findings(Shown):
 
     @property
     def alternatives(self) -> tuple[tuple[str, ...], ...]:
-        """Sets of ids, of effects and laws, that explain the record as well."""
+        """Other sets of effects and laws, by their ids, that explain the record about as well as the answer."""
         return tuple(one.members for one in self.decision.rivals)
 
     @property
     def field(self) -> Field:
-        """Everything that was fitted."""
+        """All explanations that were fitted."""
         return self.found.field
 
     @property
     def decision(self) -> Decision:
-        """What is named and why."""
+        """The chosen explanation, the names that its members carry, and the probabilities of all sets."""
         return self.found.decision
 
     @property
@@ -155,7 +155,7 @@ class Findings(Shown):
 
     @property
     def drivers(self) -> tuple[tuple[str, float], ...]:
-        """What the measured laws depend on: variable and share, strongest first."""
+        """Variables on which the measured laws depend, each with its share, strongest first."""
         return self.found.drivers
 
     @property
@@ -169,7 +169,7 @@ class Findings(Shown):
 
     @cached_property
     def parameters(self) -> dict[str, Estimate]:
-        """Parameters of the extended model with standard deviation and 95 % interval; what a law is, is in its curve.
+        """Parameters of the extended model with standard deviation and 95 % interval; laws are in :attr:`laws`.
 
         Those of an effect that gave a law its name are from the fit with the effect in the law's place.
         """
@@ -182,7 +182,7 @@ class Findings(Shown):
 
     @cached_property
     def plain_parameters(self) -> dict[str, Estimate]:
-        """The same of the plain model."""
+        """Parameters of the plain model with standard deviation and 95 % interval."""
         return self._estimates(self.field.base)
 
     @cached_property
@@ -212,7 +212,7 @@ class Findings(Shown):
         return math.nan if without is None else self._chosen.log_evidence - without.log_evidence
 
     def ranked(self, size: int) -> list[Explanation]:
-        """Return the fitted sets of so many effects and laws, the one with the greatest evidence first."""
+        """Return the fitted sets of ``size`` effects and laws, the one with the greatest evidence first."""
         found = [one for one in self.field.explanations.values() if len(one.members) == size]
         return sorted(found, key=lambda one: (-one.log_evidence, one.members))
 
@@ -234,7 +234,7 @@ class Findings(Shown):
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of what was measured."""
+        """Names of the outputs."""
         return self.problem.model.outputs if isinstance(self.problem, ModelProblem) else ("observed",)
 
     def _errors_of(self, one: Explanation, held_out: HeldOut | None, output: int) -> Errors:
@@ -246,7 +246,7 @@ class Findings(Shown):
         return Errors(train, scale * missed, 1.0 - missed**2 / max(float(np.var(observed)), 1e-300))
 
     def rows_of(self, output: int) -> tuple[Ints, float]:
-        """Return the rows (k,) of an output in the problem that count, and its unit per unit of the engine."""
+        """Return the valid rows (k,) of an output in the problem, and the output's unit per unit of the engine."""
         rows, scale = np.arange(len(self.problem.observed)), 1.0
         if isinstance(self.problem, ModelProblem):
             layout = self.problem.layout
@@ -256,7 +256,7 @@ class Findings(Shown):
 
     @cached_property
     def best_fits(self) -> tuple[FittedSet, ...]:
-        """The plain model, what was chosen and the best sets of each size, by their size and their evidence."""
+        """The plain model, the chosen set and the best sets of each size, by size and evidence."""
         listed = [one for size in self._sizes for one in self.ranked(size)[: _SHOWN if size == 1 else 2]]
         if all(one.members != self._chosen.members for one in listed):
             listed.append(self._chosen)
@@ -267,7 +267,7 @@ class Findings(Shown):
         return sorted({len(members) for members in self.field.explanations})
 
     def _fitted(self, one: Explanation) -> FittedSet:
-        # Held-out blocks cost a fit each: those of what bears on the answer are predicted, of the others what is known.
+        # Each held-out block costs a fit: it is made for sets that bear on the answer; others show what is known.
         known = "held_out" in one.__dict__ or one.members in self._bearing
         unseen = one.held_out.rms if self.before is not None and known else math.nan
         gain = one.log_evidence - self.field.base.log_evidence
@@ -293,7 +293,7 @@ class Findings(Shown):
         return words.facts(self)
 
     def summary(self) -> str:
-        """Return the answer in some lines."""
+        """Return the answer as text of a few lines."""
         return words.summary(self)
 
     def __str__(self) -> str:
@@ -326,7 +326,7 @@ class Findings(Shown):
         Parameters
         ----------
         effects : ids, optional
-            One of :attr:`alternatives`, or another set that was fitted, in place of the answer.
+            One of :attr:`alternatives`, or another set that was fitted, to be used instead of the answer.
 
         Raises
         ------
@@ -373,11 +373,11 @@ class Findings(Shown):
         record : table
             Inputs of the other record: a DataFrame, a mapping of arrays, or a path.
         initial : mapping, optional
-            How it begins: values of the parameters that every record has for itself. Without it they are fitted to
-            the record's own outputs where it has those, else taken from the first record.
+            Initial states: values of the parameters that every record has for itself. By default they are fitted to
+            the outputs in the record where it has those, else taken from the first record of the fit.
         effects : ids, optional
-            One of :attr:`alternatives`, or another set that was fitted, in place of the answer: where two sets predict
-            a planned record differently, it tells them apart.
+            One of :attr:`alternatives`, or another set that was fitted, to be used instead of the answer. A planned
+            record that two sets predict differently can distinguish them.
 
         Returns
         -------
@@ -387,7 +387,7 @@ class Findings(Shown):
         return self.model(effects).predict(record, initial=initial)
 
     def curves(self) -> dict[str, NDArray[Any]]:
-        """Return a table: per record and row time, and measured, plain and extended for each output."""
+        """Return a table: for every row of every record the time, and each output as measured, plain and extended."""
         return pictures.table_of(self)
 
     def to_json(self) -> dict[str, Any]:

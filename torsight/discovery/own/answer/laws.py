@@ -1,6 +1,6 @@
 """Laws of one's own models: functions of one variable that the engine measures through the model.
 
-The range of a declared law is the one in which the plain model asks for it, where none is given with it.
+Where no range is declared, a law spans the arguments with which the plain model calls it, and its driver's column.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
 
 COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2", "neutral": "#7f7f7f"}
-"""Told apart with every kind of colour vision (Okabe and Ito, 2008)."""
+"""Distinguishable with every kind of colour vision (Okabe and Ito, 2008)."""
 _STEP: Final = 1e-3
-"""Share of the measured spread by which a law moves the prediction while its effect on it is worked out."""
+"""Share of the measured spread by which a law moves the prediction in the difference that gives the law's scale."""
 _FORM_SHARE: Final = Settings().form_share
-"""Share of a candidate's squares that a law must do, for the candidate to be a form of it."""
+"""Share of a candidate's sum of squares that a law must explain for the candidate to be a form of that law."""
 _NOTHING: Final = 1e-6
-"""Share of a candidate's squares that the plain model may leave of one that it can do itself."""
+"""Share of a candidate's sum of squares up to which the plain model can replace the candidate by its own parameters."""
 _COVERED: Final = 0.02
-"""Share of the median information about a node below which the record did not reach it."""
+"""Share of the nodes' median information below which the record did not reach a node."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -64,11 +64,11 @@ class MeasuredCurve(Shown):
 
     @property
     def csv_name(self) -> str:
-        """Name of the file with its numbers."""
+        """Name of the file that holds the law's curve."""
         return f"law_{self.id.replace('(', '_').replace(')', '')}.csv"
 
     def table(self) -> dict[str, NDArray[np.generic]]:
-        """Return the columns of its file."""
+        """Return the columns of the law's file."""
         return {
             "driver": self.nodes,
             "value": self.values,
@@ -89,7 +89,7 @@ class MeasuredCurve(Shown):
         }
 
     def facts(self) -> dict[str, str]:
-        """Return its range, and the name that it carries."""
+        """Return the law's range, and the effect whose name the law carries."""
         return {self.id: self.sentence} | ({} if self.effect is None else {"effect": self.effect})
 
     def _columns(self) -> dict[str, NDArray[np.generic]]:
@@ -105,7 +105,7 @@ class MeasuredCurve(Shown):
 
     @property
     def sentence(self) -> str:
-        """The law in one sentence: its range and where it is reached."""
+        """The law in one sentence: its smallest and largest value, and where it has them."""
         known = np.flatnonzero(self.covered)
         if not len(known):
             return f"a law of {self.driver} that the record does not reach"
@@ -118,7 +118,7 @@ class MeasuredCurve(Shown):
 
 
 def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProblem:
-    """Return a problem whose declared laws have their nodes and sizes, for the plain model's values."""
+    """Return a problem whose declared laws have nodes and scales, computed at the plain model's ``values``."""
     called = problem.evaluator(problem.given(values, ()), {})
     nodes = {}
     for port in problem.ports:
@@ -126,11 +126,11 @@ def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProbl
         low, high = min((a for a, _ in asked), default=np.inf), max((b for _, b in asked), default=-np.inf)
         if not low < high:
             raise InputError(
-                f"the model never asks for the law '{port.name}', or always at one place",
+                f"the model never calls the law '{port.name}', or always with the same value",
                 where="predict",
                 do=f"call p.{port.name}({port.driver}) in it",
             )
-        # The column covers what other values of the parameters ask for.
+        # With other parameter values the model may call the law over the column's whole range.
         columns = [record[port.driver] for record in problem.model.records if port.driver in record]
         low, high = (
             float(end([limit, *(nan_end(column) for column in columns)]))
@@ -142,9 +142,9 @@ def with_nodes(problem: ModelProblem, values: Mapping[str, float]) -> ModelProbl
 
 
 def widened(problem: ModelProblem, called: Sequence[Called], curves: Mapping[str, Curve]) -> ModelProblem:
-    """Return a problem with the nodes of laws over all that calls of the model asked for, but for given ends.
+    """Return a problem whose laws span all arguments in these calls of the model; declared ends remain.
 
-    The plain model may not come near what the record holds: its range is then too narrow for the better one.
+    The plain model may be far from the record: its range is then too narrow for the extended model.
     """
     ports = {port.name: port for port in problem.ports}
     found = {
@@ -157,9 +157,9 @@ def widened(problem: ModelProblem, called: Sequence[Called], curves: Mapping[str
 
 
 def beyond(called: Sequence[Called], curves: Mapping[str, Curve]) -> list[str]:
-    """Return a warning for every law that is on and that calls of the model asked for values far from its nodes."""
+    """Return a warning for every law that is on and is called with values far outside its nodes."""
     return [
-        f"the law '{name}' is asked for values from {low:.4g} to {high:.4g}, and has nodes from {nodes[0]:.4g} to "
+        f"the law '{name}' is called with values from {low:.4g} to {high:.4g}, and has nodes from {nodes[0]:.4g} to "
         f"{nodes[-1]:.4g}, beyond which the outermost value holds: give it low=… and high=…"
         for name, (low, high, nodes) in _far(called, curves).items()
     ]
@@ -168,8 +168,8 @@ def beyond(called: Sequence[Called], curves: Mapping[str, Curve]) -> list[str]:
 def bend_within(problem: ModelProblem, chosen: Explanation, price: float) -> list[str]:
     """Return a note for every declared law of an answer that would explain more with nodes between its nodes.
 
-    Beside what is declared: a law that was added to an output may stand for what the nodes miss. ``price`` is the gain
-    in log evidence that pays for one more law.
+    Laws that were added to an output are left out of this comparison, because they may make up for missing nodes.
+    ``price`` is the gain in log evidence that pays for one more law.
     """
     notes, ports = [], {port.name: port for port in problem.ports}
     declared = [item for item in chosen.laws if item.law.id in ports]
@@ -195,19 +195,19 @@ def bend_within(problem: ModelProblem, chosen: Explanation, price: float) -> lis
 
 
 def _far(called: Sequence[Called], curves: Mapping[str, Curve]) -> dict[str, tuple[float, float, Floats]]:
-    """Return the least and the greatest value asked for, and the nodes, of laws asked for values far from these."""
+    """Return the smallest and largest argument, and the nodes, of the laws that are called far outside their nodes."""
     found = {}
     for name, curve in curves.items():
         low, high = min(one.asked[name][0] for one in called), max(one.asked[name][1] for one in called)
         first, last = float(curve.nodes[0]), float(curve.nodes[-1])
-        near = 0.5 * float(curve.nodes[1] - first)  # of which the outermost node tells
+        near = 0.5 * float(curve.nodes[1] - first)  # which the outermost node still represents
         if low < first - near or high > last + near:
             found[name] = (low, high, curve.nodes)
     return found
 
 
 def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> float:
-    """Return the size of a law, as a constant or as a slope, that changes the outputs by the share that matters."""
+    """Return the size of a law at which, as a constant or a slope, it changes the outputs by a share that matters."""
     form = next(law for law in problem.laws if law.id == name).free()
     with_law, valid = problem.with_laws((form,)), problem.valid
     plain, spread = problem.predict(values, ()), float(np.std(problem.observed[valid]))
@@ -227,8 +227,8 @@ def _scale(problem: ModelProblem, name: str, values: Mapping[str, float]) -> flo
 def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """Return the candidates, each with the laws of which it is a usual form, where none are declared for it.
 
-    It is one where the law can do nearly all that the candidate does, at the start that promises most, and the base
-    model cannot do itself.
+    A candidate is a form of a law if the law can reproduce nearly all of the candidate's effect, at its most promising
+    start, that the base model's own parameters cannot reproduce.
     """
     valid = problem.valid
     own = base.solution.jacobian[valid]
@@ -252,13 +252,13 @@ def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate
 
 
 def _left(columns: Floats, values: Floats) -> float:
-    """Return the sum of squares of values (n,) that columns (n, k) leave."""
+    """Return the residual sum of squares of a least-squares fit of columns (n, k) to values (n,)."""
     left = values - columns @ np.linalg.lstsq(columns, values)[0]
     return float(left @ left)
 
 
 def _columns(problem: ModelProblem, law: Law, values: Mapping[str, float]) -> Floats:
-    """Return what a law's values on its nodes do to the prediction (n, k), per size that matters."""
+    """Return the change (n, k) of the prediction per law scale by a law's value on each of its k nodes."""
     free = law.free()
     at = AtPoint(problem.with_laws((free,)), (*values, *free.names), (law.id,))
     middle = np.concatenate([list(values.values()), np.zeros(len(free.nodes))])
@@ -271,7 +271,7 @@ def measured_curves(
 ) -> tuple[MeasuredCurve, ...]:
     """Return the laws of the answer, then declared ones that were tried alone, the strongest first.
 
-    ``gains`` are those of every law; ``names`` says whose candidate's name a law carries.
+    ``gains`` holds the gain of every law, ``names`` the candidate whose name a law carries, both by the law's id.
     """
     units = {port.name: port.driver_unit for port in ports}
     pairs = [(one, item) for one in (chosen, *alone) for item in one.laws]
@@ -305,7 +305,7 @@ def _curve(
 
 
 def _information(one: Explanation, item: Measured) -> Floats:
-    """Return what the record knows about a law's value on each of its nodes alone (k,), as a sum of weights."""
+    """Return the record's information about a law's value on each node, all others fixed (k,), as a sum of weights."""
     free, form, problem = item.law.free(), item.form, one.fitter.problem
     made = problem.with_laws((*(other for other in problem.forms if other.id != form.id), free))
     values = form.values([one.fit.values[name] for name in form.names])

@@ -1,4 +1,4 @@
-"""What a model of one's own predicts for a record, with how sure it is."""
+"""Predictions of a model of one's own for a record, with their standard deviations."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from torsight.core.words.shown import Shown, span
 class PredictedOutputs(Shown, Mapping[str, Floats]):
     """Outputs of a model for every row of a record, by name: ``predicted["y"]``, ``predicted["y_sigma"]``.
 
-    The columns are time, then each output and its standard deviation, (rows,). Warnings tell of laws that are asked for
-    what was never measured.
+    The columns are time, then each output and its standard deviation, (rows,). Warnings name laws that are called
+    outside of the range in which they were measured.
     """
 
     columns: Mapping[str, Floats]

@@ -24,7 +24,7 @@ _DPI: Final = 90
 """Resolution of the picture in a notebook."""
 _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
-"""Curves that a picture shows, the first ones, and points of each: several for a pixel of its width."""
+"""Number of curves that a picture shows (the first ones), and of points in each: several for a pixel of its width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,14 +40,14 @@ class Series:
 
     @property
     def thinned(self) -> Series:
-        """The same with as many rows as a picture shows."""
+        """The series with no more rows than a picture shows."""
         step = max(1, len(self.time) // _MOST_POINTS)
         rows = (one[::step] for one in (self.time, self.measured, self.before, self.after))
         return Series(self.title, self.unit, *rows)
 
 
 def series_of(found: Findings) -> list[Series]:
-    """Return what was measured and modelled, for every record and output."""
+    """Return the measured and modelled series of every record and output."""
     problem, base, chosen = found.problem, found.field.base, found.decision.chosen
     fits = (base.fit.solution.prediction, chosen.fit.solution.prediction)
     if not isinstance(problem, ModelProblem):
@@ -87,7 +87,7 @@ def table_of(found: Findings) -> dict[str, NDArray[Any]]:
 
 
 def _figure(rows: int, columns: int, *, height: float) -> tuple[Figure, Any]:
-    """Return an empty picture without a screen, whatever backend the caller uses."""
+    """Return an empty figure and its axes, drawn without a screen whatever backend the caller uses."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Empty
 
@@ -121,7 +121,7 @@ def draw_motion(axis: Any, one: Series) -> None:
 
 
 def draw_residual(axis: Any, one: Series) -> None:
-    """Draw measured less model, of both models."""
+    """Draw the residuals of both models over time."""
     one = one.thinned
     axis.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
     axis.plot(one.time, one.measured - one.before, "--", lw=0.8, color=COLOURS["before"])
@@ -130,7 +130,7 @@ def draw_residual(axis: Any, one: Series) -> None:
 
 
 def draw_gains(axis: Any, found: Findings) -> None:
-    """Draw what each candidate and law alone explains, and what one more must gain."""
+    """Draw the gain of each candidate and law alone, and the gain that one more member must have."""
     base = found.field.base.log_evidence
     ranked = [(one.members[0], max(one.log_evidence - base, 0.0)) for one in found.ranked(1)][::-1]
     named = {*found.effects, *found.decision.chosen.members}
@@ -143,7 +143,7 @@ def draw_gains(axis: Any, found: Findings) -> None:
 
 
 def draw_by_driver(axis: Any, found: Findings) -> None:
-    """Draw the residuals over the variable that counts most: the strongest driver, else the first one."""
+    """Draw the residuals over the strongest driver of the measured laws, else over the first driver."""
     problem = found.problem
     names = [name for name, _ in found.drivers if name in problem.drivers] or list(problem.drivers)
     if not names:
@@ -158,7 +158,7 @@ def draw_by_driver(axis: Any, found: Findings) -> None:
 
 
 def as_image(figure: Figure) -> str:
-    """Return a picture as an address that holds it itself (PNG)."""
+    """Return a figure as a data URL (PNG)."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": None})
     return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"

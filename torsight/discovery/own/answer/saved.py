@@ -33,16 +33,16 @@ from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
 
 KIND: Final = "own model"
-"""By which ``model.json`` of a model of one's own is distinguished from the actuator's."""
+"""Value of ``kind`` that distinguishes the ``model.json`` of a model of one's own from the actuator's."""
 _FIRST_SHARE: Final = 0.1
-"""Share of a record at its beginning to which initial states are fitted, at least 32 rows: later rows tell less and
-less of them, and are what is to be predicted."""
+"""Share of a record, from its beginning, to which initial states are fitted, at least 32 rows: later rows contain less
+and less information about them, and are to be predicted."""
 _FIRST_ROWS: Final = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawOn:
-    """A law of the extended model: its form, and for one that is added to an output that output and the driver."""
+    """A law of the extended model: its form; output and driver of a law that is added to an output."""
 
     form: LawForm
     output: str | None = None
@@ -50,30 +50,30 @@ class LawOn:
     time_like: bool = False
 
     def to_json(self) -> dict[str, Any]:
-        """Return the law's numbers but for its parameters."""
+        """Return the law's entry in ``model.json``, without the values of its parameters."""
         added = {"output": self.output, "driver": self.driver, "time_like": self.time_like}
         return {**self.form.to_json(), **added}
 
     @classmethod
     def from_json(cls, one: Mapping[str, Any]) -> LawOn:
-        """Return a law from its numbers."""
+        """Return a law from its entry in ``model.json``."""
         nodes, basis = np.array(one["nodes"], np.float64), np.array(one["basis"], np.float64)
         form = LawForm(str(one["id"]), nodes, basis, str(one["unit"]), float(one["scale"]), prior=True)
         output = None if one["output"] is None else str(one["output"])
         return cls(form, output, str(one["driver"]), bool(one["time_like"]))
 
     def curve(self, values: Mapping[str, float]) -> Floats:
-        """Return its values on its nodes (k,)."""
+        """Return the law's values on its nodes (k,)."""
         return self.form.values([values[name] for name in self.form.names])
 
     def steep(self, values: Mapping[str, float]) -> float:
-        """Return its root mean square slope."""
+        """Return the law's root mean square slope."""
         return rms(np.diff(self.curve(values)) / np.diff(self.form.nodes))
 
     def further(self, values: Mapping[str, float], asked: tuple[float, float]) -> list[Curve]:
-        """Return the law as it may go on beyond an end at which it is asked for more: up, and down."""
+        """Return the law with possible continuations, up and down, beyond each end past which it is called."""
         nodes, curve = self.form.nodes, self.curve(values)
-        far = 10.0 * (nodes[-1] - nodes[0])  # the model may then ask for more
+        far = 10.0 * (nodes[-1] - nodes[0])  # the model may then call it still farther outside
         ends = [(0, nodes[0] - far, curve[0])] if asked[0] < nodes[0] else []
         ends += [(len(nodes), nodes[-1] + far, curve[-1])] if asked[1] > nodes[-1] else []
         rise = self.steep(values) * far
@@ -93,13 +93,13 @@ class SavedModel:
     declared : Declared
         The model.
     effects, initial : tuple of str
-        Names of the effects that are on, and of what every record has for itself.
+        Names of the effects that are on, and of the parameters that every record has for itself.
     values : mapping of str to float
         Fitted values; those of initial states are the first record's.
     names, covariance : tuple of str, (m, m) float64
-        Of the values that are uncertain.
+        Names and covariance of the values that are uncertain.
     noise : tuple of float
-        Error of each output on blocks that the fit did not see.
+        Error of each output on held-out blocks, root mean square.
     ports : tuple of str
         Names of the declared laws.
     laws : tuple of LawOn
@@ -160,7 +160,7 @@ class SavedModel:
         """
         (own,) = read_records(record)
         model = Model(self.declared.predict, (own,), self.outputs, self.ports)
-        values, taken = self._begun(model, own, initial or {})
+        values, taken = self._with_initial(model, own, initial or {})
 
         def at(x: Floats) -> Floats:
             return self._called(model, {**values, **dict(zip(self.names, x.tolist(), strict=True))}).ravel()
@@ -179,26 +179,26 @@ class SavedModel:
         for k, name in enumerate(self.outputs):
             made[name] = middle[:, k]
             made[f"{name}_sigma"] = np.sqrt(np.maximum(spread[:, k], 0.0) + self.noise[k] ** 2)
-        notes = [*beyond([done], self._curves(values)), *self._alone(own), *taken]
+        notes = [*beyond([done], self._curves(values)), *self._without_restart(own), *taken]
         return PredictedOutputs(made, self.outputs, own.label_, tuple(notes))
 
-    def _alone(self, record: Record) -> list[str]:
-        """Return a warning where states that were to begin anew cannot, because the record does not hold them."""
+    def _without_restart(self, record: Record) -> list[str]:
+        """Return a warning where states that should begin anew cannot, because the record does not hold them."""
         ode, length_s = self.declared.predict, self._restart_s
         lacking = [name for name in ode.measured if name not in record] if isinstance(ode, Ode) else []
         if length_s is None or not lacking:
             return []
         note = (
             f"small errors grow in this model, and the record holds no {', '.join(lacking)} that could begin anew "
-            f"every {length_s:.3g}: after some times this long it is no more than a possible course"
+            f"every {length_s:.3g} s: after a few times this long the prediction is only one of the possible courses"
         )
         return [note]
 
     def _beyond(self, model: Model, values: Mapping[str, float], done: Called) -> Floats:
-        """Return the variance (rows, outputs) of what laws do where they were never measured.
+        """Return the variance (rows, outputs) that laws have where they were never measured.
 
-        There a law may rise or fall as steeply as it does within its nodes. What only time tells holds for the record
-        that it was measured in: elsewhere its size is a doubt.
+        There a law may rise or fall as steeply as it does within its nodes. A law over time holds for the record in
+        which it was measured: in another record its mean square is a variance.
         """
         middle = self._with_added(model, values, done)
         found, curves = np.zeros(middle.shape), self._curves(values)
@@ -244,12 +244,12 @@ class SavedModel:
                 outputs[:, self.outputs.index(law.output)] += np.interp(at, law.form.nodes, law.curve(values))
         return outputs
 
-    def _begun(
+    def _with_initial(
         self, model: Model, record: Record, given: Mapping[str, float]
     ) -> tuple[dict[str, float], tuple[str, ...]]:
-        """Return the values with the record's initial states: given, fitted to its beginning, or the first one's.
+        """Return the values with the initial states of a record, and a warning where these are unknown.
 
-        And a warning where it is the first one's.
+        Initial states are given, or fitted to the record's beginning, or those of the first record of the fit.
         """
         unknown = [name for name in given if name not in self.initial]
         if unknown:
@@ -263,8 +263,8 @@ class SavedModel:
             return values, ()
         note = (
             f"how the record begins is not known ({', '.join(p.name for p in free)}), and it holds no "
-            f"{', '.join(self.outputs)} to fit that to: the first record's values stand there, and sigma does not hold "
-            f"that; give them (--initial {free[0].name}=…, in Python initial={{…}})"
+            f"{', '.join(self.outputs)} to fit that to: the first record's values are used, and sigma does not include "
+            f"their error; give them (--initial {free[0].name}=…, in Python initial={{…}})"
         )
         if any(name not in record for name in self.outputs):
             return values, (note,)
@@ -286,7 +286,7 @@ class SavedModel:
         return {**values, **dict(zip([p.name for p in free], found.x.tolist(), strict=True))}, ()
 
     def to_json(self) -> dict[str, Any]:
-        """Return the numbers of ``model.json``; the function is in the model file that it names."""
+        """Return the content of ``model.json``, without name and hash of the model file, which holds the function."""
         return {
             "kind": KIND,
             "outputs": list(self.outputs),
@@ -303,7 +303,7 @@ class SavedModel:
 
     @property
     def _restart_s(self) -> float | None:
-        """Time after which measured states begin anew; None where they never do."""
+        """Time in seconds after which measured states begin anew; None where they never do."""
         ode = self.declared.predict
         return ode.solver.restart_s if isinstance(ode, Ode) and math.isfinite(ode.solver.restart_s) else None
 
@@ -342,7 +342,7 @@ class SavedModel:
 
 
 def write_model(path: Path, model: SavedModel, *, model_file: Path) -> None:
-    """Write ``model.json``; it names the model file, which holds the function, by its place and its content's hash."""
+    """Write ``model.json``, with the relative path and the hash of the model file, which holds the function."""
     beside = os.path.relpath(model_file.resolve(), path.parent.resolve())
     write_json(path, {**model.to_json(), "model_file": beside, "sha256": file_hash(model_file)})
 

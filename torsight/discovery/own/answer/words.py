@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _WIDTH: Final = 22
 """Characters of the column with the titles."""
 _NO_FLOOR: Final = 1e6
-"""Times a floor from which it is none: a record without noise."""
+"""Ratio of residual to noise floor above which it is not reported: the record is free of noise."""
 
 
 def verdict_words(found: Findings) -> str:
@@ -39,10 +39,10 @@ def verdict_words(found: Findings) -> str:
     missing = f"{named} {'is' if len(found.effects) == 1 else 'are'} missing{_alike(found)}"
     beside = f"{missing}, and " if found.effects else ""
     if found.effects and not found.decision.unnamed:
-        # So far from the noise a name only says what helps most.
+        # With a residual so far above the noise, a name only says which of the offers helps most.
         most = f"of what was offered, {named} {'explains' if len(found.effects) == 1 else 'explain'} most"
         left = number(found.decision.over_floor)
-        return f"{left} times the noise is left that nothing offered explains; {most}"
+        return f"a residual of {left} times the noise is left that nothing offered explains; {most}"
     declared = {port.name for port in found.ports}
     laws = [name for name in found.decision.unnamed if name in declared]
     if laws and len(laws) == len(found.decision.unnamed):
@@ -52,7 +52,7 @@ def verdict_words(found: Findings) -> str:
 
 
 def _alike(found: Findings) -> str:
-    """Return a doubt where a form has won that no free law was measured beside."""
+    """Return a caveat where the form that won was not compared with a free law."""
     taken = found.forms_taken
     if not taken:
         return ""
@@ -67,34 +67,34 @@ def _depends(found: Findings) -> str:
 
 def lines(found: Findings) -> list[tuple[str, str]]:
     """Return title and text of every line of the summary."""
-    made = [("Missing", verdict_words(found))]
+    rows = [("Missing", verdict_words(found))]
     for name, (before, after) in found.errors.items():
-        made.append((f"Error of {name}", _errors(before, after)))
-    made += [("", text) for text in (*not_predicted(found), *_noise(found))]
+        rows.append((f"Error of {name}", _errors(before, after)))
+    rows += [("", text) for text in (*not_predicted(found), *_noise(found))]
     for name in found.effects:
         own = found.field.base.fitter.candidates[name].parameters
-        made += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
-    made += [(curve.id, curve.sentence) for curve in found.laws if curve.chosen]
+        rows += [(name, f"{p.name} {estimate(found.parameters[p.name].to_json())}") for p in own]
+    rows += [(curve.id, curve.sentence) for curve in found.laws if curve.chosen]
     if found.verdict == "unknown":
-        made.append(("Laws offered over", ", ".join(found.drivers_offered) or "nothing"))
+        rows.append(("Laws offered over", ", ".join(found.drivers_offered) or "nothing"))
     if found.verdict == "unknown" or found.predicts_better:
         unit = " (errors of all outputs together, each in its resolution)" if len(found.errors) > 1 else ""
-        made.append(("Best fits", f"error on all samples, on held-out blocks, gain in log evidence{unit}"))
-        made += [("", fitted_words(one)) for one in found.best_fits]
-    made += [("Larger", larger_words(one)) for one in found.predicts_better[:1]]
-    made += [("What to do", text) for text in what_next(found)]
-    made += [("Note", text) for text in found.warnings]
-    return made
+        rows.append(("Best fits", f"error on all samples, on held-out blocks, gain in log evidence{unit}"))
+        rows += [("", fitted_words(one)) for one in found.best_fits]
+    rows += [("Larger", larger_words(one)) for one in found.predicts_better[:1]]
+    rows += [("What to do", text) for text in what_next(found)]
+    rows += [("Note", text) for text in found.warnings]
+    return rows
 
 
 def facts(found: Findings) -> dict[str, str]:
-    """Return the lines of the answer by their titles; what goes on under a title is put together."""
-    made: dict[str, str] = {}
+    """Return the lines of the answer by their titles; lines under one title are joined."""
+    by_title: dict[str, str] = {}
     title = ""
     for own, text in lines(found):
         title = own or title
-        made[title] = f"{made[title]}; {text}" if title in made else text
-    return made
+        by_title[title] = f"{by_title[title]}; {text}" if title in by_title else text
+    return by_title
 
 
 def _errors(before: Errors, after: Errors) -> str:
@@ -104,17 +104,17 @@ def _errors(before: Errors, after: Errors) -> str:
 
 
 def not_predicted(found: Findings) -> list[str]:
-    """Return a doubt for every output whose held-out blocks the answer predicts no better than the plain model.
+    """Return a caveat for every output whose held-out blocks the answer predicts no better than the plain model.
 
-    And for every law over time without which it predicts them as well. The answer is more probable all the same where
-    it says of itself how little is known there.
+    Also for every law over time without which the answer predicts these blocks equally well. Such an answer can still
+    be the more probable one where its own uncertainty on these blocks is large.
     """
     chosen = found.decision.chosen
     if not chosen.members:
         return []
     notes = [
         f"of {name}, {' and '.join(chosen.members)} describes what was recorded, but predicts held-out "
-        "blocks no better: something changes there, and what it changes with is not known"
+        "blocks no better: something changes there, and the cause of the change is not known"
         for name, (before, after) in found.errors.items()
         if after.rmse_held_out >= before.rmse_held_out
     ]
@@ -124,31 +124,31 @@ def not_predicted(found: Findings) -> list[str]:
     parts = {name: found.field.explanations.get(less(chosen.members, name)) for name in beside}
     return [
         f"{name} describes what was recorded, but held-out blocks are predicted no better with it: something changes "
-        "there, and what it changes with is not known"
+        "there, and the cause of the change is not known"
         for name, part in parts.items()
         if part is not None and part.held_out.rms <= chosen.held_out.rms
     ]
 
 
 def _noise(found: Findings) -> list[str]:
-    """Return how the error compares with the noise of one reading."""
+    """Return the ratio of the residual to the noise of one reading, in words."""
     ratio = found.decision.over_floor
     whose = (
         "the noise that was given"
         if found.problem.sigma_known
         else "the noise of a reading, measured from the scatter of neighbours"
     )
-    return [] if ratio > _NO_FLOOR else [f"what is left is {number(ratio)} times {whose}"]
+    return [] if ratio > _NO_FLOOR else [f"the residual is {number(ratio)} times {whose}"]
 
 
 def fitted_words(one: FittedSet) -> str:
-    """Return one of the sets that were compared in words."""
+    """Return, in words, one of the sets that were compared."""
     name = " + ".join(one.effects) or "plain model"
     return f"{name}: {number(one.rmse_train)}, {number(one.rmse_held_out)}, {number(one.gain)}"
 
 
 def larger_words(one: FittedSet) -> str:
-    """Return what to make of a larger set that predicts better."""
+    """Return a remark on a larger set that predicts held-out blocks better."""
     return (
         f"{' + '.join(one.effects)} predicts held-out blocks better ({number(one.rmse_held_out)}), but not all of its "
         "members were accepted: a record that moves more, or more blocks, would decide"
@@ -156,10 +156,10 @@ def larger_words(one: FittedSet) -> str:
 
 
 def what_next(found: Findings) -> list[str]:
-    """Return what a person can do about the answer."""
+    """Return advice on what to do after an answer that is ``ambiguous`` or ``unknown``."""
     if found.verdict == "ambiguous":
-        told_apart = (found.decision.chosen.members, *found.alternatives)
-        sets = " from ".join(" and ".join(one) for one in told_apart)
+        explanations = (found.decision.chosen.members, *found.alternatives)
+        sets = " from ".join(" and ".join(one) for one in explanations)
         note = (
             f"This record cannot tell {sets}. Predict planned records with each of them; make the one in which they "
             "differ most: other speeds, holds between moves, the other direction. Or offer only what the rig can have."
@@ -176,8 +176,8 @@ def what_next(found: Findings) -> list[str]:
         far = found.decision.over_floor > found.problem.over_floor
         if far and isinstance(ode, Ode) and not ode.measured:
             note += (
-                " If small errors grow over a record, name a state that is measured itself as the output: it can then "
-                "begin anew on the way."
+                " If small errors grow over a record, name a state that is measured itself as the output: the state "
+                "can then begin anew from its readings on the way."
             )
         return [note]
     return []

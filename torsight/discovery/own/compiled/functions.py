@@ -36,11 +36,11 @@ from torsight.discovery.own.model.values import KINDS, Curve
 
 
 class CannotCompileError(Exception):
-    """What stands in the way, in one line."""
+    """A function that cannot be compiled; the message is the reason, in one line."""
 
 
 def reason_in(message: str) -> str:
-    """Return why numba could not compile, out of what it says, and the line if it names one."""
+    """Return the reason out of numba's error message, with the number of the line if the message names one."""
     # One "Failed in …" per function on the way; the reason comes after them, and may go on below a colon.
     lines = [line.strip() for line in message.splitlines() if line.strip() and not line.startswith("Failed in")]
     reason = " ".join(lines[:2]) if lines and lines[0].endswith(":") else "".join(lines[:1]) or message
@@ -50,19 +50,19 @@ def reason_in(message: str) -> str:
 
 _OUTSIDE: Final[dict[str, Any]] = {"nogil": True, "no_cfunc_wrapper": True}
 _INSIDE: Final = {**_OUTSIDE, "no_cpython_wrapper": True}
-"""For what only compiled code calls. What would let Python and C call it took half of the compiler's time, as
-parameters come by name."""
+"""Options for functions that only compiled code calls: wrappers for calls from Python and C took half of the compiler's
+time, because parameters are passed by name."""
 
 
 def inside(function: Callable[..., Any]) -> Any:
-    """Compile a function of our own that only compiled code calls."""
+    """Compile a function of this package that only compiled code calls."""
     return njit(**_INSIDE)(function)
 
 
 def compiled(function: Callable[..., Any], *, inner: bool = True, within: tuple[CodeType, ...] = ()) -> Any:
     """Return a function compiled, together with the plain functions that it calls by name.
 
-    An ``inner`` one is called by compiled code alone.
+    An ``inner`` function is called by compiled code alone.
     """
     if hasattr(function, "py_func"):
         return function
@@ -84,7 +84,7 @@ def compiled(function: Callable[..., Any], *, inner: bool = True, within: tuple[
 
 
 def _names(code: CodeType) -> Iterator[str]:
-    """Return what a function finds outside of itself, and the functions within it."""
+    """Return the global names that a function uses, and the functions defined within it."""
     yield from (one.argval for one in dis.get_instructions(code) if one.opname in {"LOAD_GLOBAL", "LOAD_NAME"})
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -98,17 +98,17 @@ class _CurveType(types.Callable):
         super().__init__(name="Curve")
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        """Return how it is called, None for anything but a number."""
+        """Return the signature of a call with one number, None for other arguments."""
         del context
         number = len(args) == 1 and not kws and isinstance(args[0], (types.Float, types.Integer))
         return signature(types.float64, types.float64, recvr=self) if number else None
 
     def get_call_signatures(self) -> Any:
-        """Return the one way to call it."""
+        """Return the only signature of a law."""
         return [signature(types.float64, types.float64)], False
 
     def get_impl_key(self, sig: Any) -> Any:
-        """Return where its code stands."""
+        """Return the key under which the code of a law is registered."""
         del sig
         return _CurveType
 
@@ -146,7 +146,7 @@ def _unboxed(kind: Any, value: Any, c: Any) -> Any:
 
 @intrinsic
 def curve_at(context: Any, nodes: Any, values: Any, asked: Any) -> Any:
-    """Make a law within compiled code, of its nodes, its values on them and where it was asked."""
+    """Make a law within compiled code, from its nodes, its values there and the range of its arguments so far."""
     del context
 
     def made(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -177,7 +177,7 @@ _BY_NAME = (types.NamedTuple, types.NamedUniTuple)
 
 
 def _place(values: Any, name: Any) -> int | None:
-    """Return where one of the values by name stands that is asked for by a literal."""
+    """Return the index of the value that a literal names, None where there is none."""
     known = isinstance(name, types.StringLiteral) and values.instance_class in KINDS.values()
     return values.fields.index(name.literal_value) if known and name.literal_value in values.fields else None
 

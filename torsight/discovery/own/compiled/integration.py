@@ -7,7 +7,7 @@ from typing import Final
 ATOL_SHARE: Final = 1e-2
 """Absolute tolerance as a multiple of the relative one: states of the order of 0.01 are still followed."""
 MOMENT: Final = 1e-9
-"""Share of the time by which an integration goes on after an event, so that the same one does not end the next step."""
+"""Share of the time by which an integration continues after an event, so that the event does not end the next step."""
 TOO_MANY: Final = (
     "the solver gave up at t = {:g}: the steps became too small or too many, as where a model diverges, or where its "
     "events follow one another ever faster"

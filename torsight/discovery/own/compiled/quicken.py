@@ -16,17 +16,17 @@ from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
 
 _WORTH_S: Final = 2e-3
-"""Seconds of one call from which a model is compiled: that takes 2 to 5 s, and a search 1,600 to 8,500 calls
-(benchmarks/discovery/own_model.py)."""
+"""Duration of one call in seconds from which a model is compiled: compiling takes 2 to 5 s, and a search makes 1,600 to
+8,500 calls (benchmarks/discovery/own_model.py)."""
 _SAME: Final = 1e-4
-"""Share of an output's spread by which the compiled model may differ: two integrators with a tolerance of 1e-7 do by
-1e-6 where nothing is unstable."""
+"""Share of an output's spread by which the compiled model may differ: two integrators with a tolerance of 1e-7 differ
+by 1e-6 where the model is stable."""
 _QUICKER: Final = 0.5
-"""Share of the time of a call that the compiled model may need at most."""
+"""Largest share of the plain model's time per call that the compiled model may need."""
 
 
 def quickened(problem: ModelProblem) -> ModelProblem:
-    """Return a problem with its model compiled; as it is where that cannot be done, does not pay or changes it."""
+    """Return a problem with its model compiled; unchanged where that fails, saves no time or changes the results."""
     evaluator, start = problem.evaluator, {p.name: p.value for p in problem.parameters}
     at_start = evaluator(problem.given(start, ()), {})
     if evaluator.seconds < _WORTH_S * evaluator.calls or any(one.failure is not None for one in at_start):
@@ -39,8 +39,8 @@ def quickened(problem: ModelProblem) -> ModelProblem:
     names = [one.id for one in problem.candidates]
     asked = [*problem.given(start, ()), *problem.given({**start, **everything}, names)]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of numba, on a way that is not gone then
-        # Where small errors grow, integrators part over a record.
+        warnings.simplefilter("ignore")  # numba's, about a compilation that is discarded then
+        # Over short stretches: where small errors grow, two integrators diverge over a whole record.
         short_s = shortest_s(problem)
         usable, why_not = _gives_the_same(anew(problem.model, short_s), anew(model, short_s), asked)
     if not usable:
@@ -50,7 +50,7 @@ def quickened(problem: ModelProblem) -> ModelProblem:
 
 
 def _with_reason(problem: ModelProblem, why_not: str) -> ModelProblem:
-    """Return a problem whose model stays plain, with a note of why where something can be done about it."""
+    """Return a problem whose model stays plain, with a note of the reason where the user can change something."""
     if not why_not:
         return problem
     each_ms = 1e3 * problem.evaluator.seconds / problem.evaluator.calls
@@ -62,12 +62,12 @@ def _with_reason(problem: ModelProblem, why_not: str) -> ModelProblem:
 
 
 def is_compiled(predict: Predict) -> bool:
-    """Return whether a model is machine code already, which lets the interpreter go: threads serve it."""
+    """Return whether a model is compiled already: it then releases the interpreter's lock, so that threads suffice."""
     return isinstance(predict, CompiledPredict) or (isinstance(predict, Ode) and predict.stepper is not None)
 
 
 def _compiled(predict: Predict) -> tuple[Predict | None, str]:
-    """Return the model compiled, or None with the reason; without a reason where it was not to be."""
+    """Return the model compiled, or None with the reason; the reason is empty where the model is not to be compiled."""
     from torsight.discovery.own.compiled.functions import CannotCompileError, compiled
 
     try:
@@ -80,9 +80,10 @@ def _compiled(predict: Predict) -> tuple[Predict | None, str]:
 
 
 def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, float]]) -> tuple[bool, str]:
-    """Return whether both models give the same for these values of each record, one after the other, and how soon.
+    """Return whether the compiled model gives the same results in less time, and the reason if it does not.
 
-    If not, then why, where the compiled one fails or gives something else.
+    The reason is empty unless the compiled model fails or gives other results. ``asked`` holds values for each record
+    in turn, once or several times.
     """
     if isinstance(quick.predict, CompiledPredict):
         quick = replace(quick, predict=quick.predict.alone)
@@ -95,7 +96,7 @@ def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, flo
             return False, "" if other.failure is None else _why(other.failure)
         spread = np.nanstd(np.column_stack([plain.records[record][name] for name in plain.outputs]), axis=0)
         if np.any(np.abs(one.outputs - other.outputs) > _SAME * spread):
-            return False, "compiled it gives something else, as where it keeps or reads what changes outside of it"
+            return False, "compiled it gives other results, as where it uses a variable that changes between calls"
         begun = time.thread_time()
         call(quick, record, values, {})
         if time.thread_time() - begun > _QUICKER * one.seconds:
@@ -104,7 +105,7 @@ def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, flo
 
 
 def _why(failure: Failure) -> str:
-    """Return why a compiled model fails where the plain one does not: numba refuses it, or it goes another way."""
+    """Return why a compiled model fails where the plain one does not: it cannot be compiled, or it raises an error."""
     from numba.core import errors
 
     from torsight.discovery.own.compiled.functions import reason_in

@@ -1,10 +1,10 @@
-"""Differential equations in compiled code: Dormand and Prince's pair of order 5(4), steps of its own, and events.
+"""Differential equations in compiled code: Dormand and Prince's pair of order 5(4), adaptive steps, and events.
 
-An event is looked for at the end of every step; where one has happened within it, the step is halved down to the
-moment at which it does, and what it does to the states begins from there.
+Events are checked at the end of every step. Where an event has happened within the step, its time is found by
+bisection, and the integration continues from there with the states that the event sets.
 
-The stepping is compiled once and kept on disk: what belongs to a model comes in through pointers to functions that take
-arrays, and put names to them before they call what the model's author wrote.
+The stepping is compiled once and cached on disk. A model's functions are passed to it as pointers to functions that
+take arrays; these give names to the values before they call the functions that the model's author wrote.
 
 Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 2nd edition, table II.5.2 and
 section II.4 (step size control).
@@ -29,23 +29,23 @@ from torsight.discovery.own.compiled.integration import ATOL_SHARE, MOMENT, TOO_
 from torsight.discovery.own.model.values import Curve, kind_of
 
 _LEAST_SHARE: Final = 0.02
-"""Share of the time from row to row to which a step is shortened: beyond a jump of the right-hand side, such as of
-friction where the speed passes zero, no shorter one would do better. What rests there trembles by so much less than it
-moves from row to row."""
+"""Shortest step as a share of the time from row to row: across a jump of the right-hand side, such as that of friction
+where the speed passes zero, a shorter step would do no better. A state that rests there oscillates by this share of its
+motion from row to row."""
 _HALVINGS: Final = int(np.finfo(np.float64).nmant)
-"""By which the moment of an event in a step is known to the digits of a float."""
+"""Number of bisections after which the time of an event in a step is known to the digits of a float."""
 
 _NUMBERS: Final = types.Array(types.float64, 1, "C")
 _ROWS: Final = types.Array(types.float64, 2, "C")
 _GIVEN: Final = types.Tuple((_NUMBERS, types.Array(types.float64, 3, "C"), types.Array(types.int64, 1, "C")))
-"""Parameters; laws (law, nodes or values or where it was asked, node); nodes of each law."""
+"""Parameters; laws (law; nodes, values or range of its arguments; node); number of nodes of each law."""
 _AT_POINT: Final = types.void(types.float64, _NUMBERS, _NUMBERS, _GIVEN, _NUMBERS)
-"""Of time, states, inputs, what is given, and what is filled."""
+"""Signature: time, states, inputs, parameters and laws, and the array that is filled."""
 _JUMP: Final = types.void(types.int64, types.float64, _NUMBERS, _NUMBERS, _GIVEN, _NUMBERS)
 _LIMITS: Final = types.Tuple((types.float64, types.float64, types.int64))
 
 
-# As compiled code calls them, which mypy does not know.
+# Without types: mypy does not know how compiled code calls these.
 _tuple_of: Any = to_fixed_tuple
 _curve_at: Any = curve_at
 _compiled_for: Any = njit
@@ -71,13 +71,13 @@ class Stepper:
         limits: tuple[float, float, int],
         held: Collection[str] = (),
     ) -> Floats:
-        """Return the states (n, k) at the times; inputs (n,) are lines between them, but for those that are held.
+        """Return the states (n, k) at the times; inputs (n,) are linear between these, except for those ``held``.
 
-        ``anew`` (n, k): where states begin in the first row, and anew in another; nan where they go on.
+        ``anew`` (n, k): values with which states begin in the first row, and anew in others; NaN where they continue.
         ``limits``: relative tolerance, longest step, most steps from row to row.
         """
         columns = np.column_stack(list(inputs.values()) or [np.zeros(len(time))])
-        # What an input comes to at the end of the time after a row: the next row's value, or its own where it is held.
+        # Value of an input just before the next row: the next row's, or the row's own where the input is held.
         comes_to = np.vstack([columns[1:], columns[-1:]])
         kept_on = [k for k, name in enumerate(inputs) if name in held]
         comes_to[:, kept_on] = columns[:, kept_on]
@@ -91,7 +91,7 @@ class Stepper:
         counts = np.array([len(one.nodes) for one in curves], np.int64)
         given = (np.array([float(p[name]) for name in numbers]), packed, counts)
         functions = self._by_place(tuple(inputs) or ("none",), tuple(numbers), tuple(laws))
-        rows = (np.array(time), columns, comes_to, anew)  # a record's own cannot be written to, which is another type
+        rows = (np.array(time), columns, comes_to, anew)  # a copy: a record's read-only array is another type
         try:
             made, failed = _integrate(*functions, self.directions, rows, given, limits)
         finally:
@@ -129,7 +129,7 @@ class Stepper:
 
 
 def _named(inputs: tuple[str, ...], numbers: tuple[str, ...], laws: tuple[str, ...]) -> tuple[Any, Any]:
-    """Return what puts names to inputs, and to parameters and laws."""
+    """Return two functions of arrays: one gives names to inputs, the other to parameters and laws."""
     u_kind, p_kind = kind_of(inputs), kind_of((*numbers, *laws))
     inputs_count, count = len(inputs), len(numbers)
     curves = _no_laws
@@ -163,7 +163,7 @@ def _with_law(others: Any, k: int) -> Any:
 
 
 def stepper_of(rhs: Callable[..., Any], events: Sequence[tuple[Any, Any, int]]) -> Stepper:
-    """Return a right-hand side and events (when, then or None, direction) compiled, where numba can."""
+    """Return the compiled stepper of a right-hand side and of events (when, then or None, direction)."""
     when, then = _nothing, _stays
     for k, (happens, does, _) in enumerate(events):
         when = _with_event(when, k, compiled(happens))
@@ -209,7 +209,7 @@ _ERROR: Final = RK45.E
 
 @shared
 def _set_inputs(t: float, driven: Any) -> None:
-    """Fill in the inputs at a time; ``driven``: times of the row before and after, their inputs, and room."""
+    """Fill in the inputs at a time; ``driven``: times of the rows before and after, their inputs, the array to fill."""
     begin, end, before, after, u = driven
     share = (t - begin) / (end - begin)
     for i in range(len(u)):
@@ -218,7 +218,7 @@ def _set_inputs(t: float, driven: Any) -> None:
 
 @shared
 def _step(rhs: Any, t: float, h: float, x: Floats, along: Any, slopes: Floats, new: Floats) -> None:
-    """Fill the slopes of a step but the first, which is that at its beginning, and the state after it."""
+    """Fill in the slopes of a step, except the first (that at its beginning), and the state after the step."""
     driven, given = along
     for stage in range(1, 7):
         for i in range(len(x)):
@@ -233,7 +233,7 @@ def _step(rhs: Any, t: float, h: float, x: Floats, along: Any, slopes: Floats, n
 
 @shared
 def _size(h: float, x: Floats, new: Floats, slopes: Floats, rtol: float) -> float:
-    """Return the error of a step as a multiple of what is allowed."""
+    """Return the error of a step as a multiple of the tolerance."""
     total = 0.0
     for i in range(len(x)):
         error = 0.0
@@ -246,7 +246,7 @@ def _size(h: float, x: Floats, new: Floats, slopes: Floats, rtol: float) -> floa
 
 @shared
 def _happened(before: Floats, now: Floats, directions: Floats) -> int:
-    """Return the first event whose function has passed zero the way that counts, −1 for none."""
+    """Return the index of the first event whose function has passed zero in its direction, −1 for none."""
     for k in range(len(before)):
         up = before[k] <= 0.0 <= now[k] and directions[k] >= 0.0
         down = before[k] >= 0.0 >= now[k] and directions[k] <= 0.0
@@ -267,7 +267,7 @@ def _begins(anew: Floats, x: Floats) -> bool:
 
 @shared
 def _jumps(before: Floats, now: Floats) -> bool:
-    """Return whether an input is another one now."""
+    """Return whether an input has changed."""
     changed = False
     for i in range(len(now)):
         changed = changed or before[i] != now[i]
@@ -278,7 +278,7 @@ def _jumps(before: Floats, now: Floats) -> bool:
 def _through_event(
     functions: Any, t: float, step: float, x: Floats, along: Any, slopes: Floats, before: Floats
 ) -> float:
-    """Go on to a moment after the first event in a step; return the time, with the states and events there filled."""
+    """Integrate to a moment after the first event in a step: fill in states and events there, return the time."""
     directions, rhs, when, then = functions
     driven, given = along
     new, now = x.copy(), before.copy()
@@ -328,10 +328,10 @@ def _through_event(
 def _integrate(
     rhs: Any, when: Any, then: Any, directions: Floats, rows: Any, given: Any, limits: Any
 ) -> tuple[Floats, int]:
-    """Return the states (n, k), and the row after which no step was small enough or one too many, else -1.
+    """Return the states (n, k), and the row after which the steps became too small or too many, else -1.
 
-    In the place of the states after that row are the derivatives where it ended. ``rows``: times, inputs, what they
-    come to before the next row, and where states begin anew.
+    The row after that one holds the derivatives where the integration ended. ``rows``: times, inputs, their values just
+    before the next row, and the values with which states begin anew.
     """
     (time, inputs, comes_to, anew), (rtol, longest, most) = rows, limits
     functions = (directions, rhs, when, then)
@@ -348,7 +348,7 @@ def _integrate(
             when(t, x, u, given, before)
             rhs(t, x, u, given, slopes[0])
         elif _jumps(comes_to[i - 1], inputs[i]):
-            # What the events were before the jump stays: one that it brings about is then found in the next step.
+            # The event functions keep their values before the jump: an event that it causes is found in the next step.
             h = 0.1 * (end - t)
             copy_to(u, inputs[i])
             rhs(t, x, u, given, slopes[0])

@@ -1,4 +1,4 @@
 """Models of one's own.
 
-A Python function, parameters and tables as declared in, a checked problem for the engine out.
+From a Python function, declared parameters and tables to a checked problem for the engine.
 """

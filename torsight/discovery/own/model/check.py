@@ -19,16 +19,16 @@ from torsight.discovery.own.reading_error import laws_called_with
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
 _NEEDED, _OPTIONAL = (tuple(name for name in vars(one) if name[0] != "_") for one in (NeededMembers, OptionalMembers))
 _NULL_SHARE: Final = 10.0 * RTOL
-"""Share of the measurement's spread by which a prediction may differ that should be the same: two integrations of one
-tolerance differ by ten times it."""
+"""Share of the measurement's spread by which two predictions may differ that should be equal: two integrations differ
+by ten times their tolerance."""
 _ELSEWHERE: Final = 0.3
-"""Share of its range by which a parameter is moved to see whether it counts."""
+"""Share of its range by which a parameter is moved to see whether the prediction depends on it."""
 
 
 def check_problem(problem: Problem) -> tuple[str, ...]:
-    """Refuse a problem that cannot be searched; return what a person should know about one that can."""
+    """Refuse a problem that cannot be searched; return warnings about one that can."""
     needed, further = ([name for name in some if not hasattr(problem, name)] for some in (_NEEDED, _OPTIONAL))
-    missing = needed or further  # what may be left out is made of what is needed
+    missing = needed or further  # optional members have defaults that are computed from the needed ones
     if len(needed) == len(_NEEDED) or isinstance(problem, type):
         raise InputError("is no problem", where="find_missing", value=repr(problem), do="make it with model_problem(…)")
     if missing:
@@ -68,7 +68,7 @@ def _check_rows(problem: Problem, where: str) -> None:
         raise InputError("is not known where it counts", where=f"{where}.observed", do="set valid to False there")
     if not np.all(problem.sigma >= 0.0):
         raise InputError(
-            "is no noise", where=f"{where}.sigma", value=np.min(problem.sigma), limit="0 or more", do="mend it"
+            "is no noise", where=f"{where}.sigma", value=np.min(problem.sigma), limit="0 or more", do="correct it"
         )
     if problem.resolution < 0.0 or not np.isfinite(problem.resolution):
         raise InputError("is no size", where=f"{where}.resolution", value=problem.resolution, limit="0 or more")
@@ -83,7 +83,7 @@ def _numbers(problem: Problem, prediction: Any, where: str) -> None:
     bad = np.flatnonzero(~np.isfinite(values) & problem.valid)
     if len(bad):
         raise InputError(
-            "is not a number", where=f"{where}.predict, row {bad[0] + 1}", value=values[bad[0]], do="mend it"
+            "is not a number", where=f"{where}.predict, row {bad[0] + 1}", value=values[bad[0]], do="correct it"
         )
 
 
@@ -100,21 +100,21 @@ def _check_model(problem: ModelProblem) -> list[str]:
     _check_unchanged(problem, before)
     check_same(problem, start, plain)
     _check_laws(problem, start)
-    notes += _unheard(problem, start, plain, least)
+    notes += _unused(problem, start, plain, least)
     return notes
 
 
 def check_same(problem: ModelProblem, values: dict[str, float], before: list[Floats]) -> None:
-    """Refuse a model that for values that it was called with before gives anything else, called anew."""
+    """Refuse a model that gives different outputs when it is called again with the same values."""
     problem.evaluator.forget()
     again = problem.outputs(values, (), where=place_of(problem.model.predict))
     if any(np.any(a != b) for a, b in zip(before, again, strict=True)):
         apart = max(float(np.max(np.abs(a - b))) for a, b in zip(before, again, strict=True))
         raise InputError(
-            "gives another answer to the same question",
+            "gives different outputs for the same values",
             where=place_of(problem.model.predict),
-            value=f"apart by {apart:.3g}",
-            limit="the same values, the same answer",
+            value=f"a difference of {apart:.3g}",
+            limit="the same outputs",
             do="draw no random numbers in it (or from a generator that the call itself makes with a fixed seed), and "
             "keep nothing from one call to the next",
         )
@@ -125,19 +125,19 @@ def _check_unchanged(problem: ModelProblem, before: Sequence[Mapping[str, Floats
         for name, values in columns.items():
             if not np.array_equal(record[name], values, equal_nan=True):
                 raise InputError(
-                    f"changes its record: column '{name}' is another one after the call",
+                    f"changes its record: column '{name}' holds other values after the call",
                     where=place_of(problem.model.predict),
                     do=f"work on a copy: record['{name}'].copy()",
                 )
 
 
 def _check_laws(problem: ModelProblem, start: dict[str, float]) -> None:
-    """Refuse a model that calls a law with an output as it was read in the same row: it would explain the noise."""
+    """Refuse a model that calls a law with an output's reading of the same row: the law would explain the noise."""
     for name in problem.model.outputs:
         for law in laws_called_with(problem, start, name):
             raise InputError(
                 f"calls the law '{law}' with '{name}' as it was read in the same row: such a law explains the noise, "
-                "and whatever is missing with it",
+                "and any missing effect with it",
                 where=place_of(problem.model.predict),
                 do="call it with what the model computes, with a row before, or with another sensor's column",
             )
@@ -171,7 +171,7 @@ def _check_candidate(
             raise InputError(
                 f"does not vanish at its null values: with {nulls} the model still depends on '{p.name}'",
                 where=where,
-                do=f"give '{p.name}' a null value of its own, or mend predict",
+                do=f"give '{p.name}' a null value of its own, or correct predict",
             )
     return notes
 
@@ -185,8 +185,8 @@ def _apart(one: list[Floats], other: list[Floats], least: Floats) -> bool:
     return any(bool(np.any(np.abs(a - b) > least)) for a, b in zip(one, other, strict=True))
 
 
-def _unheard(problem: ModelProblem, start: dict[str, float], plain: list[Floats], least: Floats) -> list[str]:
-    """Return a warning for every base parameter that changes nothing."""
+def _unused(problem: ModelProblem, start: dict[str, float], plain: list[Floats], least: Floats) -> list[str]:
+    """Return a warning for every base parameter that does not change the outputs."""
     notes = []
     for p in problem.parameters:
         moved = {**start, p.name: _moved(p.value, p.lower, p.upper)}

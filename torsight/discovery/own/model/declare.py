@@ -14,10 +14,10 @@ from torsight.discovery.own.model import given
 
 _LEAST_NODES: Final = 2
 MOST_NODES: Final = 100
-"""Values of a law over its driver: two make a line, and each costs calls of the model."""
+"""Limits of the number of nodes of a law: two make a line, and each costs calls of the model."""
 _MODEL: Final = "the model"
 RESERVED: Final = "@"
-"""Stands between a name and the number of a record or of a node."""
+"""Separates a name from the number of a record or of a node."""
 
 
 def parameter(
@@ -36,15 +36,15 @@ def parameter(
     Parameters
     ----------
     name : str
-        By which ``predict`` finds it (``p.name`` or ``p["name"]``); ends in its unit by custom.
+        Name by which ``predict`` reads the value (``p.name`` or ``p["name"]``); by custom it ends in the unit.
     start : float
-        Where the fit begins; with ``sigma`` the value that was measured beforehand.
+        Start of the fit; with ``sigma`` the value that was measured beforehand.
     unit : str
-        For the report.
+        Unit, for the report.
     lower, upper : float
         Bounds.
     sigma : float, optional
-        Standard deviation of the value that was measured beforehand; without it nothing is known.
+        Standard deviation of the value that was measured beforehand; without it the parameter has no prior.
     null : float, optional
         For a parameter of a candidate: the value at which the effect vanishes.
     fixed : bool
@@ -72,23 +72,23 @@ def candidate(
 ) -> Candidate:
     """Declare an effect that the model may lack.
 
-    ``predict`` holds it already: with its parameters at their null values it does nothing. At least one parameter has
-    a ``null``.
+    ``predict`` contains the effect already, and the effect vanishes where its parameters have their null values. At
+    least one parameter has a ``null``.
 
     Parameters
     ----------
     name : str
-        By which it is reported.
+        Name of the effect in the report.
     *parameters : Parameter
-        Its own parameters.
+        The effect's own parameters.
     family : str
-        Where it acts, for the report.
+        Where the effect acts, for the report.
     starts : sequence of mapping
-        Further points from which its fit is to begin (parameter name to value); others are looked for
-        within the bounds.
+        Further points from which the effect's fit starts (parameter name to value); others are sought within the
+        bounds.
     laws : sequence of str
-        Laws of which it is a usual form: where one of them explains no more, it carries the candidate's name. A
-        law's name, or ``output(driver)`` for what is missing from an output over a driver.
+        Laws of which the effect is a usual form: such a law carries the effect's name where it explains no more than
+        the effect. A law's name, or ``output(driver)`` for a law over a driver that is added to an output.
     """
     where = f"candidate '{given.text(name, 'candidate, name')}'"
     do = "declare it with parameter(name, start, null=…)"
@@ -128,22 +128,22 @@ def law(
     high: float | None = None,
     nodes: int = 20,
 ) -> LawPort:
-    """Declare a port: ``predict`` gets a function under this name, and what the record needs there is measured.
+    """Declare a port: ``predict`` gets a function of this name, which is measured from the record.
 
     ``p.friction(velocity)`` is 0 where the law is off, else the measured function; any number or array may be given.
 
     Parameters
     ----------
     name : str
-        Of the law; ``predict`` calls ``p.name(values)``.
+        Name of the law; ``predict`` calls ``p.name(values)``.
     driver : str
-        The variable it depends on, for the report.
+        The variable on which the law depends, for the report.
     unit, driver_unit : str
-        Of what the law returns, and of its variable.
+        Units of the law's value, and of its variable.
     low, high : float, optional
-        Range of the variable; without it the range in which the plain model asks for the law.
+        Range of the variable; by default that with which the model calls the law, and that of the driver's column.
     nodes : int
-        Places with a value of their own; lines between them.
+        Number of nodes, each with a value of its own; the law is linear between them.
     """
     where = f"law '{given.name(name, 'law, name')}'"
     units = {key: given.text(one, f"{where}, {key}") for key, one in (("unit", unit), ("driver_unit", driver_unit))}
@@ -158,7 +158,7 @@ def law(
 
 
 def parameters_of(declared: Parameter | Iterable[Parameter] | Mapping[str, float]) -> tuple[Parameter, ...]:
-    """Return parameters, of a mapping from name to start too."""
+    """Return the declared parameters, also from a mapping of name to start."""
     if isinstance(declared, Mapping):
         return tuple(parameter(name, value) for name, value in declared.items())
     return given.several(declared, Parameter, "parameters", do="declare each with parameter(name, start, …)")
@@ -175,9 +175,9 @@ def candidates_of(
 def check_declarations(
     parameters: Sequence[Parameter], candidates: Sequence[Candidate], laws: Sequence[LawPort], *, numbered: bool = False
 ) -> None:
-    """Refuse what cannot be meant: a name twice, a start out of its bounds, an effect that cannot be switched off.
+    """Refuse invalid declarations: a name twice, a start outside its bounds, an effect that cannot be switched off.
 
-    ``numbered`` allows the names that are made here for the initial states of records.
+    ``numbered`` allows the names that :func:`name_in` gives to the initial states of records.
     """
     if not parameters:
         raise InputError("has no free parameter", where=_MODEL, do="give the parameters that the fit may change")
@@ -233,7 +233,7 @@ def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
 def _check_candidate(one: Candidate) -> None:
     here = f"candidate '{one.id}'"
     if not one.parameters:
-        raise InputError("has no parameter", where=here, do="give what its size is")
+        raise InputError("has no parameter", where=here, do="give the parameter that is its size")
     if all(p.null is None for p in one.parameters):
         raise InputError(
             "no parameter has a null value: the effect cannot be switched off",
@@ -255,7 +255,7 @@ def _check_candidate(one: Candidate) -> None:
 
 
 def per_record(parameters: Iterable[Parameter], initial: Sequence[str], count: int) -> tuple[Parameter, ...]:
-    """Return the parameters with one of each initial state for every record."""
+    """Return the parameters, with one parameter per record in place of each initial state."""
     made: list[Parameter] = []
     for one in parameters:
         if one.name in initial and count > 1:
@@ -266,5 +266,5 @@ def per_record(parameters: Iterable[Parameter], initial: Sequence[str], count: i
 
 
 def name_in(name: str, record: int) -> str:
-    """Return the name of a record's own initial state, counted from 1."""
+    """Return the name of an initial state in one record; the name counts the records from 1."""
     return f"{name}{RESERVED}{record + 1}"

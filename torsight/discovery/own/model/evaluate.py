@@ -1,9 +1,9 @@
-"""Calls of one's own model: each point once, in processes where that saves time; failures are kept with their places.
+"""Calls of one's own model: once per point, in processes where that saves time; failures are kept with their location.
 
-A model in plain Python holds the interpreter, so that threads do not make it faster; processes do, where the model can
-be sent to them. Every point that has been asked for is kept: sets of effects share most of theirs, because an effect
-that is off has its parameters at their null values. A record is asked again only where values that it sees have
-changed, such as the initial state of that record.
+A model in plain Python holds the interpreter's lock, so that threads do not make it faster; processes do, where the
+model can be pickled. The result of every point is cached: sets of effects share most points, because an effect that is
+off has its parameters at their null values. The model is called again for a record only where values have changed that
+concern this record, such as its initial state.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ Curves = Mapping[str, Curve]
 """Laws that are on, by their names."""
 
 _KEPT_BYTES: Final = 256_000_000
-"""Predictions that are kept; the oldest are forgotten beyond that."""
+"""Size of the cache of predictions; beyond that the least recently used ones are dropped."""
 WORTH_A_PROCESS_S: Final = 4e-3
-"""Seconds of one call from which processes are used: to begin two of them takes 1.3 s each, a search some 1,500 calls
-or more, and to send values and take an array back 0.5 ms."""
+"""Duration of one call in seconds from which processes are used: two of them take 1.3 s each to start, a search makes
+some 1,500 calls or more, and to send values and receive an array takes 0.5 ms."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """What is called: the function, from values and a record to the outputs, and the records it is called with.
+    """The function, from values and a record to the outputs, and the records with which it is called.
 
-    The names of the outputs are in the order in which they are given back, empty where that is not known yet; ``laws``
-    are the names of those that it calls.
+    ``outputs`` are the names of the outputs in the order in which the function returns them, empty where that is not
+    known yet; ``laws`` are the names of the laws that the function calls.
     """
 
     predict: Predict
@@ -56,7 +56,7 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class CompiledPredict:
-    """A compiled ``predict``; where it raises or gives no numbers the plain one is asked, which says why and where."""
+    """A compiled ``predict``; if it raises an error or gives no numbers, the plain one is called, to name the line."""
 
     plain: Callable[..., Any]
     fast: Callable[..., Any]
@@ -75,20 +75,20 @@ class CompiledPredict:
         return found if all(np.isfinite(one).all() for one in outputs) else self.plain(p, record)
 
     def alone(self, p: Any, record: Any) -> Any:
-        """Return what the compiled one gives, or raise what it raises."""
+        """Return the result of the compiled function alone, or raise its error."""
         return self.fast(by_name(p), by_name(record))
 
 
 class ModelError(InputError):
-    """A model that cannot be used; the traceback of its own is a note of the error."""
+    """A model that cannot be used; the model's own traceback is a note of the error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A call that did not come back with numbers: kind and message of the exception, parameters and record of the call.
+    """A call that returned no numbers: kind and message of the exception, parameters and record of the call.
 
-    ``place`` is file, line and function in which it was raised, ``trace`` the traceback from the model's own function
-    on, empty where it raised nothing.
+    ``place`` is file, line and function in which the exception was raised, ``trace`` the traceback from the model's own
+    function on, empty without an exception.
     """
 
     kind: str
@@ -99,11 +99,11 @@ class Failure:
     record: str
 
     def sentence(self) -> str:
-        """Return one sentence: what, where, for which values."""
+        """Return one sentence: what failed, where, and for which values."""
         return self._sentence(self.place)
 
     def _sentence(self, *places: str) -> str:
-        """Return the sentence with the places that are not said elsewhere; the message may name the record itself."""
+        """Return the sentence with these places, and with the record unless the message names it."""
         record = [f"record '{self.record}'"]
         given = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
         kind = f"{self.kind}: " if self.kind else ""
@@ -111,16 +111,16 @@ class Failure:
         return f"{kind}{self.message} ({'; '.join(parts)})"
 
     def error(self, where: str) -> ModelError:
-        """Return it as an error of ours, for a model that cannot be used at all."""
+        """Return the failure as a ModelError, for a model that cannot be used at all."""
         changes = "read-only" in self.message or "cannot be changed" in self.message
         copy = "; what predict is given stays as it is: work on a copy" if changes else ""
-        # An error of ours has its own words.
+        # An InputError (without a kind) needs no introduction.
         fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
         what_failed = self.sentence()
         if self.trace and self.place.partition(", line ")[0] in where:
-            # The line that raised says more than that of the function; the file is named once.
+            # The line of the exception says more than that of the function; the file is named once.
             what_failed, where = self._sentence(), self.place
-        error = ModelError(f"{fails}{what_failed}{copy}", where=where, do=f"mend {what}")
+        error = ModelError(f"{fails}{what_failed}{copy}", where=where, do=f"correct {what}")
         if self.trace:
             error.add_note(f"The model's own traceback:\n{self.trace}")
         return error
@@ -128,9 +128,9 @@ class Failure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Called:
-    """One call: the outputs (rows, outputs) or why there are none, what it printed, and how long it took.
+    """One call: its outputs (rows, outputs) or its failure, the text that it printed, and its duration.
 
-    ``asked`` is the range in which every law was asked for, by its name.
+    ``asked`` is the range of the values with which each law was called, by the law's name.
     """
 
     outputs: Floats | None
@@ -141,7 +141,7 @@ class Called:
 
 
 def call(model: Model, record: int, values: Mapping[str, float], curves: Curves) -> Called:
-    """Call the model with the laws that are on; whatever it raises is kept, but for what ends the program."""
+    """Call the model with the laws that are on; an exception becomes a failure, unless it is a keyboard interrupt."""
     of = model.records[record]
     laws = {name: curves[name].afresh() if name in curves else Curve() for name in model.laws}
     begun = time.thread_time()
@@ -157,7 +157,7 @@ def call(model: Model, record: int, values: Mapping[str, float], curves: Curves)
 
 
 def outputs_of(given: Any, record: Record, names: Sequence[str]) -> Floats:
-    """Return what ``predict`` gave as (rows, outputs); a missing output or a wrong shape is refused."""
+    """Return the result of ``predict`` as an array (rows, outputs); a missing output or a wrong shape is refused."""
     if isinstance(given, Mapping):
         missing = [name for name in names if name not in given]
         if missing:
@@ -197,37 +197,37 @@ def _not_finite(outputs: Floats, record: Record, model: Model, values: Mapping[s
 
 def _failure(error: BaseException, model: Model, record: Record, values: Mapping[str, float]) -> Failure:
     frames = traceback.extract_tb(error.__traceback__)[1:]
-    # Where its author looks: the last line of the model's own file, whatever that line called.
+    # For the model's author: the last line of the model's own file, whatever that line called.
     file = _file_of(model)
     own = [frame for frame in frames if frame.filename == file]
     place = f"{own[-1].filename}, line {own[-1].lineno}, in {own[-1].name}" if own else place_of(model.predict)
     ours = isinstance(error, InputError)
     trace = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
-    # What is wrong with what was given back has no place in the model.
+    # An error about the returned values has no line in the model.
     trace, kind = ("" if ours and not own else trace), ("" if ours else type(error).__name__)
     return Failure(kind, str(error), place, trace, dict(values), record.label_)
 
 
 def _file_of(model: Model) -> str:
-    """Return the file in which a model's function stands, empty where nothing says it."""
+    """Return the file that defines a model's function, empty where it is unknown."""
     code = code_of(model.predict)
     return "" if code is None else code.co_filename
 
 
 def place_of(predict: Predict) -> str:
-    """Return where a model stands: file, line and name."""
+    """Return where a model is defined: file, line and name."""
     code = code_of(predict)
     return "predict" if code is None else f"{code.co_filename}, line {code.co_firstlineno}, {code.co_name}"
 
 
 def code_of(predict: Predict) -> CodeType | None:
-    """Return the code of what its author wrote: of the right-hand side, or of what was compiled."""
+    """Return the code of the function that the author wrote: the right-hand side, or the source of a compiled one."""
     written = inspect.unwrap(predict)
     return written.__code__ if isinstance(written, FunctionType) else None
 
 
 _sent: tuple[Model, str] | None = None
-"""In a process of its own: the model that it works for, and the file in which that stands."""
+"""In a worker process: the model that it calls, and the file that defines the model."""
 
 
 def _receive(pickled: bytes, file: str) -> None:
@@ -238,7 +238,7 @@ def _receive(pickled: bytes, file: str) -> None:
 
 
 def _has_begun() -> None:
-    """Do nothing, in a process that has its model."""
+    """Do nothing: a worker process that returns from this has received its model."""
 
 
 def _call_sent(record: int, values: Mapping[str, float], curves: Curves) -> Called:
@@ -248,7 +248,7 @@ def _call_sent(record: int, values: Mapping[str, float], curves: Curves) -> Call
     model, file = _sent
     with contextlib.redirect_stdout(out):
         done = call(model, record, values, curves)
-    # A function that was sent may have lost the name of its file on the way.
+    # A function may lose the name of its file when it is pickled.
     lost, failure = _file_of(model), done.failure
     if failure is not None and lost and file:
         named = {name: getattr(failure, name).replace(lost, file) for name in ("place", "trace")}
@@ -259,8 +259,8 @@ def _call_sent(record: int, values: Mapping[str, float], curves: Curves) -> Call
 class Evaluator:
     """Evaluates a model at points, each once.
 
-    It counts the ``calls`` and the ``seconds`` that they took, added up over processes, and keeps the beginning of what
-    the model ``printed`` in processes of its own.
+    It counts the ``calls`` and the ``seconds`` that they took, added up over processes, and keeps the beginning of the
+    text that the model ``printed`` in worker processes.
     """
 
     def __init__(self, model: Model) -> None:
@@ -281,12 +281,12 @@ class Evaluator:
         return self.many([(values, curves)])[0]
 
     def many(self, asked: Sequence[tuple[Sequence[Mapping[str, float]], Curves]]) -> list[list[Called]]:
-        """Return the calls for every record at several points, all begun before one is waited for."""
+        """Return the calls for every record at several points, all submitted before the first result is awaited."""
         waiting = [[self._begin(record, own, curves) for record, own in enumerate(one)] for one, curves in asked]
         return [[future.result() for future in one] for one in waiting]
 
     def forget(self) -> None:
-        """Forget what is kept: the next call is a new one."""
+        """Clear the cache: every point is called anew."""
         with self._lock:
             self._kept.clear()
 
@@ -327,7 +327,7 @@ class Evaluator:
         future.set_result(done)
 
     def change(self, model: Model) -> None:
-        """Call another model from now on, in processes where the one before was."""
+        """Call another model from now on, in worker processes if the model before was called in such."""
         self.forget()
         self.model, called_there = model, self._pool is not None
         self._end()
@@ -336,9 +336,9 @@ class Evaluator:
 
     @contextlib.contextmanager
     def processes(self, *, wanted: bool | None = None) -> Iterator[bool]:
-        """Call the model in processes within the block, where that pays (or is wanted); give whether.
+        """Call the model in worker processes within the block if that saves time or is ``wanted``; yield whether.
 
-        Until the first of them has begun the model is called here, and it stays here where none can begin.
+        The model is called in this process until the first worker process is ready, and if none can start.
         """
         self._begin_processes(self._pickled(wanted=wanted))
         if wanted and self._ready is not None:
@@ -359,14 +359,14 @@ class Evaluator:
     def _end(self) -> None:
         pool, self._pool, self._ready = self._pool, None, None
         if pool is not None:
-            # Nothing is asked of them any more; one that is still beginning is not waited for.
+            # No call is pending; a process that is still starting is not awaited.
             pool.shutdown(wait=True, kill_workers=True)
 
     def _is_ready(self) -> bool:
         return self._ready is not None and self._ready.done() and self._ready.exception() is None
 
     def _pickled(self, *, wanted: bool | None) -> bytes | None:
-        """Return the model for another process; None where it stays here."""
+        """Return the pickled model for worker processes; None where the model stays in this process."""
         import cloudpickle
         from joblib import cpu_count
 
@@ -375,7 +375,7 @@ class Evaluator:
             return None
         try:
             return bytes(cloudpickle.dumps(self.model))
-        except Exception:  # what a model holds may refuse in any way
+        except Exception:  # objects in a model may refuse to be pickled in any way
             if wanted:
                 raise
             return None

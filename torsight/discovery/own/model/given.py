@@ -1,6 +1,6 @@
-"""Checks of the arguments that a person gives.
+"""Checks of the arguments that a user gives.
 
-Everything here raises an InputError that says what was given where, what is allowed and what to do.
+Every check raises an InputError that says what was given where, what is allowed and what to do.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from torsight.core.errors import InputError
 
 _TAKEN: Final = frozenset({"get", "items", "keys", "values"})
-"""Names that a mapping has for itself."""
+"""Names of a mapping's own methods."""
 _T = TypeVar("_T")
 
 
 def number(given: Any, where: str, *, positive: bool = False, finite: bool = True) -> float:
-    """Return a number."""
+    """Return a number as a float."""
     value = np.asarray(given)
     plain = value.ndim == 0 and value.dtype.kind in "fiu"
     found = float(value) if plain else math.nan
@@ -39,7 +39,7 @@ def text(given: Any, where: str) -> str:
 
 
 def name(given: Any, where: str) -> str:
-    """Return a name under which ``p.name`` finds something."""
+    """Return a name that can be used as in ``p.name``."""
     found = text(given, where)
     if not found.isidentifier() or keyword.iskeyword(found) or found.startswith("_") or found in _TAKEN:
         raise InputError(
@@ -53,7 +53,7 @@ def name(given: Any, where: str) -> str:
 
 
 def several(given: Any, kind: type[_T] | tuple[type[_T], ...], where: str, *, do: str) -> tuple[_T, ...]:
-    """Return one or several things of a kind as a tuple."""
+    """Return one or several objects of a type as a tuple."""
     if isinstance(given, kind):
         return (given,)
     if given is None or isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
@@ -74,14 +74,14 @@ def names(given: Any, where: str) -> tuple[str, ...]:
 
 
 def one_of(given: Any, kind: type[_T], where: str, *, do: str) -> _T:
-    """Return something of a kind."""
+    """Return an object of a type."""
     if not isinstance(given, kind):
         raise InputError("cannot be used", where=where, value=repr(given), do=do)
     return given
 
 
 def function(given: Any, where: str) -> Any:
-    """Return something that can be called."""
+    """Return a callable."""
     if not callable(given):
         raise InputError("is no function", where=where, value=repr(given), do="give the function itself, not its name")
     return given

@@ -1,7 +1,7 @@
 """Laws that a model of one's own may lack: the declared ones, and those that are added to an output.
 
-A declared law enters where ``predict`` calls it. Beside the declared ones each output may lack a law over each driver,
-so that something without a name shows on what it depends.
+A declared law enters where ``predict`` calls it. Beside the declared ones, each output may lack a law over each driver,
+so that a missing effect without a name shows the variable on which it depends.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.layout import Layout
 
 _LENGTHS: Final = (0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
-"""Lengths of its smooth functions, as shares of its range, down to where two nodes are one apart: each is half the
-one before, so that a law with more nodes may bend within shorter ones."""
+"""Lengths of a law's smooth functions as shares of its range, each half the one before. Those below the distance of two
+nodes are not used, so that a law with more nodes may bend over shorter lengths."""
 
 
 def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Floats:
-    """Return the nodes of a law, over the range given with it or else this one."""
+    """Return the nodes of a law over its declared range, or from ``low`` to ``high`` where no end is declared."""
     return np.linspace(low if port.low is None else port.low, high if port.high is None else port.high, port.nodes)
 
 
@@ -37,7 +37,10 @@ def port_law(port: LawPort, nodes: Floats, scale: float) -> Law:
 
 
 def added_laws(layout: Layout, drivers: Mapping[str, Floats], observed: Floats) -> dict[str, tuple[Law, int]]:
-    """Return the laws over drivers (n,) that each output may lack, by id; ``observed`` (n,) is NaN where unknown."""
+    """Return the laws over drivers (n,) that each output may lack, by id, each with the number of its output.
+
+    ``observed`` (n,) is NaN where unknown.
+    """
     found = {}
     for k, output in enumerate(layout.outputs):
         rows = np.concatenate([np.arange(place.start, place.stop) for _, own, place in layout.places if own == k])

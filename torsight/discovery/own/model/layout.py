@@ -1,8 +1,8 @@
-"""Several records and several outputs as the one row of samples that the engine sees.
+"""Several records and several outputs as the one series of samples that the engine sees.
 
-One output after the other, one record after the other, a sample that does not count between any two, so that noise is
-never taken as correlated across them. Outputs of different units are brought to one scale: each in units of its own
-resolution, the ranges one above the other. One output alone stays in its own unit.
+Records follow one another, and within a record its outputs. A sample that does not count separates any two series, so
+that noise is never taken as correlated across them. Several outputs are brought to one scale: each is in units of its
+own resolution, and shifted so that no two ranges overlap. A single output stays in its own unit.
 """
 
 from __future__ import annotations
@@ -24,35 +24,37 @@ _BLOCKS: Final = (int, np.integer, str, list, tuple, np.ndarray, type(None))
 PerOutput = float | str | Mapping[str, float | str] | None
 
 BLOCKS: Final = 6
-"""Blocks of one continuous record where none are given: with fewer, what is held out is too much of the record; with
-more, blocks are shorter than what a model remembers."""
+"""Default number of blocks of one continuous record: with fewer, a held-out block is too large a part of the record;
+with more, blocks are shorter than a model's memory."""
 _OF_NOISE: Final = 0.1
-"""Default resolution as a share of the noise: with as many samples as are usual an effect of this size just shows."""
+"""Default resolution as a share of the noise: with the usual number of samples an effect of this size just shows."""
 _STILL_ROWS: Final = 2 * LEAST_ROWS
-"""Rows over which a reading must stand still to count as at rest: each half the fewest that tell its noise."""
+"""Rows over which a reading must be constant to count as at rest: each half has the fewest rows that show its noise."""
 _STILL_SIGMAS: Final = 4.0
-"""Range of their means, in standard deviations of the noise, up to which that is so."""
+"""Largest difference between the means of such halves in its standard deviations, and largest range of such means over
+a whole stretch in standard deviations of the noise, of a reading at rest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """How records are read: what their noise is, what is held out at once, where everything stands still.
+    """How records are read: their noise, the blocks that are held out, where everything stands still, their time.
 
     Attributes
     ----------
     sigma : float, str or mapping, optional
         Standard deviation of the noise of one reading, a number or a column, by output where there are several.
-        Without it the residual's own scatter.
+        By default estimated from the residual's own scatter.
     resolution : float, str or mapping, optional
-        Size of a difference that nobody would miss; without it a tenth of the noise.
+        Size of a difference that does not matter; by default a tenth of the noise.
     blocks : int, str or sequence of arrays, optional
-        What is held out at once: so many stretches of equal time per record, or a column that numbers them. Without
-        it whole records where there are several, else six stretches.
+        Blocks that are held out one at a time: a number of stretches of equal time per record, a column that numbers
+        the blocks, or an array of such numbers for each record. By default whole records where there are several, else
+        six stretches.
     rest : str, optional
         A column that is not 0 where everything stands still, or ``"still"`` for where the outputs do: such a stretch
         counts as one piece of information.
     time : str, optional
-        Column of the time; without it ``time_s``, ``time``, ``t_s`` or ``t``, else rows are counted.
+        Column of the time; by default ``time_s``, ``time``, ``t_s`` or ``t``, else the number of the row.
     """
 
     sigma: PerOutput = None
@@ -77,9 +79,9 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """How outputs (rows, outputs) per record become the engine's row (n,), and back: value = output / scale + shift.
+    """The engine's series (n,) from outputs (rows, outputs) per record, and back: value = output / scale + shift.
 
-    ``rows`` are those of each record; scale and shift are (outputs,).
+    ``rows`` is the number of rows of each record; scale and shift are (outputs,).
     """
 
     outputs: tuple[str, ...]
@@ -88,7 +90,7 @@ class Layout:
     shift: Floats
 
     def stack(self, values: Sequence[Floats], *, between: float = np.nan, scaled: bool = True) -> Floats:
-        """Return (n,) from one array (rows, outputs) per record; ``between`` stands between two of them."""
+        """Return a series (n,) from one array (rows, outputs) per record; ``between`` is the value that separates."""
         pieces: list[Floats] = []
         for own in values:
             for k in range(len(self.outputs)):
@@ -97,13 +99,13 @@ class Layout:
         return np.concatenate(pieces[:-1])
 
     def spread(self, values: Sequence[Floats]) -> Floats:
-        """Return (n,) from one array (rows,) per record, the same for every output; the last value stands between."""
+        """Return a series (n,) from an array (rows,) per record, equal for all outputs; the last value separates."""
         pieces = [np.append(own, own[-1]) for own in values for _ in self.outputs]
         return np.concatenate(pieces)[:-1]
 
     @cached_property
     def places(self) -> tuple[tuple[int, int, slice], ...]:
-        """Record, output and the rows of the engine that hold them."""
+        """Record, output, and the slice of the engine's series that holds this output of this record."""
         found, begin = [], 0
         for record, rows in enumerate(self.rows):
             for output in range(len(self.outputs)):
@@ -128,7 +130,7 @@ def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Float
     made = [np.column_stack([column_of(record, name) for name in outputs]) for record in records]
     for k, name in enumerate(outputs):
         if not any(np.isfinite(own[:, k]).any() for own in made):
-            raise InputError(f"'{name}' is measured nowhere", where=", ".join(r.label_ for r in records), do="mend it")
+            raise InputError(f"'{name}' is measured nowhere", where=", ".join(r.label_ for r in records), do="fill it")
         values, do = np.concatenate([own[:, k] for own in made]), "leave it out of output"
         if np.isinf(values).any():
             raise InputError("is infinite somewhere", where=f"column '{name}'", do="leave such fields empty")
@@ -140,7 +142,7 @@ def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Float
 
 
 def engine_time(times: Sequence[Floats], count: int) -> Floats:
-    """Return the records' times (n,) one after the other, ``count`` times each, without a step back."""
+    """Return the records' times (n,) one after the other, ``count`` times each, as a series that never decreases."""
     pieces: list[Floats] = []
     end = 0.0
     for own in times:
@@ -152,9 +154,9 @@ def engine_time(times: Sequence[Floats], count: int) -> Floats:
 
 
 def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], *, what: str) -> list[Floats]:
-    """Return what is given per output (a number, a column's name, or one of them by output) as (rows, outputs).
+    """Return sizes given per output (a number, a column's name, or either by output) as (rows, outputs) per record.
 
-    NaN where it is not given.
+    The arrays are NaN where nothing is given.
     """
     if isinstance(wanted, Mapping):
         unknown = sorted(set(wanted) - set(outputs))
@@ -173,7 +175,7 @@ def per_output(wanted: PerOutput, records: Sequence[Record], outputs: Sequence[s
 
 
 def noise_of(observed: Sequence[Floats], output: int) -> float:
-    """Return the noise of one reading of an output by its scatter: fast motion counts as noise, too."""
+    """Return the noise of one reading of an output, estimated from its scatter; fast motion counts as noise, too."""
     pieces = [own[np.isfinite(own[:, output]), output] for own in observed]
     return scatter(*[piece for piece in pieces if len(piece) >= LEAST_ROWS])
 
@@ -228,7 +230,7 @@ def blocks_of(
 
 
 def check_blocks(block: Ints, valid: Flags) -> list[str]:
-    """Return what a person should know about the blocks; one that holds hardly any sample is refused."""
+    """Return warnings about the blocks; a block that holds hardly any sample is refused."""
     labels, counts = np.unique(block[valid], return_counts=True)
     if counts.min() < LEAST_ROWS:
         raise InputError(
@@ -246,10 +248,10 @@ def check_blocks(block: Ints, valid: Flags) -> list[str]:
 
 
 def still(observed: Floats, noise: float) -> Flags:
-    """Return where an output (rows,) stands still over 16 rows or more, to within its noise."""
+    """Return the rows (rows,) in which an output stands still over 16 rows or more, to within its noise."""
     half = _STILL_ROWS // 2
     known = np.isfinite(observed)
-    # Fewer rows hold no rest beside a motion.
+    # Fewer rows cannot hold both a rest and a motion.
     if known.sum() < 2 * _STILL_ROWS:
         return np.zeros(len(observed), bool)
     filled = np.interp(np.arange(len(observed)), np.flatnonzero(known), observed[known])
@@ -262,7 +264,7 @@ def still(observed: Floats, noise: float) -> Flags:
     kept = np.zeros(len(observed), bool)
     for begin, end in runs(flag):
         piece = filled[begin:end]
-        # A slow creep passes between neighbours unseen; over the whole stretch it does not.
+        # A slow creep does not show between neighbours, but over the whole stretch.
         calm = np.ptp(np.convolve(piece, np.ones(half) / half, mode="valid")) if len(piece) >= _STILL_ROWS else np.inf
         kept[begin:end] = calm <= _STILL_SIGMAS * noise
     return kept

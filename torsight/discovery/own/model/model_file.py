@@ -33,12 +33,13 @@ NEEDED: Final = ("predict", "parameters", "output")
 """Names that a model file without ``problem`` defines."""
 READING: Final = tuple(one.name for one in fields(Reading))
 OPTIONS: Final = ("candidates", "laws", "initial", "drivers", *READING)
-"""Names that it may define beside them: what ``model_problem`` and ``Reading`` take; laws may stand by themselves."""
+"""Names that a model file may define beside them: arguments of ``model_problem`` and ``Reading``, and laws apart from
+the candidates."""
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What a model file declares, as far as a prediction needs it: the function and what it is called with."""
+    """The declarations of a model file that a prediction needs: the function, and the values it is called with."""
 
     predict: Predict
     parameters: tuple[Parameter, ...]
@@ -53,7 +54,7 @@ class Declared:
 
 
 def declared_in(problem: ModelProblem) -> Declared:
-    """Return what a problem was declared with; its function as its author wrote it."""
+    """Return the declarations of a problem, with the function as its author wrote it."""
     predict = problem.model.predict
     plain = predict.plain if isinstance(predict, CompiledPredict) else predict
     return Declared(plain, problem.declared, problem.candidates, problem.model.outputs, problem.time_name)
@@ -62,8 +63,8 @@ def declared_in(problem: ModelProblem) -> Declared:
 def load_model_file(path: Path) -> ModuleType:
     """Run a model file.
 
-    Raises InputError when it is missing, or fails: with the line in which it does; its own traceback is a note of the
-    error.
+    Raises InputError when the file is missing, or fails: with the line that failed; the file's own traceback is a note
+    of the error.
     """
     if not path.is_file():
         raise missing_file(path)
@@ -88,7 +89,7 @@ def load_model_file(path: Path) -> ModuleType:
 
 
 class _AsItStands(importlib.machinery.SourceFileLoader):
-    """Loads what the file says now: kept bytecode is that of a file of the same second and the same length."""
+    """Loads the source: cached bytecode may belong to an earlier version of the same second and the same length."""
 
     def get_code(self, fullname: str) -> CodeType | None:  # noqa: ARG002 - importlib asks by name
         """Return the file's code, compiled anew."""
@@ -97,7 +98,7 @@ class _AsItStands(importlib.machinery.SourceFileLoader):
 
 @contextlib.contextmanager
 def _beside(folder: Path) -> Iterator[None]:
-    """Let a model file import what lies beside it."""
+    """Let a model file import modules in its own folder."""
     own = str(folder.resolve())
     sys.path.insert(0, own)
     try:
@@ -111,18 +112,18 @@ def _failed(path: Path, error: BaseException) -> InputError:
     frames = frames or [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
     line = line or (frames[-1].lineno if frames else None)
-    # An error of ours has its own words, and says what to do.
+    # An InputError says what failed; of other errors the type is named, too.
     words = error.msg if isinstance(error, SyntaxError) else str(error)  # its text would name file and line once more
     what = words if isinstance(error, InputError) else f"cannot be imported: {type(error).__name__}: {words}"
     where = str(path) if line is None else f"{path}, line {line}"
-    failed = InputError(what, where=where, do="mend it; --debug shows its own traceback")
+    failed = InputError(what, where=where, do="correct the file; --debug shows its own traceback")
     own = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
     failed.add_note(f"The model file's own traceback:\n{own}")
     return failed
 
 
 def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProblem:
-    """Return the problem that a model file makes of records."""
+    """Return the problem that a model file defines for records."""
     module = load_model_file(path)
     made: Any
     if hasattr(module, "problem"):
@@ -155,7 +156,7 @@ def problem_of(path: Path, records: Sequence[Record | Path | str]) -> ModelProbl
 
 
 def declared_of(path: Path, record: Path) -> Declared:
-    """Return what a model file declares, for a record that need not hold the outputs.
+    """Return the declarations of a model file, for a record that need not hold the outputs.
 
     A file with ``problem(records)`` is asked for the problem of that record, which then has to hold the outputs.
     """
@@ -175,7 +176,7 @@ def declared_of(path: Path, record: Path) -> Declared:
 
 def _options(module: ModuleType) -> dict[str, Any]:
     """Return the options that a model file names, its laws among the candidates."""
-    # A model file that says 'import time' does not name its column so.
+    # A model file with 'import time' does not thereby name its column of the time.
     named = {name: value for name in OPTIONS if not isinstance(value := vars(module).get(name), ModuleType)}
     found = {name: value for name, value in named.items() if value is not None}
     may_lack = ((name, found.pop(name, ())) for name in ("candidates", "laws"))
@@ -184,7 +185,7 @@ def _options(module: ModuleType) -> dict[str, Any]:
 
 
 def _require_spelling(module: ModuleType, path: Path) -> None:
-    """Refuse a value that nothing in the file reads and that is called almost like a setting: it would do nothing."""
+    """Refuse a variable that the file does not use and whose name is close to a setting's: it would have no effect."""
     tree = ast.parse(path.read_bytes())
     names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
     read = {node.id for node in names if not isinstance(node.ctx, ast.Store)}

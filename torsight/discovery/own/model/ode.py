@@ -1,7 +1,7 @@
 """Models that are ordinary differential equations: states, inputs, events, and how each record begins.
 
 :func:`ode` makes ``predict`` from a right-hand side. SciPy's ``solve_ivp`` integrates; a right-hand side that numba has
-compiled, or that the search can compile, is integrated by a compiled stepper, a hundred times faster. Inputs are lines
+compiled, or that the search can compile, is integrated by a compiled stepper, a hundred times faster. Inputs are linear
 between the record's samples, or held: a row's value then holds until the next row.
 """
 
@@ -30,14 +30,14 @@ RTOL: Final = 1e-7
 to four digits; SciPy's own default of 1e-3 would drown them."""
 LINES: Final = "lines"
 HELD: Final = "held"
-"""How an input goes on between two rows."""
+"""Course of an input between two rows."""
 _MOST_EVENTS: Final = 10_000
-"""Events in one record: more are one that repeats itself at once."""
+"""Largest number of events in one record: if there are more, one event repeats itself immediately."""
 _MOST_STEPS: Final = 5_000
-"""Steps that an integration may take from row to row, calls of a right-hand side in plain Python: one that goes well
+"""Steps that an integration may take from row to row (calls, for a right-hand side in plain Python): a regular one
 takes 5 to 30 (tests/discovery/test_own_ode.py counts them), one that diverges or jumps to and fro would not end."""
 METHODS: Final = ("LSODA", "RK23", "RK45", "DOP853", "Radau", "BDF")
-"""Of SciPy's ``solve_ivp``."""
+"""Methods of SciPy's ``solve_ivp``."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Event:
     Attributes
     ----------
     when : callable
-        ``when(t, x, u, p)``: it happens where this passes through zero.
+        ``when(t, x, u, p)``: the event happens where this function passes through zero.
     then : callable or None
-        ``then(t, x, u, p)`` gives the states after it; None ends at nothing but a corner that the solver must not
-        step over.
+        ``then(t, x, u, p)`` gives the states after the event; with None the states continue, and the event is only a
+        corner that the solver must not step over.
     direction : int
         +1 from below only, −1 from above only, 0 both.
     """
@@ -71,20 +71,20 @@ class Event:
 
 @dataclass(frozen=True)
 class Solver:
-    """Options of SciPy's ``solve_ivp``, and of how it goes through a record.
+    """Options of SciPy's ``solve_ivp``, and restarts within a record.
 
     Attributes
     ----------
     method : str
-        A model for which another one is named is not compiled by the search.
+        Name of the method. With another one than the default the search does not compile the model.
     rtol : float
         Relative tolerance.
     max_step : float
         Longest step.
     restart_s : float
-        Time after which states that are measured begin anew from what was measured, the others going on: what is
-        predicted, and compared, is the course from one such moment to the next. For models in which small errors grow
-        over a record; where it is not given, the search finds it for a model that cannot be followed without.
+        Time after which measured states begin anew from their measured values, while the others continue: the model
+        predicts, and is compared, from one such moment to the next. For models in which small errors grow over a
+        record; where no time is given, the search finds one for a model that cannot follow its record otherwise.
     """
 
     method: str = "LSODA"
@@ -133,7 +133,7 @@ class Ode:
         return {name: states[:, self.states.index(name)] for name in self.output}
 
     def start(self, p: Any, record: Record) -> Floats:
-        """Return how the states (states,) begin in a record."""
+        """Return the initial states (states,) in a record."""
         made = []
         for name in self.states:
             one = self.initial.get(name, name)
@@ -156,7 +156,7 @@ class Ode:
 
     @cached_property
     def quick(self) -> Ode | None:
-        """The same compiled; None where it cannot be."""
+        """The model with right-hand side and events compiled; None where they cannot be."""
         from torsight.discovery.own.compiled.functions import CannotCompileError
 
         try:
@@ -165,18 +165,18 @@ class Ode:
             return None
 
     def compiled(self) -> Ode:
-        """Return the same with right-hand side and events compiled."""
+        """Return the model with right-hand side and events compiled."""
         from torsight.discovery.own.compiled.stepper import stepper_of
 
         events = [(one.when, one.then, one.direction) for one in self.events]
         return replace(self, stepper=stepper_of(self.rhs, events))
 
     def begun_anew(self, length_s: float) -> Ode:
-        """Return the same with states that are measured beginning anew after every such time."""
+        """Return the model with measured states that begin anew every ``length_s``."""
         return replace(self, solver=replace(self.solver, restart_s=length_s))
 
     def holding(self, name: str) -> Ode:
-        """Return the same with one more input that holds its value from row to row."""
+        """Return the model with one more input that holds its value from row to row."""
         return replace(self, held=(*self.held, name))
 
     @property
@@ -185,7 +185,7 @@ class Ode:
         return () if callable(self.output) else self.output
 
     def _states(self, p: Any, record: Record, time: Floats, start: Floats) -> Floats:
-        """Return the states (rows, states), each stretch from where the measured ones begin anew."""
+        """Return the states (rows, states); the measured ones begin anew every ``restart_s``."""
         inputs = {name: column_of(record, name) for name in self.inputs}
         first = _Named({name: float(column[0]) for name, column in inputs.items()})
         rates = np.shape(self.rhs(float(time[0]), start, first, p))
@@ -208,7 +208,7 @@ class Ode:
         return self._stepped(self.stepper, p, inputs, time, anew)
 
     def _stepped(self, stepper: Stepper, p: Any, inputs: Mapping[str, Floats], time: Floats, anew: Floats) -> Floats:
-        """Return the states (rows, states) by compiled code: what it raises, it raises in plain Python, too."""
+        """Return the states (rows, states) by compiled code; after an error by plain Python, for its traceback."""
         from numba.core.errors import NumbaError
 
         limits = (self.solver.rtol, float(self.solver.max_step), _MOST_STEPS)
@@ -228,9 +228,9 @@ class Ode:
             return self._in_pieces(p, inputs, time, anew)
 
     def _in_pieces(self, p: Any, inputs: Mapping[str, Floats], time: Floats, anew: Floats) -> Floats:
-        """Return the states (rows, states) in plain Python: one stretch after the other that begins anew.
+        """Return the states (rows, states) by plain Python, one stretch between restarts after the other.
 
-        Where an input that is held jumps one begins, too: a solver with long steps might not see a short command.
+        A stretch also begins where a held input jumps: a solver with long steps might miss a short command.
         """
         states = anew.copy()
         begins = np.flatnonzero(np.isfinite(anew).any(axis=1))
@@ -245,7 +245,7 @@ class Ode:
         return states
 
     def _at_jump(self, p: Any, inputs: Mapping[str, Floats], time: Floats, row: int, x: Floats) -> Floats:
-        """Return the states after an event that a jump of held inputs brings about, or as they are."""
+        """Return the states after an event that a jump of held inputs causes, or unchanged without such an event."""
         then = _Named({name: float(column[row]) for name, column in inputs.items()})
         before = _Named({**then, **{name: float(inputs[name][row - 1]) for name in self.held}})
         t = float(time[row])
@@ -321,13 +321,13 @@ class Ode:
             if found.status == 0 or done >= len(time):
                 return states
             begin, at = self._after(found, inputs, p)
-            # A row at the very event shows what the event has left.
+            # A row at the time of the event shows the states after the event.
             passed = int(np.searchsorted(time, begin))
             states[done:passed] = at
             done = max(done, passed)
             if done >= len(time):
                 return states
-        raise ArithmeticError(f"more than {_MOST_EVENTS} events: does one of them repeat itself at once?")
+        raise ArithmeticError(f"more than {_MOST_EVENTS} events: does one of them repeat itself immediately?")
 
     def _event(self, one: Event, inputs: Callable[[float], Any], p: Any) -> Any:
         def when(t: float, x: Floats) -> float:
@@ -343,7 +343,7 @@ class Ode:
         t, x = float(found.t_events[k][0]), np.asarray(found.y_events[k][0], np.float64)
         then = self.events[k].then
         after = x if then is None else np.asarray(then(t, x, inputs(t), p), np.float64)
-        # A moment later the function has left zero, so that the same event does not end the next step at once.
+        # A moment later the function is no longer zero, so that the event does not end the next step immediately.
         moment = MOMENT * max(1.0, abs(t))
         return t + moment, after + moment * np.asarray(self.rhs(t, after, inputs(t), p), np.float64)
 
@@ -371,35 +371,35 @@ def ode(
     ----------
     rhs : callable
         ``rhs(t, x, u, p)`` gives the derivatives of the states: ``x`` (states,), ``u`` the inputs by name
-        (``u.force_n``), ``p`` parameters and laws by name (``p.mass_kg``). With ``numba.njit`` it is compiled at once,
-        else by the search where that pays and numba can.
+        (``u.force_n``), ``p`` parameters and laws by name (``p.mass_kg``). With ``numba.njit`` it is compiled right
+        away, else by the search where that saves time and numba can do it.
     states : sequence of str
         Names of the states.
     output : callable, or names
         ``output(x, record, p)`` gives what is measured from the states by name, (rows,) each; or the names of states
         that are measured themselves.
     inputs : sequence of str, or mapping to ``"lines"`` or ``"held"``
-        Columns of the record that drive the model, and how they go on between rows: by lines (all of a sequence), or
-        as the row's value until the next row, as a command or the power of a switch does.
+        Columns of the record that drive the model, and their course between rows: linear (all of a sequence), or the
+        row's value until the next row, as for a command or the power of a switch.
     initial : mapping by state, or sequence in their order, optional
-        How a state begins: a number, the name of a parameter, or of a column whose first value it is; without it the
-        parameter or column of the state's own name.
+        Initial value of a state: a number, the name of a parameter, or of a column whose first known value is taken; by
+        default the parameter or column of the state's own name.
     events : sequence of Event
         Corners (an overflow, a stop) and jumps.
     time : str, optional
         Column of the time; as in ``model_problem``.
     solver : Solver
-        Method, tolerance, longest step, and whether measured states begin anew on the way.
+        Method, tolerance, longest step, and the time after which measured states begin anew.
     """
     given.function(rhs, "ode, rhs")
     named = tuple(given.name(one, "ode, states") for one in given.names(states, "ode, states"))
     names = list(inputs) if isinstance(inputs, Mapping) else inputs
     driven = tuple(given.name(one, "ode, inputs") for one in given.names(names, "ode, inputs"))
     goes = inputs if isinstance(inputs, Mapping) else dict.fromkeys(driven, LINES)
-    for name, way in goes.items():
-        if way not in (LINES, HELD):
+    for name, course in goes.items():
+        if course not in (LINES, HELD):
             raise InputError(
-                "cannot be used", where=f"ode, inputs, {name}", value=repr(way), limit=f"'{LINES}' or '{HELD}'"
+                "cannot be used", where=f"ode, inputs, {name}", value=repr(course), limit=f"'{LINES}' or '{HELD}'"
             )
     wanted = output if callable(output) else given.names(output, "ode, output")
     happens = given.several(events, Event, "ode, events", do="declare each with Event(when, then)")

@@ -1,8 +1,8 @@
 """A model of one's own as a problem for the engine: a function, a table, a list of parameters.
 
 Everything else has a default and a check. ``predict(p, record)`` gives the model's outputs for one record, a value per
-row; ``p`` holds parameters and laws by name, those of effects that are off at their null values, so that the function
-needs to know nothing of effects.
+row; ``p`` holds parameters and laws by name. Parameters of effects that are off have their null values, so that the
+function needs no case for effects.
 """
 
 from __future__ import annotations
@@ -57,17 +57,17 @@ class ModelProblem(GivenProblem):
     ports : tuple of LawPort
         Laws as declared.
     layout : Layout
-        How records and outputs lie in the engine's row.
+        Place of records and outputs in the engine's series.
     once, elsewhere
         As in the protocol.
     nodes, law_scales : mapping of str to (k,) float64, mapping of str to float
-        Nodes of each declared law by its name, and the size of it that matters.
+        Nodes of each declared law by its name, and the law's scale.
     sigma_known : bool
         Whether the noise was given for every output, and not estimated.
     alike : bool
-        False where a value that all records share would have to differ between them: what is left is then no noise.
+        False where a value that all records share would have to differ between them: the residual is then not noise.
     warnings : tuple of str
-        What a person should know.
+        Warnings and notes to the user.
     """
 
     model: Model
@@ -93,22 +93,22 @@ class ModelProblem(GivenProblem):
 
     @cached_property
     def over_floor(self) -> float:
-        """Noise floors that are left from which something is missing although nothing that is offered explains it."""
+        """Ratio of residual to noise floor above which an effect is missing, even if no candidate explains it."""
         return OVER_GIVEN if self.sigma_known or not self.alike else OVER_ESTIMATED
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
-        """Return the outputs (n,) as the engine sees them; far off where the model fails (kept in the evaluator)."""
+        """Return the outputs (n,) as the engine sees them; :attr:`far` where the model fails."""
         return self.predict_many([values], effects)[0]
 
     def predict_many(self, values: Sequence[Mapping[str, float]], effects: Sequence[str]) -> list[Floats]:
-        """Return the same at several points, called at once where the model is called in processes."""
+        """Return the outputs (n,) at several points, computed in parallel where the model is called in processes."""
         asked = [(self.given(one, effects), self.curves(one, effects)) for one in values]
         found = self.evaluator.many(asked)
         return [self._stacked(called) + self._added(one, effects) for called, one in zip(found, values, strict=True)]
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
-        """Laws that may be missing: the declared ones, and what is added to an output over a driver without one."""
+        """Laws that may be missing: the declared ones, and one added to each output over each driver without any."""
         ports = tuple(port_law(one, self.nodes[one.name], self.law_scales.get(one.name, 1.0)) for one in self.ports)
         return (*ports, *(law for law, _ in self.added.values()))
 
@@ -144,7 +144,7 @@ class ModelProblem(GivenProblem):
         return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
 
     def given(self, values: Mapping[str, float], effects: Sequence[str]) -> list[dict[str, float]]:
-        """Return what ``predict`` gets for every record: parameters by name, those of effects that are off at null."""
+        """Return the parameters that ``predict`` gets for every record, with null values for effects that are off."""
         switched: dict[str, float] = {}
         forms = {form.id for form in self.forms}
         for one in self.candidates:
@@ -177,7 +177,7 @@ class ModelProblem(GivenProblem):
         Raises
         ------
         InputError
-            Where the model fails there; ``where`` stands at its head.
+            If the model fails; the error's place is ``where``, or the line that failed.
         """
         called = self.evaluator(self.given(values, effects), self.curves(values, effects))
         for one in called:
@@ -195,7 +195,7 @@ class ModelProblem(GivenProblem):
 
     @property
     def failures(self) -> tuple[Failure, ...]:
-        """Calls that gave no numbers, the first of them."""
+        """Calls that gave no numbers."""
         return tuple(self.evaluator.failures)
 
 
@@ -210,23 +210,23 @@ def model_problem(
     drivers: str | Sequence[str] | None = None,
     reading: Reading = Reading(),  # noqa: B008 - it cannot be changed
 ) -> ModelProblem:
-    """Put a model of one's own before the engine.
+    """Make the engine's problem from a model of one's own.
 
     Parameters
     ----------
     predict : callable
-        ``predict(p, record)`` gives the output (rows,), or several of them as a mapping by name or a tuple.
+        ``predict(p, record)`` gives the output (rows,), or several outputs as a mapping by name or a tuple.
     observed : table or sequence of tables
-        What was measured and what drove it: a DataFrame, a mapping of arrays, or a path; several records of one rig.
+        The measured outputs and the inputs: a DataFrame, a mapping of arrays, or a path; several records of one rig.
     parameters : sequence of Parameter, or mapping of name to start
-        What the fit may change (:func:`~torsight.discovery.own.model.declare.parameter`).
+        Parameters that the fit may change (:func:`~torsight.discovery.own.model.declare.parameter`).
     candidates : sequence of Candidate or LawPort
         What the model may lack: effects (:func:`~torsight.discovery.own.model.declare.candidate`), and ports at which a
         function of one variable may be missing (:func:`~torsight.discovery.own.model.declare.law`).
     output : str or sequence of str
-        Columns of the table that ``predict`` gives.
+        Columns of the table that ``predict`` computes.
     initial : sequence of str
-        Parameters that say how a record begins: each record has its own, and no other block need tell them.
+        Initial states: each record has its own value, which no other block needs to determine.
     drivers : sequence of str, optional
         Columns on which a missing effect without a name may depend; without it every column but the outputs, and
         time.

@@ -1,4 +1,4 @@
-"""What a model prints: reported once, and not written to the terminal at each of thousands of calls."""
+"""Text that a model prints: reported once, and not written to the terminal at each of thousands of calls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Final
 from torsight.core.progress import Progress
 
 _KEPT: Final = 500
-"""Characters of it that are reported: a line or two."""
+"""Characters of the printed text that are kept: a line or two."""
 
 
 _progress = threading.local()
@@ -28,7 +28,7 @@ class Heard(io.TextIOBase):
         self._before = sys.stdout
 
     def write(self, text: str) -> int:
-        """Take a text; what progress prints goes on."""
+        """Capture a text; what a progress callable prints is passed on."""
         if getattr(_progress, "tells", False):
             return self._before.write(text)
         self.lines += text.count("\n")
@@ -47,14 +47,14 @@ class Heard(io.TextIOBase):
 
 @contextlib.contextmanager
 def heard() -> Iterator[Heard]:
-    """Keep what is printed within the block."""
+    """Capture what is printed within the block."""
     stream = Heard()
     with contextlib.redirect_stdout(stream):
         yield stream
 
 
 def aloud(progress: Progress) -> Progress:
-    """Return a progress callable that prints where printing went before."""
+    """Return a progress callable whose printing is not captured."""
 
     def reported(step: str, done: float, total: float | None) -> None:
         # Of this thread alone: the model may print in others meanwhile.

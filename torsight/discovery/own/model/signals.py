@@ -13,8 +13,9 @@ from torsight.discovery.own.model import layout as lay
 from torsight.discovery.own.own_records import Record, column_of, time_column
 
 _SAME: Final = 1e-6
-"""Share of the measured signal's spread that is left by another one that is the same in other units: the digits of a
-table. What is made of it otherwise is seen once the model is fitted (:mod:`torsight.discovery.own.reading_error`)."""
+"""Largest residual, as a share of the measured signal's spread, of a column that is the same signal in other units: the
+digits of a table. Other columns that are computed from the signal are recognised once the model is fitted
+(:mod:`torsight.discovery.own.reading_error`)."""
 _MUCH_STILL: Final = 0.5
 """Share of a record at rest that is worth a warning where no rest is marked."""
 
@@ -22,7 +23,7 @@ _MUCH_STILL: Final = 0.5
 def rest_of(
     given: str | None, records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Floats], noise: list[float]
 ) -> tuple[list[Flags], list[str]]:
-    """Return where every record stands still, and what a person should know of that."""
+    """Return the rows (rows,) in which every record is at rest, and warnings about rests."""
     if given is not None and given != "still":
         return [np.nan_to_num(column_of(record, given)) != 0.0 for record in records], []
     found = [np.logical_and.reduce([lay.still(own[:, k], noise[k]) for k in range(len(outputs))]) for own in measured]
@@ -46,7 +47,7 @@ def drivers_of(
     *,
     reading: lay.Reading,
 ) -> tuple[dict[str, list[Floats]], list[str]]:
-    """Return the drivers by name, one array per record, and what was left out of them."""
+    """Return the drivers by name, one array per record, and notes on the columns that were left out."""
     no_drivers = {*outputs, reading.time, reading.blocks if isinstance(reading.blocks, str) else None}
     shared = [name for name in records[0] if all(name in record for record in records)]
     names = (
@@ -62,7 +63,7 @@ def drivers_of(
         if twin is not None:
             notes.append(
                 f"'{name}' is what is measured ({twin}), noise included: it was left out of the drivers, because it "
-                "would explain the residual by itself; give the variable from another sensor, or a law's driver"
+                "would explain the residual alone; give the variable from another sensor, or a law's driver"
             )
         elif all(np.isfinite(one).all() for one in own):
             found[name] = own
@@ -84,13 +85,13 @@ def _twin(own: Sequence[Floats], records: Sequence[Record], outputs: Sequence[st
 
 
 def _same(values: Floats, measured: Floats) -> bool:
-    """Return whether one signal is the other, but for scale and offset: its noise, too, not only its course."""
+    """Return whether two signals are equal up to scale and offset, noise included."""
     if min(np.ptp(values), np.ptp(measured)) <= 0.0:
         return False
     return float(np.std(left_beside(values[:, None], measured))) < _SAME * float(np.std(measured))
 
 
 def left_beside(columns: Floats, values: Floats) -> Floats:
-    """Return what columns (n, k) and a constant leave of values (n,)."""
+    """Return the residual (n,) of a least-squares fit of columns (n, k) and a constant to values (n,)."""
     both = np.column_stack([columns - columns.mean(axis=0), np.ones(len(values))])
     return np.asarray(values - both @ np.linalg.lstsq(both, values)[0])

@@ -1,4 +1,4 @@
-"""What ``predict`` gets as its first argument: parameters and laws by name."""
+"""The first argument of ``predict``: parameters and laws by name."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _T = TypeVar("_T")
 
 
 class ByName(Mapping[str, _T]):
-    """What a model's functions are given: ``p["name"]`` or ``p.name``; nothing can be changed in it."""
+    """Read-only values that a model's functions get: ``p["name"]`` or ``p.name``."""
 
     MISSING: ClassVar[str]
-    """What is said of a ``{name}`` that is not among ``{known}`` ones."""
+    """Message about a ``{name}`` that is not among the ``{known}`` ones."""
     UNCHANGED: ClassVar[str] = "the model's values cannot be changed ('{}'); use a variable of your own"
     _items: Mapping[str, _T]
 
@@ -57,22 +57,22 @@ class Values(ByName[Any]):
 
 
 class Curve:
-    """A law as ``predict`` calls it: lines between nodes, held beyond the ends; remembers where it was asked.
+    """A law as ``predict`` calls it: linear between nodes, constant beyond the ends; it records its arguments' range.
 
     Parameters
     ----------
     nodes, values : (k,) float64
-        Places and the function's values there; without them the law is off, and zero.
+        Nodes and the law's values there; without them the law is off, and zero.
 
     Attributes
     ----------
     asked : (2,) float64
-        The least and the greatest value that it was asked for; infinite the wrong way round where it never was.
+        The smallest and the largest argument so far; (∞, −∞) before the first call.
     """
 
     def __init__(self, nodes: Floats | None = None, values: Floats | None = None) -> None:
         self.off = nodes is None or values is None
-        # As compiled code reads them.
+        # Contiguous float64, as compiled code reads them.
         self.nodes = np.zeros(1) if nodes is None else np.ascontiguousarray(nodes, np.float64)
         self.values = np.zeros(1) if values is None else np.ascontiguousarray(values, np.float64)
         self.asked = np.array([np.inf, -np.inf])
@@ -88,7 +88,7 @@ class Curve:
         return float(found) if given.ndim == 0 else found
 
     def _at_one(self, at: float) -> float:
-        """Return what ``numpy.interp`` would, in a third of its time: an integrator in Python asks at every step."""
+        """Return the result of ``numpy.interp`` in a third of its time: Python integrators call a law at every step."""
         self._remember(at, at)
         if self.off:
             return 0.0
@@ -104,7 +104,7 @@ class Curve:
         return slope * (at - nodes[left]) + values[left]
 
     def afresh(self) -> Curve:
-        """Return the same law, asked nowhere yet."""
+        """Return a copy of the law that has not been called yet."""
         return Curve(self.nodes, self.values)
 
     @cached_property
@@ -119,7 +119,7 @@ class Curve:
 
 
 KINDS: dict[tuple[str, ...], Any] = {}
-"""Classes of named tuples by their names: numba compiles anew for every class."""
+"""Classes of named tuples by the names of their fields, each made once: numba compiles anew for every class."""
 
 
 def kind_of(names: tuple[str, ...]) -> Any:
@@ -130,6 +130,6 @@ def kind_of(names: tuple[str, ...]) -> Any:
 
 
 def by_name(items: Mapping[str, Any]) -> Any:
-    """Return values as a named tuple, which numba understands; what has no name in Python is left out."""
+    """Return values as a named tuple, which numba understands; values without a valid field name are left out."""
     names = tuple(name for name in items if name.isidentifier() and not name.startswith("_"))
     return kind_of(names)(*(items[name] for name in names))
