@@ -1,4 +1,4 @@
-"""Where the axis is in the picture, by the moving markers' circles, and which end of each stick is nearer to it."""
+"""The axis' position in the picture, from the moving markers' circles, and which end of each stick is nearer to it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from tracker.angle.row_time import circles
 from tracker.stick_direction import stick_direction
 
 _ARC_RAD: Final = np.deg2rad(20.0)
-"""Turn of the moving stick from which its markers' circles tell where the axis is."""
+"""Smallest turn of the moving stick over which its markers' circles determine the axis."""
 _LEAST: Final = 5
-"""Frames with both moving markers: three unknowns of two coordinates each, and what is left to tell the misfit."""
+"""Fewest frames with both moving markers: three unknown points of two coordinates each, and degrees of freedom that
+remain for the residuals."""
 
 
 def axis_px(tracks: MarkerTracks) -> Floats | None:
@@ -32,30 +33,31 @@ def axis_px(tracks: MarkerTracks) -> Floats | None:
 
 
 def away_px(tracks: MarkerTracks, axis: Floats) -> Floats:
-    """Return each marker's usual distance (4,) from an axis; NaN of one that is never seen."""
+    """Return each marker's median distance (4,) from an axis; NaN for a marker that is never seen."""
     points = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
     away = np.hypot(*np.moveaxis(points - axis, -1, 0))
     return np.array([np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else np.nan for one in away.T])
 
 
 def turned_round(tracks: MarkerTracks, *, radius_px: float) -> Floats:
-    """Return of base and moving stick (2,) how probable it is that its inner marker is the one further from the axis.
+    """Return the probability, for base and moving stick (2,), that the inner marker is the one further from the axis.
 
-    Where the axis lies is told by the circles, and by both sticks' lines: markers of some radius are put on the middle
-    of a stick, and sticks lie in line with their axis. The misfit of circles is correlated over a film: it counts once.
+    The axis is estimated from the circles and from the lines of both sticks: a stick points at the axis, and its
+    markers, ``radius_px`` in size, lie on its centre line to within about that radius. The residuals of the circles are
+    correlated over a film, so together they count as one measurement.
     """
     turn, turn_rad2 = direction_of(tracks, 2)
     seen, base = np.isfinite(turn), tracks.valid[:, :2].all(axis=1)
     if not seen.any() or not base.any():
         return np.zeros(2)
     centre, sigma_px = _centre(tracks, turn, seen, float(np.median(turn_rad2[seen])))
-    # No film says more than its pixels allow, and the axis is not further away than the picture is wide.
+    # The error is not below the floor set by the pixels, and the axis no further away than the picture's diagonal.
     sigma_px = float(np.clip(sigma_px if seen.sum() >= _LEAST else np.inf, FLOOR_PX, math.hypot(*tracks.size_px)))
     ends = np.stack([np.median(tracks.position_px[base, :2], axis=0), tracks.position_px[np.argmax(seen), 2:]])
     middle, along = ends.mean(axis=1), np.diff(ends, axis=1)[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-    # As one measurement of the place each, in terms of what is not known of it.
+    # Each stick's line is one measurement of the axis' position, perpendicular to the line (as an inverse covariance).
     weight = across[:, :, None] * across[:, None, :] / radius_px**2
     inverse = np.linalg.inv(np.eye(2) / sigma_px**2 + weight.sum(axis=0))
     centre = inverse @ (centre / sigma_px**2 + np.einsum("sij,sj->i", weight, middle))
@@ -65,22 +67,26 @@ def turned_round(tracks: MarkerTracks, *, radius_px: float) -> Floats:
 
 
 def direction_of(tracks: MarkerTracks, first: int) -> tuple[Floats, Floats]:
-    """Return a stick's direction in the picture (n,), y down, and its variance; NaN where a marker is not valid."""
+    """Return a stick's direction in the picture (n,), y down, and its variance (n,); NaN where a marker is not valid.
+
+    ``first`` is the index of the stick's inner marker.
+    """
     places = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
     inner, outer = ((places[:, marker], tracks.covariance_px2[:, marker]) for marker in (first, first + 1))
     return stick_direction(inner, outer)
 
 
 def _centre(tracks: MarkerTracks, turn_rad: Floats, seen: Flags, turn_rad2: float) -> tuple[Floats, float]:
-    """Return the centre (2,) of the moving markers' circles, and its standard deviation along each axis, px.
+    """Return the centre (2,) of the moving markers' circles, and the standard deviation of its x and of its y, px.
 
-    ``turn_rad2`` is the usual variance of the directions (n,): errors of them turn the stick about its own middle, and
-    draw the centre there by their share of what it turned.
+    ``turn_rad2`` is the median variance of the directions ``turn_rad`` (n,). Errors of the directions turn the stick
+    about its own middle, and bias the centre towards it, by the ratio of that variance to the directions' scatter.
     """
     points, unit = tracks.position_px[seen, 2:], np.exp(1j * turn_rad[seen])
     (centre, *arms), _ = circles(points, turn_rad[seen])
     left = points[..., 0] + 1j * points[..., 1] - centre - np.outer(unit, arms)
-    # What is left of the normal equations once the arms are eliminated; all frames and both markers count once.
+    # The centre's element of the normal matrix after eliminating the arms, per frame and marker, not times their
+    # number: the residuals are correlated over the film.
     weight = 1.0 - abs(unit.mean()) ** 2
     variance_px2 = 0.25 * float(np.mean(np.sum(np.abs(left) ** 2, axis=1))) / max(weight, 1e-12)
     drawn_px = 0.5 * abs(sum(arms)) * turn_rad2 / max(weight - turn_rad2, 1e-12)

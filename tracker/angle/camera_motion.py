@@ -1,10 +1,10 @@
-"""The picture as a camera would show it that was not moved: the base stick says by how much it was.
+"""Removal of the camera's motion from the markers' positions, by means of the base stick.
 
-A camera that is bumped, sags or shakes shifts the whole picture. Directions do not mind, but the axis is no longer
-where it was: circles that shift meanwhile look like ellipses, and so like a tilt. The base stick is fixed, so its
-motion is the picture's, and is taken out of all positions. So is what both sticks' lengths do together: a camera that
-comes nearer makes all of the picture larger. Where it moves by no more than its own noise nothing is taken out: its
-noise would only be added to the others'.
+A camera that is bumped, sags or shakes shifts the whole picture. The sticks' directions do not change, but the axis
+moves in the picture: circles whose centre shifts look like ellipses, and so like a tilt. The base stick is fixed, so
+its motion is that of the picture, and is subtracted from all positions. Changes of scale that both sticks' lengths show
+together are removed, too: a camera that comes nearer enlarges the whole picture. Where the base moves by no more than
+its own noise nothing is subtracted: that would only add the base's noise to the other markers.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from tracker.follow.camera_state import SHAKE_PX
 from tracker.innovation import SIGMAS
 
 _MOVED: Final = 1.5
-"""Motion (rms over the film) over the noise of one frame from which it is taken out."""
+"""Smallest motion (rms over the film) that is removed, over the noise of one frame."""
 _FELT_PX: Final = 5.0 * USUAL_PX
-"""Motion from which it is taken out: compression moves a marker at rest by a fifth of this."""
+"""Smallest motion (rms over the film) that is removed: compression moves a marker at rest by a fifth of this."""
 _START: Final = 0.1
-"""Share of the film, at its beginning, where the base is in its place: a camera is calibrated before it is moved."""
+"""Share of the film, at its start, that defines the base's place: a camera is calibrated before it is moved."""
 _BUMP_PX: Final = 1.5 * SHAKE_PX
-"""Step of the base's place from which the camera counts as moved: half as much again as the standard deviation of the
-shaking that is asked of the tracker."""
+"""Smallest step of the base's place that counts as a bump of the camera: 1.5 times the standard deviation of the
+shaking that the tracker is required to bear."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unmoved:
-    """What a camera that was not moved would have seen.
+    """The markers as a fixed camera would have seen them.
 
-    ``tracks`` are without the shift; what is not known of it while the base is hidden is in the covariance of a moving
-    marker that is seen alone: the direction from both does not need it. ``paths`` are turned back about the base as
-    well, where the camera was rolled: for the circles of the moving markers (angles are taken against the base in any
-    case, and have its errors counted there). A circle needs the place: what is not known of shift and turn while the
-    base is hidden is in the covariance of all of them. ``shift_px2`` (n,) is the variance, along each axis, of the
-    shift that was taken out, an error that all markers of a frame share; ``turn_rad2`` (n,) that of what ``paths`` are
-    turned back by.
+    ``tracks`` have the camera's shift and change of scale removed. While the base is hidden, the variance of the shift
+    is added to the covariance of a moving marker that is seen alone: the direction from both markers does not depend on
+    it. ``paths``, for fitting the moving markers' circles, are also turned back about the base where the camera rolled
+    (angles are taken against the base in any case, and include its errors). A circle depends on positions: while the
+    base is hidden, the variances of shift, turn and scale are added to the covariances of all markers. ``shift_px2``
+    (n,) is the variance, along each axis, of the subtracted shift, an error that all markers of a frame share;
+    ``turn_rad2`` (n,) is the variance of the angle by which ``paths`` are turned back.
     """
 
     tracks: MarkerTracks
@@ -57,10 +57,10 @@ class Unmoved:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shift:
-    """By how much the picture is shifted in every frame from its place at the start: ``step`` (n, 2).
+    """Shift ``step`` (n, 2) of the picture in every frame from its place at the start.
 
-    It is interpolated where the base is not seen. ``variance`` (n,) is of the step along the axis that is known worse;
-    ``loose`` (n,) the same where the base is not seen, and nought elsewhere.
+    The shift is interpolated where the base is not seen. ``variance`` (n,) is the larger of the variances of its
+    coordinates; ``loose`` (n,) is the same where the base is not seen, and zero elsewhere.
     """
 
     step: Floats
@@ -69,10 +69,10 @@ class Shift:
 
 
 def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel_aspect: float = 1.0) -> Unmoved:
-    """Return tracks as a camera that was not moved would have seen them.
+    """Return the tracks as a fixed camera would have seen them.
 
-    With a lens the motion is taken out of the rays, which is what a small turn of the camera does; without one, out of
-    the picture.
+    With a known lens the motion is subtracted from the rays, since a small rotation of the camera shifts these;
+    otherwise from the positions in the picture.
     """
     flat, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
     flat, size_variance = as_far(flat, covariance, pixel=pixel)
@@ -104,7 +104,7 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
 
 
 def flattened(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: float) -> tuple[Floats, Floats, float]:
-    """Return rays, or positions in square pixels (n, 4, 2), their covariances, and the size of a pixel among them."""
+    """Return rays, or positions in square pixels (n, 4, 2), their covariances, and the size of a pixel in that unit."""
     if intrinsics is None:
         stretch = np.array([pixel_aspect, 1.0])
         return tracks.position_px * stretch, tracks.covariance_px2 * np.outer(stretch, stretch), 1.0
@@ -114,17 +114,18 @@ def flattened(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect:
 
 
 def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float) -> Floats:
-    """Return the pixel positions of what :func:`flattened` makes of them."""
+    """Return the pixel positions of coordinates from :func:`flattened`: its inverse."""
     return flat / np.array([pixel_aspect, 1.0]) if intrinsics is None else pixel_from_ray(flat, intrinsics)
 
 
 def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
-    """Return positions (n, 4, 2) as from a camera that stays as far away, and the variance (n,) of their size.
+    """Return positions (n, 4, 2) as from a camera at a constant distance, and the variance (n,) of their scale.
 
-    One that comes nearer makes both longer; their errors are independent. So the slope of the moving stick's length
-    over the base's, beside what its direction makes of it, is the camera's share in the variance of the base's: of
-    every change of the base that much is expected to be the camera's. It is taken out about the base's middle. The
-    variance is zero where the camera has no share. ``covariance`` and ``pixel`` as for :func:`upright`.
+    A camera that comes nearer makes both sticks longer, while the errors of their lengths are independent. So the slope
+    of the moving stick's length over the base's, fitted together with the effect of its direction, is the camera's
+    share in the variance of the base's length; the same share of every change of that length is attributed to the
+    camera, and removed by scaling about the base's middle. The variance is zero where nothing is removed.
+    ``covariance`` and ``pixel`` are as for :func:`upright`.
     """
     base, moving = _lengths(position, covariance, 0), _lengths(position, covariance, 2)
     nothing = np.zeros(len(position))
@@ -143,23 +144,22 @@ def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple
     size, variance = _followed(share * longer, noise)
     middle, index = _middle(position[:, :2]), np.arange(len(position))
     seen = np.flatnonzero(_seen(middle))
-    # While the base is not seen it goes with the picture.
+    # While the base is not seen its middle is interpolated.
     about = np.stack([np.interp(index, seen, part[seen]) for part in middle.T], axis=1)[:, None]
     return np.asarray(about + (position - about) / (1.0 + size)[:, None, None]), variance
 
 
 def _lengths(position: Floats, covariance: Floats, first: int) -> LengthWitness:
-    """Return what the length of the stick with these two markers says, in all frames alike."""
+    """Return the statistics of the length of the stick whose inner marker is ``first``, all frames as in motion."""
     inner, outer = ((position[:, marker], covariance[:, marker]) for marker in (first, first + 1))
     return witness(inner[0], outer[0], inner[1], outer[1], moves=np.ones(len(position), np.bool_), turns=first > 0)
 
 
 def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:
-    """Return by how much the base stick is off its place at the start; None where that is no more than noise.
+    """Return the shift of the base stick from its place at the start; None where that is no more than noise.
 
-    A camera that moves takes both markers (n, 2, 2), NaN where not seen, along: where one alone goes astray it was
-    misread. ``covariance`` (n, 2, 2, 2) is that of the fits, ``pixel`` the size of a pixel in the unit of the
-    positions.
+    A moving camera shifts both markers (n, 2, 2), NaN where not seen; a marker that moves alone was misread.
+    ``covariance`` (n, 2, 2, 2) is that of the fits, ``pixel`` the size of a pixel in the unit of the positions.
     """
     place = _middle(base)
     known = np.isfinite(place[:, 0])
@@ -173,7 +173,7 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
         step[:, axis], spread = _followed(away, noise[:, axis])
         variance = np.maximum(variance, spread)
     offset = base[:, 1] - base[:, 0]
-    # A quarter of its variance is what one marker that goes astray alone would give the middle.
+    # One misread marker moves the middle by half as much as the offset: a quarter of the offset's variance.
     usual = np.maximum(np.median(noise[known], axis=0), 0.25 * np.var(offset[_seen(offset)], axis=0))
     if not (np.var(step[known], axis=0) > np.maximum(_MOVED**2 * usual, (_FELT_PX * pixel) ** 2)).any():
         return None
@@ -181,10 +181,10 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
 
 
 def bumps(base_px: Floats) -> list[tuple[int, float]]:
-    """Return the frames in which the base stick (n, 2, 2) has moved in the picture for good, and by how much, px.
+    """Return the frames at which the base stick (n, 2, 2) moved permanently in the picture, and the steps' sizes, px.
 
-    A camera that is moved takes both base markers along. Where one of them stands still the other was misread, or has
-    come off its stick.
+    A bumped camera shifts both base markers. Where one of them does not move, the other was misread or has come off its
+    stick.
     """
     known = np.flatnonzero(_seen(base_px).all(axis=1))
     if len(known) < 2 * SIDE + 1:
@@ -195,10 +195,10 @@ def bumps(base_px: Floats) -> list[tuple[int, float]]:
 
 
 def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
-    """Return positions (n, 4, 2) turned back about the base stick by as much as that is turned: a camera was rolled.
+    """Return positions (n, 4, 2) rotated about the base's middle so that the base keeps its direction: camera roll.
 
-    Also the variance (n,) of the turn, nought where nothing is turned. Positions are of an unmoved picture, in square
-    pixels; ``covariance`` (n, 4, 2, 2) and ``pixel`` as for :func:`picture_shift`.
+    Also the variance (n,) of the rotation angle, zero where nothing is rotated. Positions have the shift removed, and
+    are in square pixels or rays; ``covariance`` (n, 4, 2, 2) and ``pixel`` are as for :func:`picture_shift`.
     """
     offset = position[:, 1] - position[:, 0]
     known, nothing = _seen(offset), np.zeros(len(position))
@@ -219,17 +219,17 @@ def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tupl
 
 
 def _seen(points: Floats) -> Flags:
-    """Return where both coordinates of points (..., 2) are known."""
+    """Return whether both coordinates of points (..., 2) are known."""
     return np.asarray(np.isfinite(points).all(axis=-1), dtype=np.bool_)
 
 
 def _middle(base: Floats) -> Floats:
-    """Return the stick's middle (n, 2), also where one marker alone is seen."""
+    """Return the stick's middle (n, 2); where one marker alone is seen, by interpolation of the stick's offset."""
     offset = base[:, 1] - base[:, 0]
     both = _seen(offset)
     if not both.any():
         return np.full((len(base), 2), np.nan)
-    # As the stick lies then: a camera that is rolled turns it.
+    # The offset is interpolated, not its median taken: camera roll turns the stick.
     index = np.arange(len(base))
     half = 0.5 * np.stack([np.interp(index, index[both], part[both]) for part in offset.T], axis=1)
     one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
@@ -237,9 +237,10 @@ def _middle(base: Floats) -> Floats:
 
 
 def _at_the_start(place: Floats) -> Floats:
-    """Return where the stick is (2,) before the camera is moved, from its places (n, 2).
+    """Return the position (2,) of the stick before the camera moves, from its positions (n, 2).
 
-    A camera that shakes about one place is averaged for as long as it does; one that sags or is bumped is not.
+    The median is over the first tenth of the film, doubled as long as the mean stays the same: over all of the time in
+    which the camera only shakes, but not beyond a bump or while it sags.
     """
     count = max(1, round(_START * len(place)))
     while 2 * count <= len(place):
@@ -251,7 +252,7 @@ def _at_the_start(place: Floats) -> Floats:
 
 
 def _noise(base: Floats, covariance: Floats) -> Floats:
-    """Return the variance of the middle along both axes (n, 2), by what the fits say; NaN where it is not seen."""
+    """Return the variance of the middle along both axes (n, 2), from the fits' covariances; NaN where not seen."""
     own = np.diagonal(covariance, axis1=-2, axis2=-1)
     seen = _seen(base)
     total = np.where(seen[..., None], own, 0.0).sum(axis=1)
@@ -260,18 +261,21 @@ def _noise(base: Floats, covariance: Floats) -> Floats:
 
 
 def _followed(away: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """Return a coordinate (n,) averaged as far as it rests, and its variance; of all frames."""
+    """Return a coordinate (n,) averaged as far as it is steady, and its variance (n,); both without gaps."""
     smooth, variance = steady_direction(away, noise)
     known = np.isfinite(away)
     usual = float(np.median(noise[known]))
-    # Such a frame stands for itself: the instant of a bump.
+    # Frames far from the average keep their own value: the instant of a bump.
     apart = known & ~(np.abs(away - smooth) < BY_CHANCE * np.sqrt(usual))
     smooth, variance = np.where(apart, away, smooth), np.where(apart, noise, variance)
     return _bridged(smooth, variance)
 
 
 def _bridged(values: Floats, variance: Floats) -> tuple[Floats, Floats]:
-    """Fill gaps (of a bump that was not seen) in between: what is on both sides of one differs by how it may be off."""
+    """Return values and variance with gaps interpolated; the squared step over a gap is added to its variance.
+
+    Such gaps are those over a bump while the base was hidden.
+    """
     known = np.flatnonzero(np.isfinite(values))
     index = np.arange(len(values))
     after = np.clip(np.searchsorted(known, index), 0, len(known) - 1)

@@ -1,11 +1,11 @@
-"""How wrong positions really are: the stick's own length as the witness.
+"""The true errors of positions, estimated from the stick's own length.
 
-The fit of a dot tells its error for noise that is independent from pixel to pixel. Compression makes errors that hang
-together over the whole dot, which the fit cannot see. The distance between the two markers of a stick is constant, so
-its scatter over the film is the true error along the stick, whatever its cause.
+The covariance from a dot's fit holds for noise that is independent from pixel to pixel. Compression makes errors that
+are correlated over the whole dot, which the fit cannot see. The distance between the two markers of a stick is
+constant, so its scatter over the film is the true error along the stick, whatever its cause.
 
-A codec repeats a picture that stands still, noise and all: at rest the length does not scatter, however wrong it is. So
-what motion does is learned from motion, and rest is held against it.
+A codec repeats a picture in which nothing moves, including its noise: at rest the length does not scatter, however
+large its error. So the errors of motion are estimated from frames in motion, and bound those at rest from below.
 """
 
 from __future__ import annotations
@@ -20,28 +20,29 @@ from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
 
 LEAST_FRAMES: Final = 30
-"""Frames of a kind that tell how large its errors are: to an eighth."""
+"""Frames in motion, or at rest, from which the size of their errors is estimated: to an eighth."""
 _FEW_FRAMES: Final = 8
-"""Frames of a kind that at least tell how far the kind may be off."""
+"""Frames in motion, or at rest, from which at least an upper bound of their errors is estimated."""
 _CLIP: Final = 4.0
 _ALONG_ROWS_PX: Final = 0.065
-"""What the pixels make of edges that lie along their rows, where all of an edge is off alike: 0.06 px measured for
-sharp tags of 36 and 62 px, in the few frames of a turn in which they lie so."""
+"""Error by sampling of an edge that lies along the pixel rows, where all of the edge has the same error: 0.06 px
+measured for sharp tags of 36 and 62 px, in the few frames of a turn in which they lie so."""
 _STILL_FRAMES: Final = 11
 _STILL_PX: Final = 0.2
-"""A stick rests while its markers keep within so many pixels over so many frames."""
+"""A stick rests while its markers keep within ``_STILL_PX`` over ``_STILL_FRAMES``."""
 _EDGE_FRAMES: Final = 3
 _REST_SHARE: Final = 0.01
-"""Weight of all rest together, against motion, in the curve of the length: where the stick rested only."""
+"""Weight of all frames at rest together over that of those in motion, in the fit of the length over the direction: it
+counts only in directions in which the stick never moved."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LengthWitness:
-    """What the length of a stick says: its mean, and ``residual`` (n,) from what tilt and lens make of it.
+    """Statistics of a stick's length: its mean, and its ``residual`` (n,) after the changes by tilt and lens.
 
-    ``scale`` is the standard deviation of the length over what the fits' covariances predict while the stick moves in
-    the picture (at rest, where it does not move enough to tell), ``still`` the same at rest (in motion, where it does
-    not rest enough to tell). ``outlier`` (n,) are the frames in which the length is impossible.
+    ``scale`` is the standard deviation of the length, over that predicted by the fits' covariances, while the stick
+    moves in the picture (at rest, where too few frames are in motion); ``still`` is the same at rest (in motion, where
+    too few frames are at rest). ``outlier`` (n,) are the frames in which the length is impossible.
     """
 
     length: float
@@ -60,12 +61,12 @@ def in_motion(position_px: Floats) -> Flags:
     seen = np.isfinite(position_px)
     high = sliding_window_view(np.where(seen, position_px, -np.inf), side, axis=0).max(axis=-1)
     low = sliding_window_view(np.where(seen, position_px, np.inf), side, axis=0).min(axis=-1)
-    # A marker that is not seen at all in a window has nothing to say: its extent is −∞.
+    # A marker that is not seen at all in a window is ignored: its extent is −∞.
     extent = (high - low).max(axis=(1, 2))
     moves = np.ones(n, bool)
     for first in np.flatnonzero((extent >= 0.0) & (extent < _STILL_PX)):
         moves[first : first + side] = False
-    # The first and last of a motion are within the limit, but no longer frozen.
+    # The first and last frames of a motion are within the limit, but no longer frozen by the codec.
     around = np.convolve(moves, np.ones(2 * _EDGE_FRAMES + 1), mode="full")
     return np.asarray(around[_EDGE_FRAMES : _EDGE_FRAMES + n] > 0.0)
 
@@ -80,11 +81,11 @@ def witness(
     turns: bool = True,
     pixel: float = 0.0,
 ) -> LengthWitness:
-    """Compare a stick's length over the film with what its markers' covariances (n, 2, 2) predict.
+    """Compare the scatter of a stick's length over the film with that predicted by its markers' covariances (n, 2, 2).
 
-    Its markers (n, 2) are in one plane, any unit, NaN where not known; ``moves`` (n,) see :func:`in_motion`, ``pixel``
-    is the size of a pixel in that unit. A stick that does not turn is seen turned where the camera is rolled, which
-    leaves its length as it is.
+    The markers (n, 2) are in one plane, any unit, NaN where not known; ``moves`` (n,) is as in :func:`in_motion`, and
+    ``pixel`` the size of a pixel in that unit. ``turns`` is false for the base: a rolling camera turns it in the
+    picture without a change of its length, so no dependence of the length on the direction is fitted.
     """
     offset = outer - inner
     length = np.hypot(offset[:, 0], offset[:, 1])
@@ -109,7 +110,7 @@ def witness(
             if not use[kind].any():
                 use[kind] = True
     residual[known] = left
-    # Rest does not show how large an error may be, nor do a few frames.
+    # Neither frames at rest alone nor a few frames show how large an error may be.
     told = [spread for kind, spread in zip(kinds, spreads, strict=True) if kind.sum() >= _FEW_FRAMES]
     noise = float(np.sqrt(np.median(variance[known])))
     outlier[known] = np.abs(left) > max(8.0 * max(told), 6.0 * noise, _ALONG_ROWS_PX * pixel)
@@ -118,7 +119,7 @@ def witness(
 
 
 def _weights(moves: Flags) -> Floats:
-    """Return the frames' weights in the curve of the length: rest is the same frozen error many times over."""
+    """Return the frames' weights in the fit of the length: at rest one frozen error is repeated in many frames."""
     moving, resting = int(moves.sum()), int((~moves).sum())
     if moving < LEAST_FRAMES:
         return np.ones(len(moves))
@@ -126,7 +127,7 @@ def _weights(moves: Flags) -> Floats:
 
 
 def _scales(square: Floats, use: Flags, moves: Flags) -> tuple[float, float]:
-    """Return the likeliest scale of errors in motion and at rest, from squares of what is left over each variance."""
+    """Return the likeliest scale of errors in motion and at rest, from squared residuals over their variances (n,)."""
 
     def over(part: Flags) -> float:
         return float(np.sqrt(np.mean(square[part])))
@@ -138,17 +139,17 @@ def _scales(square: Floats, use: Flags, moves: Flags) -> tuple[float, float]:
         scale = max(overall, over(motion))
     if rest.sum() < LEAST_FRAMES:
         return scale, scale
-    # That it does not scatter makes a frozen error no smaller than the noise which was frozen.
+    # A frozen error does not scatter, but is as large as the noise that the codec froze.
     return scale, max(over(rest), min(1.0, scale))
 
 
 def by_direction(angle: Floats) -> Floats:
-    """Return the terms (n, 5) in which a length depends on its direction in the picture."""
+    """Return the basis functions (n, 5) of a length's dependence on its direction (n,) in the picture."""
     return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
 
 
 def _smooth(angle: Floats, length: Floats, weight: Floats) -> Floats:
-    """Return the part of the length that follows the direction: tilt and lens change it once and twice per turn."""
+    """Return the length as a function of direction: tilt and lens change it once and twice per turn."""
     basis = by_direction(angle)
     weighted = weight[:, None] * basis
     ridge = 1e-4 * float(weight.sum()) * np.diag([0.0, 1.0, 1.0, 1.0, 1.0])

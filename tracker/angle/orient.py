@@ -29,10 +29,11 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     Parameters
     ----------
     tracks : MarkerTracks
-        Where the markers are.
+        Positions of the markers.
     camera : Camera or None
-        With a pose: rays are met with each stick's plane. With the lens alone: the axis is found from the markers' own
-        paths. None: the picture's plane is the plane of motion, corrected for tilt where the paths tell it.
+        With a pose: rays are intersected with each stick's plane. With the lens alone: the axis is estimated from the
+        markers' own paths. None: the picture's plane is the plane of motion, corrected for tilt where the paths
+        determine it.
     pixel_aspect : float
         Width of a pixel over its height, for pictures without a camera file.
 
@@ -66,7 +67,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     try:
         axis = axis_in_picture(still.paths.position_px[:, 2:], still.paths.covariance_px2[:, 2:], camera.intrinsics)
     except NoResultError:
-        # Too little motion to see the axis: the lens is taken out, the tilt stays unknown.
+        # Too little motion to determine the axis: the lens is corrected, the tilt stays unknown.
         return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)
     plane, _ = in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
     plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
@@ -93,7 +94,7 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
 
 
 def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> Floats:
-    """Return the variance of the angle by what is not known of the axis."""
+    """Return the variance (n,) of the angle by the uncertainty of the axis' direction."""
 
     def angle(direction: Floats) -> Floats:
         turned = replace(axis, direction=direction / np.linalg.norm(direction))
@@ -104,7 +105,7 @@ def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> 
 
 
 def _against_still(points: list[Floats]) -> Floats:
-    """Return the moving stick's direction against the base's usual one."""
+    """Return the moving stick's direction (n,) against that of the base's median offset."""
     base, moving = points[1] - points[0], points[3] - points[2]
     still = np.arctan2(np.nanmedian(base[:, 1]), np.nanmedian(base[:, 0])) if np.isfinite(base).any() else np.nan
     return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
@@ -113,7 +114,7 @@ def _against_still(points: list[Floats]) -> Floats:
 def _without_camera(
     still: Unmoved, readout: Readout, pixel_aspect: float, *, intrinsics: Intrinsics | None = None
 ) -> Orientation:
-    """Take the picture's plane for the plane of motion, corrected for what the markers' paths tell of the tilt."""
+    """Return the orientation in the picture's plane, corrected for tilt where the markers' paths determine it."""
     flat = _in_half_widths(still.tracks, pixel_aspect, intrinsics)
     paths = _in_half_widths(still.paths, pixel_aspect, intrinsics)[2:]
     scale = stick_witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
@@ -135,16 +136,16 @@ def _without_camera(
 
 
 def _from_above(flat: list[Points], values: Floats, readout: Readout) -> tuple[list[Floats], list[Floats]]:
-    """Return the markers as seen from straight above, at their frames' timestamps; and the derivatives of the map."""
+    """Return the markers as seen along the axis, at their frames' timestamps; and the derivatives of the map."""
     places, slopes = zip(*(rectify(points, values) for points, _ in flat), strict=True)
     return [*places[:2], *readout.at_timestamps(places[2:], values[5:])], list(slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rolling:
-    """Variance (n,) of the angle by what is not known of the read-out, and what ``track.json`` says of it.
+    """Variance (n,) of the angle by the uncertainty of the read-out, and the read-out's entry of ``track.json``.
 
-    ``across`` see :class:`tracker.angle.tilt.Tilt`.
+    For ``across`` see :class:`tracker.angle.tilt.Tilt`.
     """
 
     variance: Floats
@@ -153,7 +154,10 @@ class Rolling:
 
 
 def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[list[Points], Rolling]:
-    """Return positions in a known plane without the delay of the rows, as far as the paths show one."""
+    """Return positions in a known plane, corrected for the rows' delay as far as the paths show one.
+
+    ``moves`` (n,) marks the frames in which the moving stick moves in the picture.
+    """
     px = usual_of(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
     usual = usual_of(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
     if not usual > 0.0:
@@ -177,20 +181,20 @@ def _rolling_report(tilt: Tilt, readout: Readout) -> dict[str, Any]:
 
 
 def _in_half_widths(tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intrinsics | None) -> list[Points]:
-    """Return the markers from the picture's middle in units of half its width, without the lens where it is known."""
+    """Return the markers relative to the picture's middle in units of half its width, undistorted where possible."""
     places, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
     width, height = tracks.size_px
     half, middle = 0.5 * pixel * width, np.zeros(2)
     if intrinsics is None:
         half, middle = 0.5 * pixel_aspect * width, 0.5 * np.array([pixel_aspect * (width - 1), height - 1])
-    # From y down to y up.
+    # Flips y, from down to up.
     up = np.array([1.0, -1.0])
     places, covariance = (places - middle) * up / half, covariance * np.outer(up, up) / half**2
     return [(places[:, marker], covariance[:, marker]) for marker in range(4)]
 
 
 def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> Floats:
-    """Return the variance of the angle by what is not known of tilt and read-out."""
+    """Return the variance (n,) of the angle by the uncertainty of tilt and read-out."""
 
     def angle(values: Floats) -> Floats:
         return _against_still(_from_above(flat, values, readout)[0])
@@ -199,13 +203,13 @@ def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> Floats:
 
 
 def _bridged(variance: Floats) -> Floats:
-    """Return a variance that follows the stick's direction, also of frames in which one marker alone is seen."""
+    """Return a variance (n,) of the angle, interpolated over frames in which one of the moving markers is hidden."""
     known = np.flatnonzero(np.isfinite(variance))
     return np.interp(np.arange(len(variance)), known, variance[known]) if len(known) else variance
 
 
 def _carried(covariance_px2: Floats, slopes: Floats) -> Floats:
-    """Return covariances as a map with these derivatives carries them along."""
+    """Return the covariances (n, 2, 2) of mapped positions, from the derivatives (n, 2, 2) of the map."""
     return np.asarray(slopes @ covariance_px2 @ np.swapaxes(slopes, -1, -2), dtype=np.float64)
 
 
@@ -231,10 +235,10 @@ def _tilt_deg(pose: Pose) -> float:
 def in_planes(
     tracks: MarkerTracks, intrinsics: Intrinsics, pose: Pose, *, height_mm: Floats | None = None
 ) -> tuple[list[Points], Floats]:
-    """Return where the lines of sight to the markers meet their planes across the axis, the z axis of ``pose``.
+    """Return the intersections of the lines of sight with the markers' planes across the axis, the z axis of ``pose``.
 
-    As points in each marker's plane, and with their heights (n, 4, 3). Planes are those of the sticks in ``pose``
-    unless ``height_mm`` (4,) is given.
+    Both as points in each marker's plane, with covariances, and in space (n, 4, 3). The planes are those of the sticks
+    in ``pose``, or at the heights ``height_mm`` (4,).
     """
     if height_mm is None:
         height_mm = np.repeat([pose.base_z_mm, pose.moving_z_mm], 2)

@@ -1,4 +1,4 @@
-"""From positions in planes across the axis to the actuator angle: both sticks' directions, and how wrong they are."""
+"""From positions in planes across the axis to the actuator angle: both sticks' directions and their variances."""
 
 from __future__ import annotations
 
@@ -19,29 +19,30 @@ from tracker.angle.unwrap import unwrap
 from tracker.stick_direction import Points, stick_direction
 
 FLOOR_PX: Final = 0.003
-"""What remains of the pixels' own pattern in a position, measured over radii of 3 to 12 px and sharp to soft lenses."""
+"""Position error by the pixels' own pattern, which no averaging removes: measured over radii of 3 to 12 px and sharp to
+soft lenses."""
 
 _FROZEN: Final = 0.8
-"""Error that a codec freezes in a base at rest over that of markers in motion, at most: 0.43 to 0.79 for x264 at CRF 12
-to 30, from its fastest preset to its usual one, on the films of benchmarks/tracking/stereo.py."""
+"""Largest error that a codec freezes in a base at rest, over that of markers in motion: 0.43 to 0.79 for x264 at CRF 12
+to 30, from its fastest preset to its default one, on the films of benchmarks/tracking/stereo.py."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Orientation(Frozen, Shown):
-    """The angle of a film and how it was had.
+    """The angle of a film and how it was determined.
 
     Attributes
     ----------
     angles : StickAngles
         The actuator angle, frame by frame.
     position_mm : (n, 4, 3) float64 or None
-        Markers in space, where a camera file tells scale.
+        Markers in space, where a camera file gives the scale.
     report : mapping
         For ``track.json``: method, noise, tilt.
     error_scale : (n, 2) float64
-        Errors of base and moving markers over those that their covariances from the fits say, frame by frame.
+        Errors of base and moving markers over the standard deviations of their fits, frame by frame.
     systematic_rad2 : (n,) float64 or None
-        Part of the angle's variance that is not the positions': by what is not known of tilt and read-out.
+        Part of the angle's variance that does not come from the positions: by the uncertainty of tilt and read-out.
     """
 
     angles: StickAngles
@@ -55,7 +56,7 @@ class Orientation(Frozen, Shown):
         return replace(self, report={**self.report, **entries})
 
     def facts(self) -> dict[str, str]:
-        """Return the angle, its uncertainty and how it was had."""
+        """Return the angle, its uncertainty and the method."""
         return {**self.angles.facts(), "method": str(self.report.get("method", ""))}
 
     def _columns(self) -> dict[str, Any]:
@@ -65,7 +66,7 @@ class Orientation(Frozen, Shown):
         self.angles.plot(axes)
 
     def with_errors(self, tracks: MarkerTracks) -> MarkerTracks:
-        """Return tracks whose covariances are those of the errors that the sticks' lengths show."""
+        """Return the tracks with covariances scaled to the errors that the sticks' lengths show."""
         scale = np.repeat(self.error_scale, 2, axis=1)[..., None, None] ** 2
         return replace(tracks, covariance_px2=tracks.covariance_px2 * scale + FLOOR_PX**2 * np.eye(2))
 
@@ -81,8 +82,8 @@ def from_plane(
 ) -> Orientation:
     """Return the angle from the markers' positions in planes across the axis.
 
-    ``across`` are the errors across the moving stick over those that its length shows; ``systematic_rad2`` (n,) is
-    variance of the angle that positions do not show, such as by an unknown tilt.
+    ``across`` is the ratio of the errors across the moving stick to those along it, which its length shows;
+    ``systematic_rad2`` (n,) is variance of the angle that the positions do not show, such as by an unknown tilt.
     """
     errors = stick_errors(tracks, plane, across=across)
     base_scale, scale = errors.scale.T
@@ -105,9 +106,9 @@ def from_plane(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StickErrors:
-    """What the lengths of both sticks, and the moving one's circles, say of a film's errors.
+    """Errors of a film's positions, estimated from the lengths of both sticks and the moving one's circles.
 
-    ``scale`` (n, 2) are the errors of base and moving markers over those that their covariances from the fits say.
+    ``scale`` (n, 2) are the errors of base and moving markers over the standard deviations of their fits.
     """
 
     base: LengthWitness
@@ -119,7 +120,8 @@ class StickErrors:
 class Moving:
     """The moving stick's direction (n,) and its variance; NaN where not known.
 
-    ``alone`` (n,) is where a single position tells it; ``bound_rad2`` the usual variance by the pictures' noise alone.
+    ``alone`` (n,) marks frames in which it comes from a single marker; ``bound_rad2`` is the median variance by the
+    pictures' noise alone.
     """
 
     angle_rad: Floats
@@ -129,11 +131,11 @@ class Moving:
 
 
 def stick_errors(tracks: MarkerTracks, plane: list[Points], *, across: float = 1.0) -> StickErrors:
-    """Return what the sticks' lengths say, from positions in planes across the axis; ``across`` see above."""
+    """Return the errors that the sticks' lengths show in planes across the axis; ``across`` as in `from_plane`."""
     base_moves, moves = in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
     base = stick_witness(plane[:2], base_moves, seen_px=tracks.position_px[:, :2])
     moving = stick_witness(plane[2:], moves, seen_px=tracks.position_px[:, 2:])
-    # The base's noise is frozen longest of all: the other stick tells what it hides.
+    # The codec freezes the base's noise longest: its hidden error is inferred from the moving stick at rest.
     hidden = _FROZEN * moving.still
     of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, hidden))
     of_moving = across * np.where(moves, moving.scale, moving.still)
@@ -141,7 +143,10 @@ def stick_errors(tracks: MarkerTracks, plane: list[Points], *, across: float = 1
 
 
 def moving_direction(plane: list[Points], scale: Floats, *, outlier: Flags | None = None) -> Moving:
-    """Return the moving stick's direction from positions in planes across the axis, with errors scaled (n,)."""
+    """Return the moving stick's direction from positions in planes across the axis, their errors times ``scale`` (n,).
+
+    Frames of ``outlier`` (n,) are left out.
+    """
     moving_rad, bound = stick_direction(plane[2], plane[3])
     if outlier is not None:
         moving_rad[outlier] = np.nan
@@ -165,10 +170,10 @@ def against_base(
     position_mm: Floats | None,
     method: str,
 ) -> Orientation:
-    """Return the actuator angle: the moving stick's direction against the base's, which is held and averaged.
+    """Return the actuator angle: the moving stick's direction against the base's, which is averaged and interpolated.
 
-    ``base`` is its direction (n,), NaN where not known, and variance (n,); ``floor_rad2`` is variance that no averaging
-    takes away. ``errors``, ``position_mm`` and ``method`` are for the report.
+    ``base`` is the base's direction (n,), NaN where not known, and its variance (n,); ``floor_rad2`` is variance that
+    averaging does not reduce. ``errors``, ``position_mm`` and ``method`` are for the report.
     """
     steady_rad, steady_variance = steady_direction(_continuous(base[0]), base[1])
     variance = moving.variance_rad2 + steady_variance + floor_rad2 + tracks.choice_rad2
@@ -178,7 +183,7 @@ def against_base(
         frame=tracks.frame,
         time_s=tracks.time_s,
         angle_rad=np.where(valid, angle_rad, np.nan),
-        # Where the whole turn is not certain the angle may be off by one: the sigma says so.
+        # Where the number of turns is not certain the angle may be off by one turn: the sigma includes that.
         sigma_rad=np.where(valid, np.sqrt(variance) + np.where(certain, 0.0, 2.0 * np.pi), np.nan),
         valid=valid,
         branch_certain=certain,
@@ -193,9 +198,9 @@ def against_base(
 
 
 def variance_by(angle: Callable[[Floats], Floats], values: Floats, covariance: Floats) -> Floats:
-    """Return the variance (n,) of an angle (n,) by what is not known of the values (p,) that it is made with.
+    """Return the variance (n,) of an angle (n,) by the covariance (p, p) of the values (p,) that it is computed from.
 
-    To first order, by differences over a standard deviation of each value to both sides.
+    To first order, with central differences over one standard deviation of each value.
     """
     known = np.flatnonzero(np.diag(covariance) > 0.0)
     if not len(known):
@@ -205,19 +210,22 @@ def variance_by(angle: Callable[[Floats], Floats], values: Floats, covariance: F
     steps[np.arange(len(known)), known] = sigma
     change = np.stack([angle(values + step) - angle(values - step) for step in steps], axis=-1)
     slopes = 0.5 * np.angle(np.exp(1j * change))
-    # Per standard deviation, so that values of any unit go together.
+    # Slopes are per standard deviation, so that the values may have different units.
     correlation = covariance[np.ix_(known, known)] / np.outer(sigma, sigma)
     return np.asarray(np.einsum("ni,ij,nj->n", slopes, correlation, slopes))
 
 
 def usual_of(values: Floats) -> float:
-    """Return the median of what is known; NaN where nothing is."""
+    """Return the median of the finite values; NaN where there are none."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else np.nan
 
 
 def stick_witness(stick: list[Points], moves: Flags, *, seen_px: Floats | None = None) -> LengthWitness:
-    """Return what the length of a stick says, from its inner and outer marker, seen at ``seen_px`` (n, 2, 2)."""
+    """Return the statistics of a stick's length, from its inner and outer marker in a plane.
+
+    ``seen_px`` (n, 2, 2) are the positions of both markers in the picture, for the size of a pixel in that plane.
+    """
     inner, outer = stick
     offset_px = np.empty((0, 2)) if seen_px is None else seen_px[:, 1] - seen_px[:, 0]
     long_px = usual_of(np.hypot(*offset_px.T))
@@ -226,12 +234,12 @@ def stick_witness(stick: list[Points], moves: Flags, *, seen_px: Floats | None =
 
 
 def scaled(points: Points, scale: float | Floats) -> Points:
-    """Return positions with the errors that the stick's length shows, in every frame or in each (n,)."""
+    """Return positions with their errors multiplied by ``scale``, one number or one for each frame (n,)."""
     return points[0], points[1] * np.reshape(scale, (-1, 1, 1)) ** 2
 
 
 def floor_of(tracks: MarkerTracks) -> tuple[float, float]:
-    """Return the variance of both sticks' directions that no averaging takes away, rad²."""
+    """Return the variance of both sticks' directions that averaging does not reduce, rad²."""
     found: list[float] = []
     for first in (0, 2):
         offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
@@ -242,7 +250,7 @@ def floor_of(tracks: MarkerTracks) -> tuple[float, float]:
 
 
 def _continuous(angle_rad: Floats) -> Floats:
-    """Return a direction that hardly changes, free of jumps by whole turns."""
+    """Return a direction (n,) that hardly changes, without jumps by whole turns."""
     known = np.isfinite(angle_rad)
     if not known.any():
         return angle_rad

@@ -1,4 +1,4 @@
-"""The base stick's direction: a reference that hardly moves, and so can be averaged and held."""
+"""The base stick's direction: a reference that hardly moves, and so can be averaged, and interpolated over gaps."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from torsight.core.series import BY_CHANCE, robust_sigma
 from torsight.core.units import Floats
 
 SIDE: Final = 8
-"""Frames before and after a step whose means are compared: shaking of 2 px then moves a mean by 0.7 px."""
+"""Frames before and after a step whose means are compared: shaking of 2 px changes such a mean by 0.7 px."""
 _LAGS: Final = (1, 2, 5, 10, 25, 50, 100, 200)
-"""Frames over which drift is looked for: each about twice the last, up to half of what is averaged at most."""
+"""Lags, in frames, at which drift is estimated: each about twice the previous one, up to half of ``_LONGEST``."""
 _LONGEST: Final = 2 * _LAGS[-1]
 """Frames on each side that are averaged at most."""
 
@@ -22,9 +22,9 @@ def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, 
     """Return the base's direction (n,) in every frame and its variance (n,).
 
     Where the direction, continuous and NaN where not seen, scatters no more than its own noise ``variance_rad2`` (n,),
-    it is averaged over as many frames as its drift allows; true shaking is kept. Frames in which the base is not seen
-    take the mean of both sides, and may be off by as much as the direction changes over such a gap elsewhere; where
-    both sides differ by more than noise (the camera was bumped meanwhile) the direction is not known there.
+    it is averaged over as many frames as its drift allows; true shaking is kept. In frames in which the base is not
+    seen the mean is interpolated, with a variance by how much the direction changes over such gaps elsewhere; where
+    both sides differ by more than noise (the camera was bumped meanwhile) the direction there is NaN.
     """
     known = np.isfinite(angle_rad)
     if not known.any():
@@ -49,7 +49,7 @@ def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, 
 
 
 def _segments(angle_rad: Floats, noise: float) -> list[tuple[int, int]]:
-    """Return the stretches between bumps: where the direction jumps for good."""
+    """Return the stretches (first, stop) between bumps, at which the direction changes permanently."""
     known = np.flatnonzero(np.isfinite(angle_rad))
     values = angle_rad[known]
     cuts = [0]
@@ -79,14 +79,17 @@ def _segments(angle_rad: Floats, noise: float) -> list[tuple[int, int]]:
 
 
 def steps_of_mean(values: Floats, side: int) -> Floats:
-    """Return by how much the mean of the next ``side`` values differs from that of the last (n − 2 side + 1, …)."""
+    """Return the mean of the next ``side`` values minus that of the ``side`` values before, (n − 2 side + 1, …)."""
     total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
     mean = (total[side:] - total[:-side]) / side
     return np.asarray(mean[side:] - mean[:-side], dtype=np.float64)
 
 
 def _character(values: Floats, noise: float) -> tuple[int, float, float, float]:
-    """Return averaging half-width, drift per frame, variance of true shaking, and variance of what scatters."""
+    """Return the averaging half-width in frames, drift per frame (a variance), and variances of shaking and of noise.
+
+    The noise is that which changes from frame to frame, at most ``noise``.
+    """
     if len(values) < 4:
         return 0, 0.0, 0.0, noise
     lags = [lag for lag in _LAGS if 3 * lag < len(values)] or [1]
@@ -99,15 +102,15 @@ def _character(values: Floats, noise: float) -> tuple[int, float, float, float]:
     shaking = max(0.0, scatter - noise)
     shaking = shaking if shaking > 0.5 * noise else 0.0
     apparent = min(scatter, noise)
-    # Noise / (2 h) against drift · h / 6 per frame.
+    # Minimises the variance of the mean, noise / (2 h), plus that by drift, drift · h / 6.
     half = _LONGEST if drift <= 0 else int(np.sqrt(3.0 * max(apparent, 1e-18) / drift))
     return int(np.clip(half, 1, _LONGEST)), drift, shaking, apparent
 
 
 def _bridge_variance(values: Floats, noise: float) -> Floats:
-    """Return the variance (n,) of what is put between known values by interpolation, from how much they change.
+    """Return the variance (n,) of linear interpolation between known values, from how much the values change.
 
-    By the semivariogram γ, half the mean square of the change over a lag, less the noise (Matheron, Principles of
+    From the semivariogram γ, half the mean square of the change over a lag, less the noise (Matheron, Principles of
     geostatistics, Econ. Geol. 58, 1963): 2 Σ wᵢ γ(hᵢ) − Σ wᵢ wⱼ γ(hᵢⱼ) for weights w of the values at distances h.
     """
     known, index = np.flatnonzero(np.isfinite(values)), np.arange(len(values))
@@ -124,7 +127,7 @@ def _bridge_variance(values: Floats, noise: float) -> Floats:
 
 
 def _running_mean(values: Floats, half: int) -> tuple[Floats, Floats]:
-    """Return the mean over ±half frames of what is known (the nearest known one where there is none), and the count."""
+    """Return the mean of the known values over ±half frames (interpolated where there is none), and their number."""
     known = np.isfinite(values)
     middle = float(np.nanmean(values)) if known.any() else 0.0
     total = np.concatenate([[0.0], np.cumsum(np.where(known, values - middle, 0.0))])

@@ -1,12 +1,13 @@
 """Rolling shutter: each row of the picture shows a later instant than the row before it.
 
-A marker at row y is seen where it is at t + y τ, with τ the time of a row. It stays on its circle, but is further along
-it by its speed times the delay. So the angle between both markers, as seen from the axis, changes in proportion to the
-speed and with its sign, which no tilt and no lens does. :mod:`tracker.angle.tilt` fits that along with the tilt; here
-is what it needs from the frames, and what takes the delay out of the markers' places once it is known.
+A marker at row y is seen at its position at t + y τ, with τ the time of a row. It stays on its circle, but is further
+along the circle by its speed times the delay. So the angle between both markers, as seen from the axis, changes in
+proportion to the speed and with its sign; neither tilt nor lens has this effect. :mod:`tracker.angle.tilt` fits the
+row time together with the tilt; this module computes the regressors of that fit from the frames, and removes the delay
+from the markers' positions once the row time is known.
 
 Rows may lie along either side of the picture as displayed (a phone held upright stores rows that are shown as columns).
-The timestamp of a frame is taken for that of the row read first, as Android's camera interface defines it
+The timestamp of a frame is taken to be that of the row read first, as Android's camera interface defines it
 (``SENSOR_TIMESTAMP``).
 """
 
@@ -27,16 +28,17 @@ from tracker.innovation import SIGMAS
 Complex = NDArray[np.complex128]
 
 SHARE_PRIOR: Final = 1.0 / np.sqrt(3.0)
-"""Prior of the share of the time between two frames in which a picture is read: that of anything from −1 to 1."""
+"""Prior standard deviation of the read-out time as a share of the time between two frames: that of a uniform
+distribution from −1 to 1."""
 _ONWARDS: Final = (("right", "left"), ("down", "up"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readout:
-    """When the moving markers of each frame are read, in parts of the time in which a picture is.
+    """When the moving markers of each frame are read, as fractions of the read-out time.
 
-    ``time_s`` (n,) are the timestamps of the frames, usually ``frame_s`` apart; ``place`` (n, 2, 2) is inner and outer
-    marker's x over the picture's width and y over its height, NaN where not seen.
+    ``time_s`` (n,) are the timestamps of the frames, usually ``frame_s`` apart; ``place`` (n, 2, 2) holds, for inner
+    and outer marker, x over the picture's width and y over its height, NaN where not seen.
     """
 
     time_s: Floats
@@ -46,30 +48,34 @@ class Readout:
 
     @classmethod
     def of(cls, tracks: MarkerTracks) -> Readout:
-        """Return it for a film."""
+        """Return the read-out of a film."""
         frame_s = float(np.median(np.diff(tracks.time_s))) if len(tracks) > 1 else 0.0
         return cls(tracks.time_s, frame_s, tracks.position_px[:, 2:] / np.array(tracks.size_px), tracks.size_px)
 
     def delay_s(self, share: Floats) -> Floats:
-        """Return how long after its frame's timestamp each marker is read (n, 2).
+        """Return the delay (n, 2) from a frame's timestamp to the reading of each marker.
 
-        ``share`` (2,) of the time between frames is the read-out's, along x and y, backwards where it is negative.
+        ``share`` (2,) is the read-out time over the time between frames, along x and y, negative where rows are read
+        backwards.
         """
         return np.asarray(self.frame_s * ((self.place - (share < 0.0)) @ share))
 
     def lead_rad(self, direction_rad: Floats) -> Floats:
-        """Return by how much the outer marker is ahead (n, 2) where a read-out along x, or y, takes all the time."""
+        """Return the angle (n, 2) by which the outer marker leads if a read-out along x, or along y, takes ``frame_s``.
+
+        That is the derivative of the angle between both markers with respect to ``share`` of :meth:`delay_s`.
+        """
         rate, _ = turning(self.time_s, direction_rad)
         return np.asarray(rate[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
 
     def at_timestamps(self, points: Sequence[Floats], share: Floats) -> list[Floats]:
-        """Return the moving markers, each (n, 2) in a plane across the axis, as at their frames' timestamps."""
+        """Return the moving markers, each (n, 2) in a plane across the axis, moved back to their frames' timestamps."""
         inner, outer = points
         if not share.any():
             return [inner, outer]
         delay_s = self.delay_s(share)
         stick = outer - inner
-        # A marker that is seen alone goes around as the stick does in the frames around it.
+        # A marker that is seen alone moves as the stick does in the neighbouring frames.
         read_s = self.time_s + np.where(np.isfinite(stick[:, 0]), delay_s.mean(axis=1), 0.0)
         rate, change = turning(read_s, np.arctan2(stick[:, 1], stick[:, 0]))
         back = -rate[:, None] * delay_s + 0.5 * change[:, None] * delay_s**2
@@ -79,7 +85,7 @@ class Readout:
         return [centre + _turned(part - centre, angle) for part, angle in zip(points, back.T, strict=True)]
 
     def report(self, shares: Floats, sigmas: Floats, *, shown: float) -> dict[str, Any]:
-        """Return what ``track.json`` says of it: ``shown`` is how much of it the film shows, from 0 to 1."""
+        """Return the entry of ``track.json``: ``shown``, from 0 to 1, is how clearly the film shows a read-out."""
         told: dict[str, Any] = {"known": shown > 0.0, "share_taken_out": shown}
         if told["known"]:
             along = int(np.argmax(np.abs(shares)))
@@ -95,12 +101,12 @@ class Readout:
 
 
 def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
-    """Return how fast a direction turns, rad/s, and how fast that changes, rad/s²: parabolas through three frames.
+    """Return the rate of turn (n,), rad/s, and its derivative (n,), rad/s², from parabolas through three frames.
 
-    ``direction_rad`` (n,) is NaN where it is not known; there the rate is that between the frames around.
+    Where ``direction_rad`` (n,) is NaN both are interpolated from the neighbouring frames.
     """
     known = np.flatnonzero(np.isfinite(direction_rad))
-    # Two frames with one timestamp tell no rate.
+    # Two frames with the same timestamp give no rate.
     known = known[np.diff(np.maximum.accumulate(time_s[known]), prepend=-np.inf) > 0.0]
     if len(known) < 3:
         return np.zeros(len(time_s)), np.zeros(len(time_s))
@@ -116,10 +122,10 @@ def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
 
 
 def way_round(direction_rad: Floats, sigma_rad: float) -> Floats:
-    """Return which way round a stick came to where it is (n,): 1 counter-clockwise, −1 clockwise, between as it turns.
+    """Return the sense (n,) of a stick's last motion: 1 counter-clockwise, −1 clockwise, between as the sense reverses.
 
-    It is another one once the direction has gone back by more than its noise ``sigma_rad`` alone may make of it, like a
-    drive with as much play; where it rests it is that of the last motion, before the first one that of this.
+    The sense follows the direction like a drive with play: it reverses once the direction has gone back by more than
+    its noise ``sigma_rad`` explains. At rest it is that of the last motion, before the first motion that of the first.
     """
     way, now = np.zeros(len(direction_rad)), 0.0
     known = np.flatnonzero(np.isfinite(direction_rad))
@@ -135,7 +141,8 @@ def circles(points: Floats, direction_rad: Floats) -> tuple[Complex, Complex]:
     """Return the common centre and both arms (3,) of markers that go around circles, and their normal matrix (3, 3).
 
     Least squares of p = c + q exp(i ψ) in the complex plane, linear in c and both q: inner and outer marker (n, 2, 2),
-    and the stick's direction ψ (n,), counter-clockwise. Paths that do not fix them give the smallest ones.
+    and the stick's direction ψ (n,), counter-clockwise. Where the paths do not determine them, the solution of the
+    smallest norm.
     """
     place, unit = points[..., 0] + 1j * points[..., 1], np.exp(1j * direction_rad)
     n, turned = len(place), unit.sum()
@@ -145,7 +152,7 @@ def circles(points: Floats, direction_rad: Floats) -> tuple[Complex, Complex]:
 
 
 def _turned(points: Floats, angle_rad: Floats) -> Floats:
-    """Return points (n, 2) turned counter-clockwise, each by its angle."""
+    """Return points (n, 2), each rotated counter-clockwise by its angle (n,)."""
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     x, y = points.T
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)

@@ -1,8 +1,8 @@
-"""The stick's direction from one marker alone, while something lies over the other.
+"""The stick's direction from one marker alone, while the other is occluded.
 
-Markers go around the axis: p = c + R(ψ) q. Axis and arms are found from the frames in which both markers are seen;
-then one marker and the axis tell the direction ψ. What is not known of axis and arms, and how far both ways differ
-where both can be had, is in the variance.
+Markers go around the axis: p = c + R(ψ) q. Axis c and arms q are fitted to the frames in which both markers are seen;
+then one marker and the axis determine the direction ψ. Its variance includes the uncertainty of axis and arms, and is
+at least the mean square difference to the direction from both markers where both are seen.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from tracker.angle.row_time import Complex, circles
 Points = tuple[Floats, Floats]
 
 _CORRELATED: Final = 4.0
-"""Frames that share an error of a circle that is tilted."""
+"""Number of frames over which the residuals of a tilted circle are correlated."""
 _WORST_RAD: Final = np.deg2rad(1.0)
-"""Error above which the direction counts as not known."""
+"""Standard deviation above which the direction counts as not known."""
 _PARTS: Final = 6
-"""Steps of direction that have to be seen: over less, noise bends the circle."""
+"""Fewest bins of direction that have to be seen: over a shorter arc noise determines the circle's curvature."""
 
 
 def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> tuple[Floats, Floats]:
-    """Return the stick's direction (n,) where one marker is seen alone and tells it, and its variance; else NaN.
+    """Return the stick's direction (n,) where one marker alone is seen and determines it, and its variance; else NaN.
 
-    ``moving`` are positions (n, 2) and covariances of inner and outer marker in a plane, of a camera that was not
-    moved, NaN where not seen; ``pair_rad`` (n,) the direction from both.
+    ``moving`` are positions (n, 2) and covariances of inner and outer marker in a plane, with the camera's motion
+    removed, NaN where not seen; ``pair_rad`` (n,) is the direction from both markers.
     """
     n = len(pair_rad)
     angle, variance = np.full(n, np.nan), np.full(n, np.nan)
@@ -55,7 +55,7 @@ def single_marker_direction(moving: tuple[Points, Points], pair_rad: Floats) -> 
 
 
 def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.intp]) -> tuple[Complex, Complex] | None:
-    """Return axis and both arms, (3,), and their covariance from the misfit."""
+    """Return axis and both arms (3,), and their covariance (3, 3) from the residuals; None where the arc is short."""
     points, turn = np.stack(places, axis=1)[rows], pair_rad[rows]
     if len(np.unique(direction_bins(turn))) < _PARTS:
         return None
@@ -63,7 +63,7 @@ def _axis_and_arms(places: list[Floats], pair_rad: Floats, rows: NDArray[np.intp
     place: Complex = points[..., 0] + 1j * points[..., 1]
     left = place - (values[0] + np.outer(np.exp(1j * turn), values[1:]))
     mean_square = float(np.sum(np.abs(left) ** 2)) / (4 * len(rows) - 2 * len(values))
-    # The misfit of a tilted circle is correlated over many frames: it does not average out as noise does.
+    # The residuals of a tilted circle are correlated over many frames: they do not average out as noise does.
     return values, np.asarray(_CORRELATED * mean_square * np.linalg.inv(normal))
 
 
@@ -75,7 +75,7 @@ def _from_one(
     direction = np.angle(away * np.conj(arm))
     across = np.stack([-away.imag, away.real], axis=1) / (np.abs(away) ** 2)[:, None]
     own = np.einsum("ni,nij,nj->n", across, spread, across)
-    # The direction changes by the imaginary part of these times what is not known.
+    # The imaginary parts of these, times the errors of the values, are the errors of the direction.
     slopes = np.zeros((len(place), 3), np.complex128)
     slopes[:, 0], slopes[:, 1 + marker] = -across[:, 1] - 1j * across[:, 0], -1.0 / arm
     return direction, own + np.einsum("ni,ij,nj->n", slopes, covariance, np.conj(slopes)).real

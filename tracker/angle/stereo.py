@@ -1,9 +1,9 @@
 """The actuator angle from two films: the angle on circles that all frames share.
 
-Depth from two pictures is several times worse than the place within one. So it is used where all frames can give it
-together: where the rotation axis is, on which circles about it the moving stick's markers go, and where the base's
-markers are (:mod:`torsight.core.optics.circles`). A frame then has its angle alone to be found, from whatever markers
-either film shows in it.
+Depth from two pictures is several times less precise than the position within one. So depth is used only for quantities
+that all frames determine together: the rotation axis, the moving markers' circles about it, and the positions of the
+base's markers (:mod:`torsight.core.optics.circles`). In a single frame only the angle remains unknown; it is estimated
+from all markers that either film shows.
 """
 
 from __future__ import annotations
@@ -44,18 +44,18 @@ from tracker.stick_direction import Points, stick_direction
 
 _SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
 _BELIEF: Final = (0.8, 0.15, 0.05)
-"""How much a stick's line of markers leans against the plane across the axis: sizes, and what is thought of each
-beforehand. Sticks are flat to a hundredth of a millimetre over 20, unless the film shows otherwise; one camera with
-known planes takes them as flat in any case."""
+"""Slopes of a stick's line of markers against the plane across the axis: standard deviations of three priors, and the
+prior probability of each. Sticks are flat to a hundredth of a millimetre over 20, unless the film shows otherwise; one
+camera with known planes takes them as flat in any case."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rig:
-    """What all frames share.
+    """Geometry that all frames share.
 
-    ``direction`` and ``point`` are of the axis, ``height_mm`` (4,) of the markers along it, ``rise_sigma_mm`` the
-    standard deviation of how much higher the base's outer marker is than its inner one; ``circles`` is None where the
-    stick turns too little to show them; ``report`` is for ``track.json``.
+    ``direction`` and ``point`` define the axis, ``height_mm`` (4,) are the markers' heights along it, ``rise_sigma_mm``
+    is the standard deviation of the height of the base's outer marker above its inner one; ``circles`` is None where
+    the stick turns too little to show them; ``report`` is for ``track.json``.
     """
 
     direction: Floats
@@ -77,9 +77,9 @@ def orient_pair(
 ) -> Orientation:
     """Return the moving stick's orientation against the base stick.
 
-    Every angle is the likeliest one for the pixels of both pictures (of one, where the other shows no marker of the
-    moving stick), with the markers on their circles about the axis and the base at its place; the base stick shows
-    whether a camera moved, and by how much, which is taken out.
+    Every angle is the most likely one for the pixels of both pictures (of one, where the other shows no marker of the
+    moving stick), with the markers on their circles about the axis and the base at its place; motion of either camera
+    is measured on the base stick, and removed.
 
     Parameters
     ----------
@@ -95,17 +95,17 @@ def orient_pair(
     ConfigError
         When the camera file has no second camera, or is for another picture size.
     NoResultError
-        When a marker is never seen in both films at once, or the axis cannot be found.
+        When a marker is never seen in both films simultaneously, or the axis cannot be found.
     """
     films, space = same_points(films_of(left, right, camera))
     rig = _first_rig(films, space)
     read, rollings = _at_timestamps(films, rig)
     if any(rolling.report["known"] for rolling in rollings):
-        # Paths that were not read at once have another axis, and about that another delay.
+        # The rolling shutter biased the axis, and so the delay that was estimated about that axis.
         rig = _first_rig(read, space)
         read, rollings = _at_timestamps(films, rig)
     films = read
-    # The errors of each film by its own sticks, seen flat; then the axis again, with those errors.
+    # The errors of each film from its own sticks' lengths in their planes; then the axis again, with those errors.
     errors = [stick_errors(film.tracks, _on_planes(film, rig)) for film in films]
     scaled_films = [film.scaled(error) for film, error in zip(films, errors, strict=True)]
     space = triangulated(scaled_films)
@@ -122,7 +122,7 @@ def orient_pair(
     else:
         moving = _on_circles(rig.circles, scaled_films, films, rig=rig, space=space)
         method = "two cameras: the angle on the markers' circles, axis and circles from the tracks"
-    # Both films weigh alike, and their errors are independent.
+    # The mean of both films, whose errors are independent.
     unread = 0.25 * sum(rolling.variance for rolling in rollings)
     found = against_base(
         films[0].tracks,
@@ -137,7 +137,7 @@ def orient_pair(
         **found.report["noise"],
         "error_over_white_noise_right": {"base": errors[1].base.scale, "moving": errors[1].moving.scale},
     }
-    # Both sticks' marker distances tell whether scale and geometry of the cameras are right.
+    # Both sticks' marker distances check scale and geometry of the cameras.
     scale = check_scale(in_frame, space.covariance_mm2, known_mm=known_mm)
     return found.with_report(
         axis=rig.report,
@@ -149,9 +149,9 @@ def orient_pair(
 
 
 def _at_timestamps(films: list[Film], rig: _Rig) -> tuple[list[Film], list[Rolling]]:
-    """Return films with the moving markers as they are at their frames' timestamps; and what each shows of its rows.
+    """Return the films with the moving markers moved to their frames' timestamps, and the read-out of each film.
 
-    Each film has its own read-out: its paths in the planes across the axis show it as those of one camera do.
+    Each film has its own read-out, which is estimated from its paths in the planes across the axis as for one camera.
     """
     read, rollings = [], []
     for film in films:
@@ -171,13 +171,13 @@ def _at_timestamps(films: list[Film], rig: _Rig) -> tuple[list[Film], list[Rolli
 
 
 def _noise_px(films: list[Film]) -> float:
-    """Return the usual standard deviation of a moving marker's position."""
+    """Return the standard deviation of a moving marker's position, px, from the median of the variances."""
     spread = np.stack([np.trace(film.tracks.covariance_px2[:, 2:], axis1=-2, axis2=-1) for film in films])
     return float(np.sqrt(0.5 * usual_of(spread)))
 
 
 def _first_rig(films: list[Film], space: SpacePoints) -> _Rig:
-    """Return the axis and the markers' heights, with all errors as the fits say."""
+    """Return the axis and the markers' heights, with the unscaled covariances of the dots' fits."""
     try:
         axis, circles = axis_from_pair(*(film.sight() for film in films), noise_px=_noise_px(films))
     except NoResultError:
@@ -189,7 +189,7 @@ def _first_rig(films: list[Film], space: SpacePoints) -> _Rig:
 
 
 def _rig_of(axis: Axis, circles: Circles) -> _Rig:
-    """Return what a fit of the circles says; the base's heights are open."""
+    """Return the rig from a fit of the circles; the base's heights are NaN."""
     report = {
         "from": "the circles of the moving markers",
         "arc_deg": float(np.rad2deg(axis.arc_rad)),
@@ -202,7 +202,7 @@ def _rig_of(axis: Axis, circles: Circles) -> _Rig:
 
 
 def _rig_of_still_sticks(position: Floats) -> _Rig:
-    """Return the direction across both sticks, for a film in which the moving one hardly turns."""
+    """Return a rig whose axis is perpendicular to both sticks, for a film in which the moving one hardly turns."""
     mean = np.nanmean(position, axis=0)
     base, moving = (stick / np.linalg.norm(stick) for stick in (mean[1] - mean[0], mean[3] - mean[2]))
     across = np.cross(base, moving)
@@ -242,10 +242,10 @@ def _with_base(rig: _Rig, in_frame: Floats, covariance: Floats) -> _Rig:
 
 
 def _leaning(base: tuple[float, float], moving: tuple[float, float]) -> tuple[float, float]:
-    """Return by how much the base leans against the plane across the axis, and the standard deviation.
+    """Return the slope of the base against the plane across the axis, and its standard deviation.
 
-    ``base`` and ``moving`` are what the film shows of both sticks, with variances. Sticks of one rig are made alike, so
-    both tell how much leaning there is; several sizes of it compete, each by how well it explains both.
+    ``base`` and ``moving`` are the measured slopes of both sticks, with variances. The sticks of one rig are made in
+    the same way, so both inform the size of such slopes; the priors ``_SLOPES`` compete by how well they explain both.
     """
     size = np.square(_SLOPES)
     score = np.log(_BELIEF)
@@ -260,18 +260,18 @@ def _leaning(base: tuple[float, float], moving: tuple[float, float]) -> tuple[fl
 
 
 def _stick(radii: Floats, between_rad: float) -> Floats:
-    """Return the stick (2,) from the first marker to the second, where the first one's angle is nought."""
+    """Return the vector (2,) from the first marker to the second, for a first marker at angle zero."""
     return np.array([radii[1] * np.cos(between_rad) - radii[0], radii[1] * np.sin(between_rad)])
 
 
 def _on_planes(film: Film, rig: _Rig) -> list[Points]:
-    """Return where a film's lines of sight meet the markers' planes."""
+    """Return the intersections of a film's lines of sight with the markers' planes."""
     pose = film.pose(rig.direction, rig.point)
     return in_planes(film.tracks, film.intrinsics, pose, height_mm=rig.height_mm)[0]
 
 
 def _positions(in_frame: Floats, plane: list[Points], rig: _Rig) -> Floats:
-    """Return markers in space (n, 4, 3), in the axis' frame: from both films; in its plane, where one shows it."""
+    """Return the markers (n, 4, 3) in the axis' frame: triangulated, or in their plane where one film shows them."""
     position = in_frame.copy()
     for marker in range(4):
         gone = ~np.isfinite(position[:, marker]).all(axis=1) & np.isfinite(plane[marker][0]).all(axis=1)
@@ -281,9 +281,9 @@ def _positions(in_frame: Floats, plane: list[Points], rig: _Rig) -> Floats:
 
 
 def _on_circles(circles: Circles, films: list[Film], bare: list[Film], *, rig: _Rig, space: SpacePoints) -> Moving:
-    """Return the moving stick's direction from its markers' places on their circles.
+    """Return the moving stick's direction from its markers' positions on their circles.
 
-    ``bare`` are the films with errors as the fits say, for the bound that the pictures' noise sets.
+    ``bare`` are the films with the unscaled covariances of the fits, for the bound that the pictures' noise sets.
     """
     whole = replace(circles, sights=[film.sight() for film in films])
     turns, usual = _without_misread(whole)
@@ -298,9 +298,10 @@ def _on_circles(circles: Circles, films: list[Film], bare: list[Film], *, rig: _
 
 
 def _without_misread(whole: Circles) -> tuple[Turns, float]:
-    """Return the stick in every frame without positions that were misread, and the usual χ² per degree of freedom.
+    """Return the stick's angle in every frame without misread positions, and the usual χ² per degree of freedom.
 
-    A frame that is far off the circles is tried without each of its positions in turn.
+    A frame whose χ² is an outlier is fitted again without each of its positions in turn; the best fit is kept, or NaN
+    where all are outliers.
     """
     turns = whole.turns()
     share = turns.chi_squared / np.maximum(turns.freedom, 1.0)
@@ -327,7 +328,7 @@ def _columns(turns: Turns) -> Floats:
 
 
 def _shared_variance(whole: Circles, near_rad: Floats, films: list[Film], *, rig: _Rig, space: SpacePoints) -> Floats:
-    """Return the variance of the angle by what is not known of axis, circles, and the base's height."""
+    """Return the variance (n,) of the angle by the uncertainty of axis, circles, and the base's slope."""
     near_rad = np.nan_to_num(near_rad)
     base = np.nanmedian(space.position_mm[:, :2], axis=0)
     places = [_usual_place(film) for film in films]
@@ -350,7 +351,7 @@ def _shared_variance(whole: Circles, near_rad: Floats, films: list[Film], *, rig
 
 
 def _usual_place(film: Film) -> Film:
-    """Return a film of one frame, with every marker at the middle of its places."""
+    """Return a film of one frame, with every marker at the median of its positions."""
     tracks = MarkerTracks(
         frame=np.zeros(1, np.int64),
         time_s=np.zeros(1),

@@ -1,4 +1,4 @@
-"""Both films of a stereo pair, frame by frame: which belong together, which markers are the same point in both."""
+"""Both films of a stereo pair: which frames belong together, and which markers are the same point in both."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from tracker.angle.plane import FLOOR_PX, StickErrors, usual_of
 from tracker.stick_direction import Points
 
 MISREAD: Final = BY_CHANCE**2
-"""χ², in the usual one, above which a marker was misread or is not the same point."""
+"""χ², over the usual one, above which a marker was misread or is not the same point in both films."""
 _APART: Final = 0.2
-"""Distance from the other film's line, over that of a stick's markers, at which two positions are not of one marker:
-exchanged markers are apart by about the stick's length, those of a badly calibrated pair by a few pixels."""
+"""Distance from the other film's epipolar line, over the stick's length, above which two positions are not of the same
+marker: exchanged markers are about the stick's length away from it, those of a badly calibrated pair a few pixels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Film:
-    """One film of the pair, as its camera would have seen it unmoved, in the left film's frames.
+    """One film of the pair, with its camera's motion removed, resampled to the left film's frames.
 
-    ``rotation`` and ``shift`` are its camera from the left one; ``shift_px2`` and ``turn_rad2`` (n,) the variances of
-    what was taken out for a camera that moved.
+    ``rotation`` and ``shift`` take points from the left camera's coordinates to those of this film's camera;
+    ``shift_px2`` and ``turn_rad2`` (n,) are the variances of the camera motion that was removed.
     """
 
     tracks: MarkerTracks
@@ -55,19 +55,19 @@ class Film:
 
     @property
     def covariance_px2(self) -> Floats:
-        """Each marker's covariance (n, 4, 2, 2), with what is not known of a shift: the base tells it, and has none."""
+        """Each marker's covariance (n, 4, 2, 2), with the shift's variance added but for the base, which defines it."""
         covariance = self.tracks.covariance_px2.copy()
         covariance[:, 2:] += self.shift_px2[:, None, None, None] * np.eye(2)
         return covariance
 
     def pose(self, direction: Floats, point: Floats) -> Pose:
-        """Return this camera from a world whose z axis is the rotation axis."""
+        """Return this camera's pose relative to a world whose z axis is the rotation axis."""
         u, v = axis_basis(direction)
         turn = self.rotation @ np.stack((u, v, direction), axis=1)
         return Pose(rotation_vector(turn), self.rotation @ point + self.shift, 0.0, 0.0)
 
     def sight(self) -> Sight:
-        """Return what is seen of the moving stick."""
+        """Return the lines of sight to the moving stick's markers."""
         return Sight.of(
             self.tracks.position_px[:, 2:],
             self.tracks.covariance_px2[:, 2:],
@@ -78,7 +78,7 @@ class Film:
         )
 
     def without(self, gone: Flags) -> Film:
-        """Return the film without some positions (n, 4)."""
+        """Return the film with the positions ``gone`` (n, 4) removed."""
         tracks = replace(
             self.tracks,
             position_px=np.where(gone[..., None], np.nan, self.tracks.position_px),
@@ -88,7 +88,7 @@ class Film:
         return replace(self, tracks=tracks)
 
     def scaled(self, errors: StickErrors) -> Film:
-        """Return the film with the errors that its sticks' lengths show, without impossible lengths."""
+        """Return the film with covariances scaled by its sticks' lengths, without sticks of impossible length."""
         scale = np.repeat(errors.scale, 2, axis=1)[..., None, None] ** 2
         covariance = self.tracks.covariance_px2 * scale + FLOOR_PX**2 * np.eye(2)
         gone = np.repeat(np.stack((errors.base.outlier, errors.moving.outlier), axis=1), 2, axis=1)
@@ -96,7 +96,7 @@ class Film:
 
 
 def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Film]:
-    """Return both films in the frames of the left one; what a camera moved by is taken out.
+    """Return both films in the frames of the left one, with each camera's motion removed.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Fi
         paths = replace(
             left,
             position_px=still.paths.position_px[rows],
-            # What a shift adds to a marker that is seen alone is counted for both markers together.
+            # Unscaled: the variance of the shift is added later, as an error that both markers share.
             covariance_px2=tracks.covariance_px2[rows],
             valid=tracks.valid[rows],
             size_px=tracks.size_px,
@@ -128,7 +128,7 @@ def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Fi
 
 
 def _matching(left: MarkerTracks, right: MarkerTracks) -> Ints:
-    """Return for each left frame the right frame of its time; −1 where there is none within half a frame."""
+    """Return the index (n,) of each left frame's simultaneous right frame; −1 where none is within half a frame."""
     nearest = np.clip(np.searchsorted(right.time_s, left.time_s), 1, max(1, len(right) - 1))
     nearest = np.minimum(nearest, len(right) - 1)
     before = np.maximum(nearest - 1, 0)
@@ -152,12 +152,12 @@ def triangulated(films: list[Film]) -> SpacePoints:
 
 
 def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
-    """Return films without markers that are not the same point in both, and the points in space.
+    """Return the films without markers that are not the same point in both, and the points in space.
 
     Raises
     ------
     NoResultError
-        When a marker is never seen in both films at once, or is another one in each.
+        When a marker is never seen in both films simultaneously, or is not the same point in both.
     """
     space = triangulated(films)
     for marker, name in enumerate(MARKERS):
@@ -168,7 +168,7 @@ def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
                 do="check that both films show the rig and start at the same time",
             )
     _require_same_markers(films)
-    # Compression makes errors larger than the fits say, alike in all frames: its usual size is the measure.
+    # Compression makes errors larger than the fits' covariances in all frames: hence χ² relative to its usual value.
     usual = _usual(space.chi_squared, in_motion(films[0].tracks.position_px[:, 2:]))
     off = space.chi_squared > MISREAD * max(1.0, usual)
     films = [film.without(off) for film in films]
@@ -176,7 +176,7 @@ def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
 
 
 def _require_same_markers(films: list[Film]) -> None:
-    """Refuse films whose markers go by different names, or a camera file of another pair."""
+    """Raise an error for films whose markers have different names, or a camera file of another pair."""
     left, right = films
     distance = epipolar_distance_px(
         left.tracks.position_px, right.tracks.position_px, left=left.intrinsics, right=right.camera
@@ -197,7 +197,7 @@ def _require_same_markers(films: list[Film]) -> None:
 
 
 def _usual(chi_squared: Floats, moves: Flags) -> float:
-    """Return the variance behind χ² (n, 4), that of motion where it is larger: at rest a codec freezes noise."""
+    """Return the usual size of χ² (n, 4), or that in motion where it is larger: at rest a codec freezes noise."""
     known = np.isfinite(chi_squared)
     if not known.any():
         return np.nan
@@ -207,7 +207,7 @@ def _usual(chi_squared: Floats, moves: Flags) -> float:
 
 
 def fused(planes: list[list[Points]]) -> list[Points]:
-    """Return positions from all cameras that have one, each with its weight."""
+    """Return each marker's mean position over the cameras that see it, weighted by inverse covariance."""
     fused = []
     for marker in range(4):
         total, weighted = np.zeros((len(planes[0][marker][0]), 2, 2)), np.zeros((len(planes[0][marker][0]), 2))

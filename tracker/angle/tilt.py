@@ -1,27 +1,27 @@
 """Tilt without a camera file: the moving markers go around circles, and the picture shows ellipses.
 
-A plane seen from aside is shown by a homography. The image of two circles about one centre fixes it up to a turn and
-a scale, which do not change angles; planes parallel to it share it, so the base stick's directions follow too. What
-is fitted: a stretch (e1, e2), ψ²/4 for a tilt ψ, the perspective (l1, l2), and the lens's radial bending k, with the
-circles' centre, radii, and the angle between both markers.
+The mapping of a plane seen obliquely to the picture is a homography. The image of two circles about one centre
+determines it up to a rotation and a scale, which do not change angles; parallel planes share it, so it holds for the
+base stick's directions, too. The fit estimates a stretch (e1, e2), ψ²/4 for a tilt ψ, the perspective (l1, l2), and the
+lens's radial distortion k, with the circles' centre, radii, and the angle between both markers.
 
-How much a camera is tilted nobody knows beforehand, so a prior of a small tilt and one of a large tilt compete, and
-count by how well they explain the paths (the evidence in Laplace's form). The paths' errors hang together over many
-frames (see :mod:`torsight.core.optics.hanging`): over a short arc they look like an ellipse, and what is not known is
-in the covariance.
+The camera's tilt is not known beforehand, so a prior of a small tilt and one of a large tilt compete, weighted by their
+evidence (Laplace's approximation). The paths' errors are correlated over many frames (see
+:mod:`torsight.core.optics.hanging`): over a short arc they look like an ellipse, and the covariance includes that.
 
-Nothing is taken out but what the motion tells: a tilt that is no larger than what is not known of it stays in, and in
-the covariance. A stick that hardly turns tells nothing: its markers' noise alone has a shape.
+Only a tilt that the motion determines is corrected: one that is no larger than its uncertainty is left uncorrected,
+and added to the covariance. A stick that hardly turns determines no tilt: its markers' noise alone has a shape.
 
-A rolling shutter (:mod:`tracker.angle.row_time`) is fitted along: pictures that are read along x, along y, or at once
-are three models, weighed by their evidence as well, against whatever else goes with speed and place and would be a
-read-out longer than a frame. So is what a codec makes of motion, or a camera that averages noise over frames: both
-keep to the last picture as long as a pixel changes little, so that a marker lags behind, the more the faster it is
-until its pixels change much, and the angle between both markers is another one each way round, wherever they are in
-the picture. How a lag goes with the speed is open, and whether it is a codec's alone is judged by the evidence, too.
-Smear changes it with the speed, alike both ways round: what a marker is taken for, a bent tag most of all, lies a
-little beside the middle of what is smeared. Such errors lie along the circles, where the stick's length does not show
-them: what is seen across the arms, lag and all, and not along them, is in the angle's uncertainty.
+A rolling shutter (:mod:`tracker.angle.row_time`) is fitted in addition: read-out along x, read-out along y, and a
+global shutter are three models, weighted by their evidence as well, against any other effect that depends on speed and
+position and would look like a read-out longer than a frame. The lag by a codec, or by a camera that averages noise over
+frames, is also fitted: both repeat the last picture as long as a pixel changes little, so that a marker lags behind,
+the more the faster it moves until its pixels change much, and the angle between both markers differs between the two
+senses of rotation, wherever the markers are in the picture. The dependence of the lag on the speed is free, and the
+evidence decides whether the lag is that of a codec alone. Motion blur changes the angle between the markers with the
+speed, equally for both senses: the position found for a blurred marker, a bent tag most of all, lies a little beside
+the middle of its path. Such errors lie along the circles, where the stick's length does not show them: residuals across
+the arms, including the lag, beyond those along the arms count in the angle's uncertainty.
 """
 
 from __future__ import annotations
@@ -45,46 +45,47 @@ from tracker.stick_direction import Points, stick_direction
 
 _STRETCHES: Final = (0.003, 0.03)
 _BELIEF: Final = (0.3, 0.7)
-"""Priors of the stretch (tilts of 6 and 20 degrees), and what is thought of each beforehand. Less is staked on a camera
-that is nearly straight: a short arc hardly shows 10 degrees, and must not be sure of none. More priors, from 1.6 to 32
-degrees, make the same errors, and sigmas a tenth smaller (benchmarks/tracking/tilt.py)."""
+"""Prior standard deviations of the stretch (tilts of 6 and 20 degrees), and the prior probability of each. The small
+tilt has the lower probability: a short arc hardly shows 10 degrees, and must not make a tilt of zero look certain. More
+priors, from 1.6 to 32 degrees, make the same errors, and sigmas a tenth smaller (benchmarks/tracking/tilt.py)."""
 _PERSPECTIVE: Final = 0.8
-"""Change of scale across half the picture, over the root of the stretch: both come from one tilt."""
+"""Prior: change of scale across half the picture, over the square root of the stretch: both come from one tilt."""
 _BENDING: Final = 0.04
 """Prior: displacement by the lens at half the picture's width, as a share of it."""
 _LAG: Final = 10.0
-"""Prior: lag behind the motion over the usual size of a marker's errors. A camera that averages noise over frames keeps
-dots back by 0.2 px (drawn films in little light, benchmarks/tracking/hardships.py), a codec alone by a tenth of that: a
-rival prior."""
+"""Prior: lag behind the motion over the usual size of a marker's errors. A camera that averages noise over frames makes
+dots lag by 0.2 px (drawn films in little light, benchmarks/tracking/hardships.py), a codec alone by a tenth of that,
+which is a competing prior."""
 _PACES: Final = 3.0 ** np.arange(-3.0, 2.0)
-"""Speeds over the usual one between which a lag changes evenly with the speed's logarithm; below and above it stays."""
+"""Nodes of the lag over the speed, in rms speeds: linear in the speed's logarithm between them, constant outside."""
 _CIRCLES: Final = np.s_[7:12]
-"""Places among the values of the circles' centre, the near arm, the far one's radius, and how far the near one lies
-aside. Before them are tilt, lens and read-outs, behind them what is carried on."""
+"""Indices, among the values, of the circles' centre, the near marker's arm, the far one's radius, and the near one's
+offset across its arm. Before them are tilt, lens and read-outs, behind them the coefficients of lag and motion blur."""
 _FEWEST: Final = 12
 KNOWN: Final = np.deg2rad(0.2)
-"""A tilt of which no more is left than can make this error of an angle is taken out, be it none. A plane that is known
-may be off by as much: were it taken as exact, what it is off would look like a read-out."""
+"""Standard deviation of the angle, by the tilt's uncertainty, up to which the estimated tilt is corrected in full, even
+if it is zero. A known plane may be wrong by as much: were it taken as exact, its error would look like a read-out."""
 _SHOWN: Final = (4.0, 9.0)
-"""χ² of the stretch against none from which some of it is taken out, and all: two and three standard deviations."""
+"""χ² of the stretch against zero above which part of it, and all of it, is corrected: two and three standard
+deviations."""
 _BELIEVED: Final = math.erf(math.sqrt(0.5 * _SHOWN[0]))
-"""Belief in a read-out from which some of it is taken out: two standard deviations, as for the stretch."""
+"""Probability of a read-out above which part of it is corrected: two standard deviations, as for the stretch."""
 _TURNED_RAD: Final = np.deg2rad(3.0)
-"""Arc that bulges by a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
+"""Arc whose sagitta equals a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
 _ENOUGH: Final = 1e-3
-"""Gain in χ² that is not worth another step: a thirtieth of a standard deviation."""
+"""Gain in χ² below which the fit stops: a thirtieth of a standard deviation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tilt:
-    """How the plane of motion lies in the picture, and how long the picture takes to be read.
+    """Orientation of the plane of motion relative to the picture, and the read-out time of the picture.
 
-    ``values`` (7,) are e1, e2, l1, l2, k in units of half the picture's width from its middle, and the share of the
-    time between two frames in which a picture is read along x, and along y, negative for backwards, one of them nought;
-    ``covariance`` is with the priors. ``arc_rad`` is how much of a turn the paths cover, ``share`` how much of the tilt
-    that explains the paths best is in ``values`` (1 where they tell it, 0 where they do not), ``rolling`` how far the
-    paths show that the picture is not read at once (0 to 1); ``across`` are the errors across the stick over those
-    that its length shows, where they are larger.
+    ``values`` (7,) are e1, e2, l1, l2, k in units of half the picture's width from its middle, and the read-out time
+    along x, and along y, over the time between two frames, negative for backwards, one of them zero; ``covariance``
+    includes the priors. ``arc_rad`` is the part of a turn that the paths cover, ``share`` the part of the best-fitting
+    tilt that is in ``values`` (1 where the paths determine the tilt, 0 where they do not), ``rolling`` how clearly the
+    paths show a rolling shutter (0 to 1); ``across`` is the ratio of the errors across the stick to those along it,
+    which its length shows, at least 1.
     """
 
     values: Floats
@@ -96,16 +97,16 @@ class Tilt:
 
     @property
     def known(self) -> bool:
-        """Whether the paths tell the tilt; else the picture's plane stands."""
+        """Whether the paths determine the tilt; otherwise the picture's plane is used uncorrected."""
         return self.share > 0.0
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the stretch; of the angle, in rad, twice per turn."""
+        """Standard deviation of the stretch: also that of the angle's error, rad, which has two periods per turn."""
         return float(np.sqrt(0.5 * np.trace(self.covariance[:2, :2])))
 
     def report(self) -> dict[str, Any]:
-        """Return what ``track.json`` says of it."""
+        """Return the entry of ``track.json`` on the tilt."""
         stretch = float(np.hypot(*self.values[:2]))
         return {
             "known": self.known,
@@ -122,14 +123,14 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
 
     ``inner`` and ``outer`` are positions (n, 2) from the picture's middle in units of half its width (``half_px``
     pixels), y up, NaN where not known, with covariances; in square pixels, or in the plane of motion where that is
-    ``known``: then the read-out alone is told.
+    ``known``: then the tilt returned is zero, and only the read-out estimated.
     """
     stick = outer[0] - inner[0]
     seen = np.asarray(np.isfinite(stick).all(axis=1), dtype=np.bool_)
     direction = np.arctan2(stick[:, 1], stick[:, 0])
     lead, rate = readout.lead_rad(direction), turning(readout.time_s, direction)[0]
     speed = np.abs(lead).max(axis=1, initial=0.0)
-    # The fast frames tell the read-out, the others what is alike at any speed.
+    # The fast frames determine the read-out, the others the parameters that do not depend on speed.
     fast = speed > rms(speed[seen]) if seen.any() else np.zeros(len(speed), np.bool_)
     rows = spread_rows(direction, seen, apart=fast)
     priors = [_prior(stretch) for stretch in _STRETCHES]
@@ -143,7 +144,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     (centre, *arms), _ = circles(points, direction[rows])
     order = np.argsort(np.abs(arms))
     between = float(np.angle(arms[order[1]]) - np.angle(arms[order[0]]))
-    # Frames of one direction, one way round, tell the same.
+    # Frames with the same direction and sense of rotation carry the same information.
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
     usual = USUAL_PX / half_px
     way = way_round(direction, float(np.sqrt(np.nanmedian(stick_direction(inner, outer)[1]))))[rows]
@@ -162,7 +163,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         found += [wide.marginal(), wide.with_less_lag().marginal()]
         start = values
     tilt = _best_readout(found, turned)
-    # Of the read-out what is told: one that the paths leave open is no error of a marker.
+    # The other values given the read-out that is returned: an uncertain read-out is no error of a marker.
     out = np.array(_READ)
     off = tilt.values[out] - values[out]
     told = values + covariance[:, out] @ np.linalg.solve(covariance[np.ix_(out, out)], off)
@@ -170,7 +171,7 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
 
 
 def _told_of(tilt: Tilt, *, known: bool) -> Tilt:
-    """Return what is told: of a plane that is known the read-out alone, whatever the plane is off."""
+    """Return the tilt to be corrected: for a known plane the read-out alone, marginalised over the plane's error."""
     if not known:
         return tilt
     told = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
@@ -182,11 +183,11 @@ class _Paths:
     """Both markers' positions (n, 2, 2) and covariances (n, 2, 2, 2), the stick's direction (n,), the far one's lead.
 
     The marker that is nearer to the axis comes first; ``between_rad`` is about the angle from its arm to the far one's.
-    For the lead (n, 2), see :meth:`tracker.angle.row_time.Readout.lead_rad`. ``way`` (n,) is the way round. A codec and
-    smear usually carry a marker on by ``carried`` (n, k), in the unit of the positions: by a lag at some speeds, either
-    way round, and by the speed's square. Frames
-    with one number ``alike`` (n,) are averaged: what is left of them scatters, more along the motion than across it,
-    and over a short arc a map that exchanges both would gain by that alone.
+    For the lead (n, 2) of the far marker see :meth:`tracker.angle.row_time.Readout.lead_rad`. ``way`` (n,) is the sense
+    of rotation. ``carried`` (n, k) are the regressors of the offset along the circle by codec and motion blur, of the
+    usual size in the unit of the positions: a lag at each of ``_PACES``, with the sign of the sense, and the speed's
+    square. Residuals of frames with the same number ``alike`` (n,) are averaged: single frames scatter more along the
+    motion than across it, and over a short arc a map that exchanges both would gain by that alone.
     """
 
     points: Floats
@@ -203,7 +204,7 @@ class _Paths:
         return replace(self, **{item.name: getattr(self, item.name)[kept] for item in fields(self)[:-1]})
 
     def averaged(self, left: Floats) -> Floats:
-        """Return the sums (m, q) of values (n, q) of frames that are alike over the roots of their numbers."""
+        """Return the sums (m, q) of residuals (n, q) over each group of frames, over the root of the group's size."""
         group, root = self._groups
         columns = left.shape[1]
         places = group[:, None] * columns + np.arange(columns)
@@ -211,21 +212,22 @@ class _Paths:
 
     @cached_property
     def _groups(self) -> tuple[Ints, Floats]:
-        """Which group every frame is of (n,), and the roots of the groups' numbers of frames (m, 1)."""
+        """Index of every frame's group (n,), and the square roots of the groups' sizes (m, 1)."""
         _, group, count = np.unique(self.alike, return_inverse=True, return_counts=True)
         return group, np.sqrt(count)[:, None]
 
     def misfit(self, values: Floats) -> Floats:
-        """Return by how much the markers are off (n, 3), in units of white noise; see :meth:`off`."""
+        """Return the markers' residuals (n, 3) in units of white noise; see :meth:`off`."""
         away, variance = self.off(values)
         return np.asarray(away / np.sqrt(variance))
 
     def off(self, values: Floats) -> tuple[Floats, Floats]:
-        """Return by how much the markers are off (n, 3), and the variances of that by white noise.
+        """Return the markers' residuals (n, 3), and their variances (n, 3) by white noise.
 
-        The near one along its arm, the far one's radius, and the near one aside, as the far one's direction has it: the
-        angle between both would be no number where the near one lies on the axis. The noise is that of the picture,
-        carried along: a map that shrinks must not gain by making all errors smaller.
+        The residuals are those of the near marker along its arm, of the far one's radius, and of the near marker across
+        its arm, relative to the far one's direction: the angle between both arms would be undefined where the near
+        marker lies on the axis. The noise is that of the picture, propagated through the map: a map that shrinks must
+        not gain by making all residuals smaller.
         """
         (x, y), (xx, xy, yx, yy) = _mapped(*self._places, values)
         away = (x - values[7]) + 1j * (y - values[8])
@@ -233,7 +235,7 @@ class _Paths:
         out = (away[:, 1] / far)[:, None] * np.exp([-1j * self.between_rad, 0.0])
         along = self._variance(out.real * xx + out.imag * yx, out.real * xy + out.imag * yy)
         aside = self._variance(out.real * yx - out.imag * xx, out.real * yy - out.imag * xy)
-        # The stick turns faster in the plane than in the picture, or slower, by as much as the map does there.
+        # Rate of turn in the plane over that in the picture: the map's determinant over its squared change of length.
         determinant = 0.25 * (xx.sum(axis=1) * yy.sum(axis=1) - xy.sum(axis=1) * yx.sum(axis=1))
         ahead = determinant * self._square / _square(x, y) * (self.lead_rad @ values[5:7])
         near = away[:, 0] * np.conj(out[:, 0]) * np.exp(1j * ahead)
@@ -245,15 +247,16 @@ class _Paths:
         )
 
     def across(self, values: Floats) -> float:
-        """Return the errors across the stick over those that its length shows, where they are larger.
+        """Return the ratio of the errors across the stick to those along it, which its length shows, at least 1.
 
-        What moves both markers alike, an axis with play or a camera that trembles, turns no stick. It is as large along
-        the arms as across them, and taken off; there the far marker counts as much as it does across. What is left
-        counts as far as chance does not make it (the positive part of James and Stein's estimate).
+        A common displacement of both markers, by play of the axis or a trembling camera, does not turn the stick. It is
+        as large along the arms as across them, so the mean square along the arms, with the same weight of the far
+        marker, is subtracted. The excess counts as far as it is larger than chance (the positive part of James and
+        Stein's estimate).
         """
         away, variance = self.off(values)
         share = values[9] / values[10]
-        # What lags or is smeared is an error, however well the paths tell it, but for what is alike in all frames.
+        # Lag and motion blur are errors of the angle, though fitted here, except for their mean over all frames.
         carried = self.carried @ values[_CIRCLES.stop :] * np.hypot(1.0, share)
         away[:, 2] -= carried - carried.mean()
         alike = (away[:, 0] - share * away[:, 1]) / np.sqrt(variance[:, 0] + share**2 * variance[:, 1])
@@ -264,7 +267,7 @@ class _Paths:
         return math.sqrt(1.0 + max(more - chance / more, 0.0)) if more > 0.0 else 1.0
 
     def _variance(self, by_x: Floats, by_y: Floats) -> Floats:
-        """Return the variances (n, 2) of a sum of a marker's coordinates, each times something."""
+        """Return the variances (n, 2) of linear combinations of each marker's coordinates, with these coefficients."""
         xx, both, yy = self._spreads
         return np.asarray(by_x**2 * xx + by_x * by_y * both + by_y**2 * yy)
 
@@ -282,8 +285,8 @@ class _Paths:
         return _square(*self._places)
 
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
-        """Return what makes the misfits independent."""
-        # Frames whose place is hardly known, since the base was hidden, tell little, and count as little here.
+        """Return a function that whitens averaged residuals (m, q); ``usual`` is the usual correlated error."""
+        # The harmonic mean of the variances: frames of uncertain position, where the base was hidden, count little.
         white = float(np.sqrt(0.5 / np.mean(1.0 / np.trace(self.covariance, axis1=2, axis2=3))))
         whiten = whitening(self.direction_rad, self.misfit, values, usual=usual / white, way=self.way)
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
@@ -297,7 +300,7 @@ def _square(x: Floats, y: Floats) -> Floats:
 
 
 def _without_far(paths: _Paths, start: Floats, prior: Floats) -> tuple[Floats, _Paths]:
-    """Return a first fit and the paths without frames that are far off it."""
+    """Return a first fit, and the paths without frames whose residuals are outliers."""
     values = start
     for _ in range(3):
         values, _, _ = _fit(paths, values, prior, lambda left: left)
@@ -320,7 +323,7 @@ def _fit(
 
 
 def _by_pace(pace: Floats) -> Floats:
-    """Return the weights (n, k) by which a function of the speed (n,) is interpolated between its values at some."""
+    """Return the weights (n, k) that interpolate a function at speeds (n,) from its values at ``_PACES``."""
     at = np.log(np.clip(pace, _PACES[0], _PACES[-1]))
     return np.stack([np.interp(at, np.log(_PACES), one) for one in np.eye(len(_PACES))], axis=1)
 
@@ -332,36 +335,36 @@ def _prior(stretch: float) -> Floats:
 
 
 def _evidence(covariance: Floats, chi_squared: float, prior: Floats) -> float:
-    """Return the logarithm of how well a prior explains the paths, less what all have in common."""
+    """Return the log evidence of a prior (Laplace's approximation), without the constants that all priors share."""
     scale = np.sqrt(np.diag(covariance))
     volume = float(np.linalg.slogdet(covariance / np.outer(scale, scale))[1]) + 2.0 * float(np.sum(np.log(scale)))
     return 0.5 * volume - 0.5 * chi_squared - float(np.sum(np.log(prior)))
 
 
 _STANDS, _READ = [0, 1, 2, 3, 4], (5, 6)
-"""Places among the values of tilt and lens, and of both read-outs."""
+"""Indices among the values of tilt and lens, and of both read-outs."""
 _INVERSE: Final = np.arange(-0.9995, 1.0, 0.001)
-"""Parts of the longest read-out by which what is longer than one is weighed: finer than a read-out is ever told."""
+"""Grid, over the inverse of a read-out longer than a frame, for its evidence: finer than any read-out's uncertainty."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """What one model says: its evidence (a logarithm), its values (p,), and their covariance."""
+    """Fit of one model: its log evidence, its values (p,), and their covariance."""
 
     evidence: float
     values: Floats
     covariance: Floats
 
     def marginal(self) -> _Found:
-        """Return the model of tilt, lens and read-outs, whatever the other values are."""
+        """Return the model of tilt, lens and read-outs, marginalised over the other values."""
         kept = np.s_[: _CIRCLES.start]
         return replace(self, values=self.values[kept], covariance=self.covariance[kept, kept])
 
     def with_less_lag(self) -> _Found:
-        """Return the model with the prior of a lag that a codec alone makes."""
+        """Return the model with the narrower prior of the lag, that of a codec alone."""
         lag = np.s_[_CIRCLES.stop : _CIRCLES.stop + len(_PACES)]
         value, sharper = self.values[lag], 1.0 - _LAG**-2
-        # The narrow prior over the wide one is a Gaussian around no lag.
+        # The narrow prior divided by the wide one is a Gaussian around a lag of zero.
         spread = self.covariance[lag, lag] + np.eye(len(value)) / sharper
         back = np.linalg.solve(spread, np.column_stack([value, self.covariance[lag]]))
         carried = self.covariance[:, lag] @ back
@@ -370,7 +373,7 @@ class _Found:
         return _Found(evidence, self.values - carried[:, 0], self.covariance - carried[:, 1:])
 
     def without(self, places: Sequence[int]) -> _Found:
-        """Return what the model says where these read-outs are nought, in the others' order (Savage and Dickey)."""
+        """Return the model in which the values at ``places``, read-outs, are zero (Savage-Dickey density ratio)."""
         out = list(places)
         kept = [place for place in range(len(self.values)) if place not in out]
         between = self.covariance[np.ix_(kept, out)]
@@ -383,20 +386,20 @@ class _Found:
         return _Found(evidence + len(out) * float(np.log(SHARE_PRIOR)), values, covariance)
 
     def possible(self) -> tuple[_Found, float]:
-        """Return the model, the last value its read-out, and the evidence of anything else that looks like one.
+        """Return the model whose last value is a possible read-out, and the log evidence of other effects like it.
 
-        A read-out is no longer than a frame lasts, and any shorter one as likely. What is longer is none, though
-        something goes with speed and place: that is as seldom beforehand as what is not believed, and the larger the
-        less likely.
+        A read-out is no longer than a frame, and uniformly distributed up to that. A longer one is another effect that
+        depends on speed and position: its prior probability is 1 − ``_BELIEVED``, and its prior density falls with the
+        square of its size.
         """
         share, variance = float(self.values[-1]), float(self.covariance[-1, -1])
-        # What the paths alone say, without the prior that the fit had.
+        # Likelihood of the paths alone: the posterior without the fit's prior.
         alone = 1.0 / max(1.0 / variance - SHARE_PRIOR**-2, 1e-9)
         middle, sigma = share * alone / variance, math.sqrt(alone)
         said = NormalDist(0.0, math.hypot(sigma, SHARE_PRIOR)).pdf(middle)
         paths = NormalDist(middle, sigma)
         shorter = 0.5 * (paths.cdf(1.0) - paths.cdf(-1.0))
-        # Over the inverse of the length, in which half of the prior is on either side.
+        # Integrated over the inverse of the length, in which the prior is uniform.
         longer = 0.5 * float(np.mean(np.exp(-0.5 * ((1.0 / _INVERSE - middle) / sigma) ** 2))) * paths.pdf(middle)
         tiny = np.finfo(float).tiny
         within, beyond = (
@@ -418,14 +421,15 @@ def _best_readout(found: list[_Found], arc_rad: float) -> Tilt:
 
 
 def _total(found: Sequence[_Found]) -> float:
-    """Return the logarithm of the evidence of all together."""
+    """Return the log of the models' summed evidence."""
     return float(np.logaddexp.reduce([item.evidence for item in found]))
 
 
 def _blended(none: list[_Found], arc_rad: float, rolling: Sequence[list[_Found]], belief: Floats) -> Tilt:
-    """Return what all priors say together, each by its evidence, as far as the motion tells it.
+    """Return the tilt averaged over all priors, weighted by evidence, as far as the motion determines it.
 
-    What is believed of a read-out along x or y beyond what is taken out is in the covariance.
+    ``belief`` (2,) are the probabilities of a read-out along x and y; the part of each that is not corrected counts in
+    the covariance.
     """
     shown = np.maximum(0.0, (belief - _BELIEVED) / (1.0 - _BELIEVED))
     values, covariance, unseen = np.zeros(7), np.zeros((7, 7)), np.zeros(7)
@@ -446,7 +450,7 @@ def _blended(none: list[_Found], arc_rad: float, rolling: Sequence[list[_Found]]
 
 
 def _told(stretch: Floats, covariance: Floats) -> float:
-    """Return how much of a stretch (2,) is to be taken out: without a jump from all of it to none."""
+    """Return the share of a stretch (2,) to be corrected, a continuous function from 0 to 1."""
     sigma = float(np.sqrt(0.5 * np.trace(covariance)))
     chi_squared = float(stretch @ np.linalg.solve(covariance, stretch))
     shown = (chi_squared - _SHOWN[0]) / (_SHOWN[1] - _SHOWN[0])
@@ -454,16 +458,13 @@ def _told(stretch: Floats, covariance: Floats) -> float:
 
 
 def rectify(points: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return points (..., 2) as they would be seen straight from above, up to a turn and a scale.
-
-    Also the derivatives (..., 2, 2).
-    """
+    """Return points (..., 2) as seen along the axis, up to a rotation and a scale, and the derivatives (..., 2, 2)."""
     flat, slopes = _mapped(points[..., 0], points[..., 1], values)
     return np.stack(flat, axis=-1), np.stack(slopes, axis=-1).reshape(*points.shape, 2)
 
 
 def _mapped(x: Floats, y: Floats, values: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, ...]]:
-    """Return the same in coordinates: new x and y, and their derivatives: of x by x and by y, of y by x and by y."""
+    """Return the mapped x and y, and the derivatives of the new x by x and y, and of the new y by x and y."""
     e1, e2, l1, l2, k = values[:5].tolist()
     bend = 1.0 + k * (x * x + y * y)
     u, v = x * bend, y * bend
@@ -477,7 +478,7 @@ def _mapped(x: Floats, y: Floats, values: Floats) -> tuple[tuple[Floats, Floats]
 
 
 def _turned(direction_rad: Floats) -> float:
-    """Return the arc that holds all directions."""
+    """Return the smallest arc, rad, that contains all directions."""
     if len(direction_rad) == 0:
         return 0.0
     turn = np.sort(direction_rad % (2.0 * np.pi))

@@ -1,10 +1,10 @@
-"""From angles within one turn to the whole angle, across gaps by the motion on both sides.
+"""From angles within one turn to the unwrapped angle; gaps are bridged from the motion on both sides.
 
-Between two instants with known speeds v0 and v1, T apart, a motion covers (v0 + v1)/2 · T, more or less. How far it is
-from that the film itself shows, wherever it is known for as long: one that jumps is often off, by no more than it
-jumps, and one that is smooth never is. Where only one whole number of turns lies within twice the most that is shown,
-the turn is certain. Over a gap that is longer than what is known the most grows as by an acceleration, with the square
-of the time.
+Between two instants with known speeds v0 and v1, T apart, a motion covers about (v0 + v1)/2 · T. The largest deviation
+from this prediction is taken from the film itself, over all stretches of length T in which the angle is known: it is
+large for a motion that jumps, and small for a smooth one. Where exactly one whole number of turns lies within twice the
+largest deviation, the turn is certain. For a gap that is longer than any known stretch, the largest deviation is
+extrapolated with the square of the time, as for a constant acceleration.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ import numpy as np
 from torsight.core.units import Flags, Floats, Ints
 
 _SIDE_S: Final = 0.3
-"""Time on each side of a gap from which the speed is taken: shorter, and noise would be taken for motion."""
+"""Time on each side of a gap over which the speed is estimated: over a shorter one noise would be taken for motion."""
 _SAFETY: Final = 2.0
-"""How many times as far as ever seen a motion may go beyond what its speeds say: a choice."""
+"""Allowed deviation from the predicted motion, over the largest one that the film shows: a choice."""
 _SLACK_RAD: Final = 0.3
-"""And this, for a rest before a motion is first seen: a twentieth of the turn that is asked for."""
+"""Added to the allowed deviation, for a gap that follows a rest before any motion was seen: a twentieth of a turn."""
 
 
 def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
-    """Return the unwrapped angle (NaN stays NaN) and where its whole turn is certain.
+    """Return the unwrapped angle (n,), NaN where ``angle_rad`` is NaN, and where its number of turns is certain (n,).
 
     The first known angle is taken within (−π, π]. Once a turn is uncertain, so are all later angles.
     """
@@ -72,24 +72,24 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
 def _turns(
     *, gap_s: float, step_rad: float, behind: float | None, ahead: float | None, most_rad: float
 ) -> tuple[float, bool]:
-    """Return how many turns to add after a gap, and whether no other number is possible."""
+    """Return the number of turns to add after a gap, and whether no other number is possible."""
     speeds = [speed for speed in (behind, ahead) if speed is not None]
     expected = gap_s * sum(speeds) / len(speeds) if speeds else 0.0
     turns = float(np.round((expected - step_rad) / (2.0 * np.pi)))
     if not speeds:
         return turns, False
-    # An acceleration takes a motion twice as far from one speed alone as from the mean of both.
+    # Under an acceleration the prediction from one speed is off by twice as much as that from the mean of both.
     spread = _SAFETY * most_rad * (2.0 if len(speeds) == 1 else 1.0) + _SLACK_RAD
     miss = abs(step_rad + 2.0 * np.pi * turns - expected)
     return turns, miss <= spread < 2.0 * np.pi - miss
 
 
 def _most_off(time_s: Floats, runs: list[Ints], angles: list[Floats], frames: int, *, side: int) -> float:
-    """Return how far the motion goes at most in some frames beyond what the speeds before and after say.
+    """Return the largest deviation, rad, of the motion over ``frames`` frames from that predicted by the speeds.
 
-    The speeds are those over ``side`` frames; infinite where too little is known.
+    The speeds are those over ``side`` frames before and after; infinite where too little is known.
     """
-    # Of what is known half is enough to tell the speeds at its ends.
+    # Half of the longest known run: the speeds at both ends come from the rest of it.
     told = min(frames, max(map(len, runs)) // 2)
     if told < 1:
         return math.inf
@@ -99,8 +99,8 @@ def _most_off(time_s: Floats, runs: list[Ints], angles: list[Floats], frames: in
 
 
 def _off(time_s: Floats, angle_rad: Floats, frames: int, side: int) -> Floats:
-    """Return how far a motion (n,) goes in some frames beyond what the speeds before and after say."""
-    # Two frames with one timestamp tell no speed.
+    """Return the deviations of a motion (n,) over ``frames`` frames from that predicted by the speeds at both ends."""
+    # Two frames with the same timestamp give no speed.
     told = np.diff(time_s, prepend=-np.inf) > 0.0
     time_s, angle_rad = time_s[told], angle_rad[told]
     index = np.arange(1, len(time_s) - frames - 1)
@@ -115,14 +115,14 @@ def _off(time_s: Floats, angle_rad: Floats, frames: int, side: int) -> Floats:
 
 
 def _speed_behind(time_s: Floats, whole: Floats, last: int) -> float | None:
-    """Return the speed before a gap, from what is known up to frame ``last``."""
+    """Return the speed before a gap, from the known angles up to frame ``last``."""
     first = int(np.searchsorted(time_s, time_s[last] - _SIDE_S))
     index = first + np.flatnonzero(np.isfinite(whole[first : last + 1]))
     return _slope(time_s[index], whole[index])
 
 
 def _speed_ahead(time_s: Floats, runs: list[Ints], angles: list[Floats], number: int) -> float | None:
-    """Return the speed after a gap; runs that follow each other closely count together."""
+    """Return the speed after a gap; runs that follow each other closely are joined."""
     times: list[float] = []
     values: list[float] = []
     step_s = float(np.median(np.diff(time_s)))

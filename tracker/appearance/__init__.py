@@ -1,6 +1,6 @@
-"""What a dot looks like and where it is in a picture.
+"""The appearance of a dot, and its position in a picture.
 
-In: a picture (uint8), a shape (px) or a rough place (px). Out: the picture of a dot and its derivatives (``disc``), its
-shape by least squares (``dot_fit``), its place by Lucas–Kanade with a covariance in px² (``lucas_kanade``), and the
-share of a frame for which the shutter is open (``motion_blur``).
+In: a picture (uint8), a shape (px) or an approximate position (px). Out: the rendered picture of a dot and its
+derivatives (``disc``), its shape by least squares (``dot_fit``), its position by Lucas–Kanade with a covariance in px²
+(``lucas_kanade``), and the exposure as a share of the frame interval (``motion_blur``).
 """

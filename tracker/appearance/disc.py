@@ -1,8 +1,9 @@
-"""The picture of a round dot, D, and of its derivatives, pixel by pixel (compiled).
+"""The picture of a round dot, D, and its derivatives, pixel by pixel (compiled).
 
-A pixel sums up the light over its square, which is not the same as a wider blur: taken at its middle alone, a sharp rim
-would shift the dot by up to 0.015 px, depending on how it lies on the pixels. Near the rim the mean over the square is
-taken at Gauss–Legendre points. ``pixels`` (3, n) int64 are a window's offsets x and y from its middle, and the sector.
+A pixel integrates the light over its square, which differs from a wider blur: evaluated at the pixel's middle alone, a
+sharp rim would shift the dot by up to 0.015 px, depending on its position between the pixels. Near the rim the mean
+over the square is computed by Gauss–Legendre quadrature. ``pixels`` (3, n) int64 are a window's offsets x and y from
+its middle, and the sector.
 """
 
 from __future__ import annotations
@@ -32,29 +33,29 @@ SHAPE: Final = np.dtype(
 )
 """Shape of a dot, px: radius of the circle of the same area; standard deviation of the blur of its edge; relative
 lengthening along x (and shortening along y), and along the diagonal; brightness inside over that outside, less 1; half
-the width of the stick that carries it; how far from its centre that stick's edges are, on one side and on the other,
-infinite where one is not seen; a direction in the picture towards the first of them, as the stick lies now; radius of
-the window in which it is compared."""
+the width of the stick that carries the dot; distances from the dot's centre to that stick's edges, on one side and on
+the other, infinite for an edge that is not seen; direction (2,) in the picture towards the first edge, in the stick's
+present position; radius of the window that is compared."""
 
 MOST_STRETCH: Final = 0.45
-"""Stretch up to which it is a dot's: that of a plane seen from 67 degrees aside."""
+"""Largest stretch of a dot: that of a plane seen at 67 degrees from its normal."""
 SECTORS: Final = 8
-"""Parts of a window over which residuals are averaged: a wire over a dot fills most of one or two."""
+"""Sectors of a window over which residuals are averaged: a wire over a dot fills most of one or two."""
 COLUMNS: Final = 7
-"""Unknowns of a dot that is not smeared: light, step, place (2), radius, stretch (2)."""
+"""Unknowns of a dot without motion blur: light, step, position (2), radius, stretch (2)."""
 
 _STEP_1, _STEP_3 = 1.5976, 0.07056
 """The falling normal step 1 − Φ(z) as a logistic curve with a cubic term, to 2e-4 (Bowling and
 others, J. Ind. Eng. Manag. 2, 2009, p. 114)."""
 _RIM_PX, _RIM = 0.75, 4.0
-"""How far from the rim D still changes: half a pixel's diagonal, and this many widths of the edge."""
+"""Distance from the rim within which D changes: half a pixel's diagonal, plus this many widths of the edge."""
 _SHARP_PX: Final = 0.35
-"""Edge below which the mean over a pixel needs the finer set of points; from it on that of a smeared dot is taken as
-from ``_SOFT_PX``: smears are rounded to whole pixels, which errs by more. With edges of 0.36 to 0.9 px and smears of 3
-to 30 px places change by less than 5e-4 px, and reading takes a third of the time."""
+"""Edge width below which the mean over a pixel needs the finer quadrature. Above it, a dot with motion blur is treated
+as one above ``_SOFT_PX``: blur lengths are rounded to whole pixels, which has a larger error. With edges of 0.36 to 0.9
+px and blur lengths of 3 to 30 px positions change by less than 5e-4 px, and reading takes a third of the time."""
 _SOFT_PX: Final = 1.0
-"""Edge from which the mean over a pixel is taken as a blur more, of variance 1/12 px², and the rim as shifted by its
-curvature: right to 4e-4, twice what the logistic curve costs."""
+"""Edge width above which the mean over a pixel is approximated by additional blur of variance 1/12 px², and by a shift
+of the rim due to its curvature: correct to 4e-4, twice the error of the logistic curve."""
 _NODE_1, _WEIGHT_1 = np.polynomial.legendre.leggauss(1)
 _NODE_3, _WEIGHT_3 = np.polynomial.legendre.leggauss(3)
 _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
@@ -62,9 +63,9 @@ _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
 
 @shared
 def disc_point(x: float, y: float, shape: Record, soft_px: float = _SOFT_PX) -> tuple[float, float, float, float]:
-    """Return D and its slopes along x, y and the edge's width, the mean over one pixel at an offset from the centre.
+    """Return D and its derivatives by x, y and the edge's width: means over the pixel at an offset from the centre.
 
-    The mean over a pixel is a blur more from an edge of ``soft_px``.
+    For edges wider than ``soft_px`` the mean over the pixel is approximated by additional blur.
     """
     e, f, radius, edge = shape.stretch[0], shape.stretch[1], shape.radius, shape.edge
     away = math.hypot((1.0 - e) * x - f * y, -f * x + (1.0 + e) * y) - radius
@@ -100,11 +101,11 @@ def disc_point(x: float, y: float, shape: Record, soft_px: float = _SOFT_PX) -> 
 def smeared_point(
     x: float, y: float, shape: Record, smear_x: float, smear_y: float, count: int
 ) -> tuple[float, float, float]:
-    """Return D and its slopes, the mean over ``count`` places along a smear."""
+    """Return D and its derivatives by x and y, the means over ``count`` positions along the path of a motion blur."""
     if count == 1:
         inside, along_x, along_y, _ = disc_point(x, y, shape)
         return inside, along_x, along_y
-    # Only places as near as this show anything of the dot, however it is stretched.
+    # Positions further away than this do not show the dot, whatever its stretch.
     reach = (shape.radius + _RIM_PX + _RIM * shape.edge) / (1.0 - math.hypot(shape.stretch[0], shape.stretch[1]))
     length = math.hypot(smear_x, smear_y)
     across, along = (x * smear_y - y * smear_x) / length, (x * smear_x + y * smear_y) / length
@@ -123,13 +124,13 @@ def smeared_point(
 
 @lending
 def smear_count(length: float, edge: float) -> int:
-    """Return in how many places a dot is drawn for a smear of a length."""
+    """Return the number of positions at which a dot is rendered for motion blur of a length."""
     return 1 if length < 0.5 else max(3, math.ceil(length / max(1.0, edge)))
 
 
 @compiled
 def window_pixels(radius_px: float) -> Ints:
-    """Return the pixels in a disc around the middle of a square patch, row by row."""
+    """Return the pixels (3, n) in a disc around the middle of a window, row by row: offsets x, y, and sector."""
     half = math.ceil(radius_px)
     pixels = np.empty((3, (2 * half + 1) ** 2), np.int64)
     count = 0
@@ -147,11 +148,10 @@ def window_pixels(radius_px: float) -> Ints:
 def fill_beside(
     rows: Floats, used: int, pixels: Ints, dx: float, dy: float, shape: Record, path: tuple[float, float], ramp: float
 ) -> int:
-    """Add columns for what lies beside the stick, left and right of it; return how many columns there are now.
+    """Add columns for the background on either side of the stick; return the number of columns.
 
-    A side of which no pixel shows half has none.
-
-    With a smear across the stick it gets into the window: a step that is smeared is a ramp as long as the smear.
+    With motion blur across the stick the background enters the window, as a ramp of the width ``ramp``. A side that
+    covers no pixel by more than half has no column.
     """
     length = math.hypot(path[0], path[1])
     first = 0 if path[0] * shape.across[0] + path[1] * shape.across[1] >= 0.0 else 1
@@ -170,7 +170,7 @@ def fill_beside(
 
 @lending
 def fill_columns(out: Floats, pixels: Ints, dx: float, dy: float, shape: Record, smear_x: float, smear_y: float) -> int:
-    """Fill the model's columns for a dot whose centre is (dx, dy) from the window's middle; return how many.
+    """Fill the model's columns for a dot with its centre at (dx, dy) from the window's middle; return their number.
 
     To first order a change of radius or stretch moves the rim outwards by c · (u · grad): no further rendering.
     """

@@ -1,8 +1,8 @@
 """The picture of a round dot on a stick, and its least-squares fit.
 
 Model, in a window around the dot: light · (1 + k · D), where D falls from 1 inside the dot to 0 outside over an edge of
-width ``edge_px``, and the light is a plane: it is uneven. A dark dot has k < 0, a light one k > 0. Circles look like
-ellipses from aside, so the shape carries two terms of anisotropy. Only a disc-shaped window that ends short of the
+width ``edge_px``, and the light is uneven: a plane. A dark dot has k < 0, a light one k > 0. Circles look like ellipses
+in an oblique view, so the shape has two anisotropy terms, its stretch. Only a disc-shaped window that ends short of the
 stick's own edges is fitted.
 """
 
@@ -21,18 +21,18 @@ from tracker.appearance.disc import MOST_STRETCH, SHAPE, Record, disc_point
 from tracker.appearance.lucas_kanade import eliminate, inner, take_away
 
 EDGE_PX: Final = 0.5
-"""Edge width at the start of a fit: standard deviation of the blur of a good lens."""
+"""Edge width at the start of a fit: standard deviation of the blur by a good lens."""
 _SHARPEST_PX: Final = 0.12
-"""Least edge: below it the mean over a pixel, which is taken apart, hides all of the blur."""
+"""Smallest edge width: below it the blur is hidden by the averaging over a pixel, which is modelled separately."""
 _ROUNDS: Final = 15
-"""Steps of Levenberg and Marquardt at most."""
+"""Most Levenberg-Marquardt steps."""
 _LOOK: Final = 3
 _SMALL_PX: Final = 1e-3
-"""A step below which the next one changes nothing: steps shrink with their square."""
+"""Step below which the fit stops: convergence is quadratic, so the next step would be negligible."""
 _DOUBTFUL: Final = 0.3
 _HOPELESS: Final = 0.55
-"""A start that explains less than the first share is not looked at; a fit that explains less than the second after a
-few rounds is not of a dot."""
+"""Shares of the variance that a fit has to explain: the first from its start, the second after ``_LOOK`` rounds;
+otherwise it is given up as not that of a dot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +41,8 @@ class Dot:
 
     ``edge_px``: standard deviation of the blur of its edge; ``stretch``: relative lengthening along x (and shortening
     along y), and along the diagonal; ``contrast``: brightness inside over that outside, less 1; ``window_px``: radius
-    of the window in which it is compared. ``light`` is the brightness of the stick around it, ``residual`` the root
-    mean square of what the fit leaves, grey levels; ``explained`` the share of the window's variance that the fit
-    explains.
+    of the window that is fitted. ``light`` is the brightness of the stick around the dot, ``residual`` the rms residual
+    of the fit, both in grey levels; ``explained`` is the share of the window's variance that the fit explains.
     """
 
     x_px: float
@@ -59,14 +58,15 @@ class Dot:
 
     @property
     def step(self) -> float:
-        """Brightness inside against outside, grey levels."""
+        """Absolute difference of the brightness inside and outside, grey levels."""
         return abs(self.contrast) * self.light
 
 
 def window_for(radius_px: float, edge_px: float = EDGE_PX, room_px: float = np.inf) -> float:
     """Return the radius of the window for a dot, given the distance from its centre to the stick's edge.
 
-    It holds the whole rim and a little of the stick; seen from aside, sticks get narrower, so some room is left over.
+    The window contains the whole rim and a little of the stick, within 95 % of that distance: sticks look narrower in
+    an oblique view.
     """
     wanted = 1.05 * radius_px + 1.0 + 1.5 * edge_px
     return max(radius_px + 0.8, min(wanted, 0.95 * room_px))
@@ -82,13 +82,14 @@ def fit_dot(
     room_px: float = np.inf,
     ellipse: bool = True,
 ) -> Dot | None:
-    """Fit position, shape, contrast and light of the dot near a position in a picture (h, w), with its radius.
+    """Fit position, shape, contrast and brightness of the dot of a known approximate radius near a position.
 
-    ``room_px`` is the distance from its centre to the stick's edge, which the window must not pass; ``ellipse``: fit
-    the stretch too. None where the fit runs away, or the window leaves the picture.
+    ``luma`` is the picture (h, w). ``room_px`` is the distance from the dot's centre to the stick's edge, which the
+    window must not pass; with ``ellipse`` the stretch is fitted, too. None where the fit diverges, or the window leaves
+    the picture.
     """
     start = np.array([x_px, y_px, radius_px, max(EDGE_PX, 0.05 * radius_px), 0.0, 0.0])
-    # First with a wide window, which holds the rim even where the start is off; then with the right one.
+    # First with a wide window, which contains the rim even from a poor start; then with the right one.
     found = _fitted(luma, start, 4, min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5)), radius_px)
     for _ in range(2):
         if found is None:
@@ -107,9 +108,9 @@ def fit_dot(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A dot fitted in a window: its ``values`` x, y, radius, edge and stretch (6,), and how it fits.
+    """A dot fitted in a window: its ``values`` x, y, radius, edge and stretch (6,), and the quality of the fit.
 
-    ``light`` and ``step`` are grey levels, ``square`` the sum of squares of what is left in ``pixels`` pixels,
+    ``light`` and ``step`` are grey levels, ``square`` is the sum of squared residuals of ``pixels`` pixels,
     ``explained`` the share of the window's variance that the dot explains.
     """
 
@@ -122,7 +123,7 @@ class _Fit:
 
 
 def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Fit | None:
-    """Fit the first ``free`` values in one window; None where that is hopeless, or the window leaves the picture."""
+    """Fit the first ``free`` values in one window; None where the fit fails, or the window leaves the picture."""
     window = _cut(luma, start[0], start[1], window_px)
     if window is None:
         return None
@@ -136,9 +137,10 @@ def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float,
 def settle(
     window: Floats, values: Floats, shape: Record, free: int, radius_px: float, spread: float
 ) -> tuple[float, float, float]:
-    """Fit the first ``free`` of a dot's six values, in their place, by Levenberg and Marquardt.
+    """Fit the first ``free`` of a dot's six values, in place, by the Levenberg-Marquardt method.
 
-    Return light, step, and the square of what is left of ``spread``: infinite where the fit is hopeless.
+    Return light, step, and the sum of squared residuals, infinite where the fit explains too little of ``spread``, the
+    window's sum of squares.
     """
     rows, products, weights = np.empty((11, window.shape[1])), np.empty((4, 4)), np.empty((4, 1 + free))
     normal, damped = np.empty((free, free)), np.empty((free, free))
@@ -153,7 +155,7 @@ def settle(
         for i in range(free):
             for j in range(free):
                 damped[i, j] = normal[i, j]
-            # Where a value changes nothing its step is nought.
+            # The constant makes the step of a value without effect zero.
             damped[i, i] += damping * normal[i, i] + 1e-9
             delta[i, 0] = gradient[i]
         for i in range(free):
@@ -178,10 +180,10 @@ def settle(
 
 @lending
 def misfit(window: Floats, values: Floats, shape: Record, rows: Floats, products: Floats, weights: Floats) -> float:
-    """Return the square that a shape leaves, its linear part solved for (variable projection).
+    """Return the sum of squared residuals of a shape, with its linear part solved for (variable projection).
 
-    ``rows`` (11, n) then hold what is left of the brightness, and of the slopes, from the fifth; the first column of
-    ``weights`` light, step and slopes of the light.
+    ``rows`` (11, n) then hold, from the fifth, the residuals of the brightness and of the derivatives; the first column
+    of ``weights`` holds light, step and gradient of the light.
     """
     shape.radius, shape.edge, shape.stretch[0], shape.stretch[1] = values[2], values[3], values[4], values[5]
     fill_rows(window, values, shape, rows)
@@ -200,7 +202,7 @@ def misfit(window: Floats, values: Floats, shape: Record, rows: Floats, products
 
 @lending
 def fill_normal(rows: Floats, step: float, normal: Floats, gradient: Floats) -> None:
-    """Fill the normal equations of the next step."""
+    """Compute the normal equations of the next step."""
     for i in range(len(gradient)):
         gradient[i] = step * inner(rows[5 + i], rows[4])
         for j in range(i + 1):
@@ -208,7 +210,7 @@ def fill_normal(rows: Floats, step: float, normal: Floats, gradient: Floats) -> 
 
 
 def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats | None:
-    """Return x, y and brightness (3, n) of the pixels around a place; None where they leave the picture."""
+    """Return x, y and brightness (3, n) of the pixels in a disc around a position; None where it leaves the picture."""
     cx, cy, half = round(x_px), round(y_px), math.ceil(radius_px)
     height, width = luma.shape
     if cx - half < 0 or cy - half < 0 or cx + half >= width or cy + half >= height:
@@ -220,9 +222,9 @@ def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) ->
 
 @lending
 def fill_rows(window: Floats, found: Floats, shape: Record, rows: Floats) -> None:
-    """Fill the columns of the linear part (light, step, slope), the brightness, and the slopes of D by the six values.
+    """Fill ``rows`` (11, n): columns of the linear part (light, step, gradient), brightness, and derivatives of D.
 
-    ``rows`` (11, n).
+    The derivatives are with respect to the six values.
     """
     for i in range(window.shape[1]):
         dx, dy = window[0, i] - found[0], window[1, i] - found[1]
@@ -235,7 +237,7 @@ def fill_rows(window: Floats, found: Floats, shape: Record, rows: Floats) -> Non
 
 @lending
 def is_sane(trial: Floats, now: Floats, start: Floats, radius_px: float) -> bool:
-    """Return whether values may still be those of the dot at the start."""
+    """Return whether position, radius, edge and stretch may still be those of the dot at the start."""
     return (
         math.hypot(trial[0] - start[0], trial[1] - start[1]) < 1.5 * radius_px + 2.0
         and 0.4 * radius_px < trial[2] < 2.0 * radius_px

@@ -1,15 +1,16 @@
 """Reading a round dot: Lucas–Kanade against a rendered template, inverse compositional (compiled).
 
 The picture is compared with a template that is rendered from the dot's fitted shape, never taken from the last frame,
-so nothing drifts. What is free, to first order: place, light, contrast, radius and both terms of stretch. As in the
-inverse compositional form (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput. Vision 56, 2004, section 3.2)
-the derivatives and the least-squares inverse belong to the template: they are made once for every eighth of a pixel and
-kept, a step is one product with the picture's window, and the warp, a shift, is composed by adding. A smeared dot's
-model is made as it is needed. What is kept depends on the shape alone, so it never changes a result.
+so nothing drifts. Free parameters, to first order, are position, brightness, contrast, radius and both terms of
+stretch. As in the inverse compositional form (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput. Vision 56,
+2004, section 3.2) the derivatives and the least-squares inverse belong to the template: they are computed once for
+every eighth of a pixel and cached, a step is one product with the picture's window, and the warp, a shift, is composed
+by addition. The model of a dot with motion blur is computed as needed. The cache depends on the shape alone, so it
+never changes a result.
 
-A ``look`` is what is kept of one marker: ``pixels`` (3, n), see :mod:`tracker.appearance.disc`; ``models`` (64, 18, n):
-inverse (7), columns (7), slopes of the light (2), how slopes are seen (2); ``extras`` (64, 18): effect of the slopes on
-the coefficients (7, 2), covariance xx, xy, yy, whether it is filled.
+A ``look`` is the cache of one marker: ``pixels`` (3, n), see :mod:`tracker.appearance.disc`; ``models`` (64, 18, n):
+inverse (7), columns (7), gradient of the light (2), estimators of that gradient (2); ``extras`` (64, 18): effect of the
+gradient on the coefficients (7, 2), covariance xx, xy, yy, whether the model is filled.
 """
 
 from __future__ import annotations
@@ -47,30 +48,31 @@ READING: Final = np.dtype(
     ]
 )
 """A marker as read in one picture. x, y: px. covariance: xx, xy, yy for white noise of the size of ``residual``, px².
-light: brightness around the dot (mean brightness for texture), step: of the dot, residual: root mean square of what the
-model leaves, patch: the largest mean of that over a sector of the window (something lies over it), all grey levels.
-contrast: step over the template's (gain for texture). change: how radius (px) and stretch differ from the template's.
-slope: of the light, as seen in this frame alone, relative change per pixel. predicted: where it was expected, path: how
-far it was expected to move since the last frame, px. state: see :data:`tracker.follow.rows.STATES`."""
+light: brightness around the dot (mean brightness for texture), step: of the dot, residual: rms residual of the model,
+patch: the largest mean residual over a sector of the window (occluded if large), all in grey levels. contrast: step
+over the template's (gain for texture). change: radius (px) and stretch minus the template's. slope: gradient of the
+light in this frame alone, relative change per pixel. predicted: expected position, path: expected motion since the last
+frame, px. state: see :data:`tracker.rows.STATES`."""
 
 PHASES: Final = 8
-"""Steps per pixel at which models are kept; half a step off, the cubic term is below 1e-4 px."""
+"""Steps per pixel at which models are cached; at half a step's distance the cubic term is below 1e-4 px."""
 _MOST_COLUMNS: Final = COLUMNS + 2
 _ROUNDS: Final = 4
-"""Steps at most: each goes no further than half a radius, so two radii are reached."""
+"""Most steps: each is at most half a radius, so together they reach two radii."""
 RATE: Final = 0.1
-"""Share of the new in averages of shape, fit, length, light (also that of the picture) and misses: ten frames, over
-which noise averages to a quarter."""
+"""Weight of a new value in the running means of shape, fit, length, light (also that of the picture) and misses: ten
+frames, over which noise averages to a quarter."""
 SHARP_PX: Final = 1.5
-"""Speed, or smear, per frame up to which a marker shows its shape: it blurs a dot by less than 0.5 px (1.5/√12)."""
+"""Motion or motion blur, px per frame, up to which a marker shows its shape: a dot is blurred by less than 0.5 px
+(1.5/√12)."""
 _NEAR_PX: Final = math.sqrt(0.5) / PHASES
-"""Offset from the model's place up to which no other one is nearer, half a diagonal of the places' grid: there a
-reading has converged."""
+"""Offset from the model's position below which a reading has converged: half a diagonal of the grid of models, beyond
+which another model is nearer."""
 
 
 @lending
 def eliminate(a: Floats, b: Floats, i: int) -> None:
-    """Make column i of ``a`` a unit column by row operations, which ``b`` goes through too (Gauss and Jordan)."""
+    """Reduce column i of ``a`` to a unit column by row operations, also applied to ``b`` (Gauss-Jordan elimination)."""
     n = a.shape[0]
     best = i
     for k in range(i + 1, n):
@@ -105,7 +107,7 @@ def unit(n: int) -> Floats:
 
 @lending
 def least(values: Floats) -> int:
-    """Return where the least of some values is; numba's own takes a third of a second to compile."""
+    """Return the index of the smallest value; numba's own function takes a third of a second to compile."""
     at = 0
     for i in range(1, len(values)):
         if values[i] < values[at]:
@@ -135,7 +137,7 @@ def invert(normal: Floats) -> Floats:
 
 @lending
 def combine(weights: Floats, rows: Floats, out: Floats) -> None:
-    """Put the sum of weighted rows into ``out``."""
+    """Store the weighted sum of rows in ``out``."""
     out[:] = 0.0
     for m in range(len(weights)):
         w = weights[m]
@@ -145,7 +147,7 @@ def combine(weights: Floats, rows: Floats, out: Floats) -> None:
 
 @lending
 def inner(one: Floats, other: Floats) -> float:
-    """Return the inner product of two rows, by four sums that the processor adds in one go."""
+    """Return the inner product of two rows, as four partial sums that the processor adds in parallel."""
     even = len(one) - len(one) % 4
     a = b = c = d = 0.0
     for i in range(0, even, 4):
@@ -160,7 +162,7 @@ def inner(one: Floats, other: Floats) -> float:
 
 @internal
 def products(rows: Floats, count: int) -> Floats:
-    """Return the products of the first rows with each other."""
+    """Return the inner products (count, count) of the first ``count`` rows."""
     normal = np.empty((count, count))
     for i in range(count):
         for j in range(i + 1):
@@ -170,9 +172,9 @@ def products(rows: Floats, count: int) -> Floats:
 
 @internal
 def fill_model(model: Floats, extra: Floats, columns: int, pixels: Ints, shape: Record) -> None:
-    """Fill a model whose columns stand in rows ``columns`` to 2 ``columns`` already.
+    """Complete a model whose columns are already stored in rows ``columns`` to 2 ``columns``.
 
-    Rows: inverse, columns, slopes of the light, how slopes are seen; ``extra`` see the head of the module.
+    Rows: inverse, columns, gradient of the light, estimators of that gradient; for ``extra`` see the top of the module.
     """
     n = pixels.shape[1]
     basis = model[columns : 2 * columns + 2]
@@ -197,14 +199,14 @@ def fill_model(model: Floats, extra: Floats, columns: int, pixels: Ints, shape: 
 
 @lending
 def take_away(values: Floats, row: Floats, weight: float) -> None:
-    """Take a weighted row away from values."""
+    """Subtract a weighted row from values, in place."""
     for i in range(values.shape[0]):
         values[i] -= weight * row[i]
 
 
 @internal
 def worst_sector(left: Floats, pixels: Ints) -> float:
-    """Return the largest mean over a sector of a window."""
+    """Return the largest absolute mean of residuals (n,) over a sector of a window."""
     sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
     for i in range(len(left)):
         sums[pixels[2, i]] += left[i]
@@ -217,7 +219,7 @@ def worst_sector(left: Floats, pixels: Ints) -> float:
 
 @lending
 def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, found: Floats) -> None:
-    """Find the coefficients of a window's columns by one linear step, the marker's slopes of the light taken out."""
+    """Solve for the coefficients of a window's columns, corrected for the marker's known gradient of the light."""
     for k in range(len(found)):
         found[k] = inner(model[k], values)
     scale = max(found[0], 1.0)
@@ -229,7 +231,7 @@ def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, fo
 def take_reading(
     values: Floats, found: Floats, model: Floats, extra: Floats, pixels: Ints, marker: Record, out: Record
 ) -> None:
-    """Take all but the place from the coefficients of a window, and from what they leave of it."""
+    """Fill in all of a reading but the position, from the coefficients of a window and their residuals."""
     columns = len(found)
     scale, last = max(found[0], 1.0), 2 * columns
     out.slope[0], out.slope[1] = inner(model[last + 2], values) / scale, inner(model[last + 3], values) / scale
@@ -250,7 +252,7 @@ def take_reading(
 
 @lending
 def take_values(luma: Luma, cx: int, cy: int, pixels: Ints, half: int, values: Floats) -> bool:
-    """Take the pixels around (cx, cy); return whether the window lies inside the picture."""
+    """Copy the pixels around (cx, cy) into ``values``; return whether the window lies inside the picture."""
     height, width = luma.shape
     if cx < half or cy < half or cx + half >= width or cy + half >= height:
         return False
@@ -261,7 +263,7 @@ def take_values(luma: Luma, cx: int, cy: int, pixels: Ints, half: int, values: F
 
 @internal
 def model_at(pixels: Ints, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
-    """Return the slot of the model of a dot at rest whose centre is ``place`` from the window's middle; filled."""
+    """Return the index of the model of a dot at rest at ``place`` from the window's middle; computed if not cached."""
     off_x, off_y = round(place[0] * PHASES), round(place[1] * PHASES)
     slot = (off_y % PHASES) * PHASES + off_x % PHASES
     if extras[slot, -1] == 0.0:
@@ -273,13 +275,14 @@ def model_at(pixels: Ints, models: Floats, extras: Floats, place: Point, shape: 
 
 @compiled
 def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, smear: Point, out: Record) -> bool:
-    """Read a dot near a position; False where the window leaves the picture.
+    """Read a dot near a position into ``out``; False where the window leaves the picture.
 
-    ``marker`` has the ``shape`` of the dot and the ``slope`` of the light; ``smear`` is its path during the exposure.
+    ``marker`` has the ``shape`` of the dot and the ``slope`` (gradient) of the light; ``smear`` is the dot's path
+    during the exposure, px.
     """
     pixels, models, extras = look
     shape = marker.shape
-    # Smear in whole pixels: half a pixel more or less changes the ends of a smear of several pixels, evenly.
+    # Motion blur in whole pixels: half a pixel more or less changes only the ends of a path of several, symmetrically.
     smear_x, smear_y = float(round(smear[0])), float(round(smear[1]))
     length = math.hypot(smear_x, smear_y)
     if length < SHARP_PX:
@@ -287,7 +290,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
     radius = shape.window + math.ceil(0.5 * length)
     if length > 0.0:
         pixels = window_pixels(radius)
-        # Its own models, which are not kept.
+        # Temporary models, which are not cached.
         models = np.empty((1, 2 * _MOST_COLUMNS + 4, pixels.shape[1]))
         extras = np.empty((1, 2 * _MOST_COLUMNS + 4))
     half = math.ceil(radius)
@@ -310,7 +313,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         solve_model(values, models[slot], extras[slot], marker, found)
         dx, dy = found[2] / found[1], found[3] / found[1]
         out.x, out.y = at_x + dx, at_y + dy
-        # The model is linear only close by: another step from the nearest place at which models are kept.
+        # The model is linear only nearby: another step starts from the nearest position of a cached model.
         near = abs(dx) <= _NEAR_PX and abs(dy) <= _NEAR_PX
         if near or round_ == _ROUNDS - 1 or not math.isfinite(out.x) or not math.isfinite(out.y):
             out.converged = near

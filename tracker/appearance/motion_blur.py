@@ -1,7 +1,7 @@
-"""How long the shutter is open: fast markers leave a smear, from which it is learned (compiled).
+"""Exposure as a share of the frame interval, learned from the motion blur of fast markers (compiled).
 
-``rig`` is the record that holds ``shutter_share`` (of the frame interval), ``shutter_cost`` of every share that is
-tried, a mean over ``shutter_looks``, and ``fast``, how many fast readings there were.
+``rig`` is the record that holds the estimate ``shutter_share``, the ``shutter_cost`` of every share in ``SHARES`` (a
+mean with a total weight ``shutter_looks``), and ``fast``, the number of fast readings.
 """
 
 from __future__ import annotations
@@ -29,39 +29,40 @@ from tracker.appearance.lucas_kanade import (
 SHARES: Final = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
 """Shares of the frame interval that are tried."""
 _RATE: Final = 0.15
-"""Share of a new whole look in the account. A smear makes a dot wider by the square of its length, so a path that is
-shorter than the dot is wide counts by the square of its share of that: many slow looks, which tell nothing, do not
-outweigh a fast one."""
+"""Weight of a new comparison at full weight in the running mean. Motion blur widens a dot by the square of its length,
+so a path shorter than the dot's diameter has the square of their ratio as its weight: many slow readings, which carry
+little information, do not outweigh a fast one."""
 _CLEAR: Final = 0.15
-"""By how much (of the logarithm of the residual) a smear has to fit better than none: compression softens moving dots,
-and that looks a little like a smear."""
+"""Difference in the logarithm of the residual by which motion blur has to fit better than none: compression softens
+moving dots, which looks a little like motion blur."""
 _LEARNED: Final = 12
-"""Fast readings after which the shutter counts as known: by then a first look has a weight below 0.15."""
+"""Fast readings after which the exposure counts as known: by then the first comparison has a weight below 0.15."""
 _OFTEN, _SELDOM = 4, 200
-"""Every so many fast readings are looked at once the shutter is known, and well known: a look costs as much as several
-frames, and a shutter seldom changes."""
+"""Intervals, in fast readings, between comparisons once the exposure is known, and well known: a comparison costs as
+much as several frames, and the exposure seldom changes."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
-"""Allowance for smear, before and after the shutter is known: share of the step, per root of the speed in px. While it
-is not known a sharp template meets smears of up to the whole step: measured over radii of 3 to 15 px their residual
-stays below a tenth of the step times the root of the length."""
+"""Allowance for motion blur before and after the exposure is known: share of the brightness step, per root of the
+motion in px per frame. While it is not known, a sharp template is fitted to dots blurred along up to the whole motion:
+measured over radii of 3 to 15 px, the residual stays below a tenth of the brightness step times the root of the
+length."""
 
 
 @lending
 def shutter_known(rig: Record) -> bool:
-    """Return whether enough fast readings have been seen."""
+    """Return whether there were enough fast readings for the exposure to be known."""
     return bool(rig.fast >= _LEARNED)
 
 
 @lending
 def is_sharp(rig: Record, length: float) -> bool:
-    """Return whether a marker that moves by a length per frame is known to be sharp enough to show its shape."""
+    """Return whether a marker that moves by ``length`` px per frame is known to be sharp enough to show its shape."""
     return length < SHARP_PX or (shutter_known(rig) and rig.shutter_share * length < SHARP_PX)
 
 
 @shared
 def smear_slack(rig: Record, length: float) -> float:
-    """Return by which share of the brightness step a fit may be worse than at rest."""
+    """Return the residual allowed for motion blur, as a share of the brightness step."""
     if length < 0.5:
         return 0.0
     return (_SLACK_KNOWN if shutter_known(rig) else _SLACK_UNKNOWN) * math.sqrt(length)
@@ -69,7 +70,7 @@ def smear_slack(rig: Record, length: float) -> float:
 
 @internal
 def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
-    """Take in a fast marker; every now and then compare how well smears of several lengths fit its picture."""
+    """Count a fast reading, and at intervals update the exposure by the fits of motion blurs of several lengths."""
     rig.fast += 1
     every = 1 if rig.fast <= 2 * _LEARNED else (_OFTEN if rig.fast <= 8 * _LEARNED else _SELDOM)
     costs = np.empty(len(SHARES))
@@ -86,7 +87,7 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
 
 @shared
 def best_share(cost: Floats) -> float:
-    """Return the share of least cost, between the ones that were tried."""
+    """Return the share of least cost, interpolated between those tried; 0 where no motion blur is clearly better."""
     at = least(cost)
     if cost[0] - cost[at] < _CLEAR:
         return 0.0
@@ -98,17 +99,17 @@ def best_share(cost: Floats) -> float:
 
 
 def shutter_limits(cost: Floats) -> tuple[float, float]:
-    """Return the shares between which the shutter's lies: those next to the best that fit worse by what is clear."""
+    """Return bounds of the exposure's share: the shares nearest to the best one that fit worse by ``_CLEAR``."""
     at, refused = int(np.argmin(cost)), np.flatnonzero(cost - cost.min() >= _CLEAR)
     below, above = refused[refused < at], refused[refused > at]
     low = float(SHARES[below[-1]]) if len(below) else 0.0
-    # No shutter is open for longer than a frame; a share beyond is tried for the best one to have two neighbours.
+    # No exposure is longer than a frame; a larger share is tried only to interpolate around 0.9.
     return low, min(float(SHARES[above[0]]), 1.0) if len(above) else 1.0
 
 
 @internal
 def residual_share(rows: Floats, values: Floats) -> float:
-    """Return the residual of a linear fit over the coefficient of row 1, the step; negative where there is no step."""
+    """Return a linear fit's rms residual over the coefficient of row 1, the brightness step; negative without one."""
     columns, n = rows.shape
     inverse, right, left = invert(products(rows, columns)), np.empty(columns), values.copy()
     for m in range(columns):
@@ -121,11 +122,12 @@ def residual_share(rows: Floats, values: Floats) -> float:
 
 @compiled
 def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: Floats, out: Floats) -> bool:
-    """Find how well smears along several shares of a path fit: the residual over the step; False where it is not told.
+    """Compute the residual over the brightness step for motion blur along several shares of a path.
 
-    Window and columns are the same for all shares, and the shape is taken as known: a stretched dot looks much like a
-    short smear. The stick's own edges are as soft as the dot's, at rest already: a ramp of the variance of a pixel, the
-    lens' blur and the smear stands for them. If the smear alone made them soft, blur would be taken for it.
+    Return False where there is no result. Window and columns are the same for all shares, and the shape is taken as
+    known: a stretched dot looks much like a short blur. The stick's own edges are modelled by ramps with the variance
+    of a pixel, the lens's blur and the motion blur together. If their width came from motion blur alone, blur by the
+    lens would be taken for it.
     """
     (x_px, y_px), (path_x, path_y) = place, path
     length = math.hypot(path_x, path_y)

@@ -1,10 +1,10 @@
-"""Finding a stick again of which a marker is not where it was predicted: one search, one test.
+"""Redetection of a stick with a marker that is not at its predicted position: one search, one test.
 
-A stick is predicted with a covariance: at first that of a camera that shakes, then that of a jump, which grows with the
-frames for which the stick is lost. Places that look like a dot are read within three standard deviations, at last in
-the whole picture. What reads as its markers is held against the prediction and against what is known of the stick, by
-χ² of the innovation. A shake leads to the pair that fits best, whatever else is there; a jump to the only one that
-passes.
+A stick is predicted with a covariance: first that of a shaking camera, then that of a jump, which grows with the number
+of frames for which the stick is lost. Positions that look like a dot are read within three standard deviations, in the
+end in the whole picture. Readings that fit its markers are tested against the prediction and the stick's state, by χ²
+of the innovation. After a shake the pair that fits best is accepted, whatever else passes; after a jump a pair is
+accepted only if no other passes.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from tracker.rows import SEEN, SHADOWED
 Record = Any
 
 _SLACK: Final = 0.05
-"""Share of the step allowed for smear: a marker that is found again may be moving. Without it a tenth of the frames of
-the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
+"""Residual allowed for motion blur, as a share of the brightness step: a marker that is found again may be moving.
+Without it a tenth of the frames of the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
 _EAGER, SELDOM = 20, 3
-"""Frames for which a lost stick is looked for in each, and then in every so many, for what that costs."""
+"""Frames in each of which a lost stick is searched for, and the interval of the searches after that: they are slow."""
 
 
 class Region(NamedTuple):
-    """Part of the picture in which to look, px."""
+    """Part of the picture to be searched, px."""
 
     left: int
     top: int
@@ -62,9 +62,9 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Where a stick should be: its markers, and the standard deviation of each along each axis, px.
+    """Predicted positions of a stick's markers, and the standard deviation of each along each axis, px.
 
-    ``own`` is what is known of it, a STICK; ``shift`` (2,) that of the picture.
+    ``own`` is the stick's state, a STICK; ``shift`` (2,) is that of the picture.
     """
 
     ends: tuple[Point, Point]
@@ -73,27 +73,27 @@ class Prediction:
     shift: Floats
 
     def innovation(self, ends: Sequence[Point], *, lost: int = 1) -> tuple[float, int]:
-        """Return χ² of a pair of places against it, and its degrees of freedom; ``lost`` frames are of both markers."""
+        """Return χ² of a pair of positions, and its degrees of freedom; ``lost`` counts the frames of both markers."""
         found, freedom = rigid_misfit(self.own, self.shift, ends[0], ends[1], lost, math.nan)
         off = np.subtract(ends, self.ends) / self.sigma_px
         return float(found + np.square(off).sum()), freedom + 4
 
     def is_turned_round(self, ends: Sequence[Point]) -> bool:
-        """Return whether a pair of places would be nearer to its markers the other way round.
+        """Return whether a pair of positions is nearer to the markers with inner and outer one exchanged.
 
-        Both look alike: only once the axis is known do their circles tell which is which.
+        Both markers look the same. Once the axis is known their circles distinguish them, and the answer is False.
         """
         ways = [np.square(np.subtract(ends, own)).sum() for own in (self.ends, self.ends[::-1])]
         return bool(ways[0] > ways[1]) and not self.own["axis"]["known"]
 
     def rolled_with(self, ends: Sequence[Point]) -> Prediction:
-        """Return the prediction of a stick that stands still in a picture that was rolled as a pair of places is."""
+        """Return the prediction of a stick at rest in a picture that was rolled so that it points along ``ends``."""
         own = self.own.copy()
         own["start_rad"] = direction(*ends)
         return replace(self, own=own)
 
     def region(self, end: int, size_px: tuple[int, int]) -> Region:
-        """Return where one of its markers may be in a picture (width, height)."""
+        """Return the region of a picture (width, height) in which the marker at ``end`` may be."""
         low, high = (np.add(self.ends[end], reach) for reach in (-SIGMAS * self.sigma_px, SIGMAS * self.sigma_px))
         if self.own["axis"]["known"] and not self.own["still"]:
             reach = arm_px(self.own["axis"], end) + SIGMAS * own_circle_sigma_px(self.own, end)
@@ -104,17 +104,17 @@ class Prediction:
 
 
 def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
-    """Look for the stick that the frame step misses at a stage; what is found is put into the readings."""
+    """Search for the stick that the frame step lacks at a stage; store the markers found in the scene's readings."""
     stick = stick_at(scene, stage)
     lost = int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
     if lost > _EAGER and lost % SELDOM:
         return
-    # A shake is of one frame: what is next to the place of a marker that was lost before may be another one.
+    # A shake lasts one frame: near the position of a marker that was lost earlier there may be another dot.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
     found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, _jump_px(scene, stick))
     if len(found) == 1:
         for index, reading in zip((2 * stick, 2 * stick + 1), found[0][1:], strict=True):
-            # The moving stick's edge in the window shifts a base dot, which still helped to find the pair.
+            # A base dot with the moving stick's edge in its window helps to find the pair, but its position is biased.
             hidden = is_base(scene.rig[0], stick) and _both_seen(scene, 1 - stick)
             reading["state"] = SHADOWED if hidden and covers(scene, 1 - stick, place_of(reading), index) else SEEN
             scene.readings[index] = reading
@@ -124,16 +124,16 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
 
 
 def _jump_px(scene: Scene, stick: int) -> float:
-    """Return the standard deviation of where a stick is, px: by how long ago it was seen, and by what is seen of it."""
+    """Return the standard deviation of a stick's position, px, from the time since it was seen and its seen marker."""
     markers, readings = (part[2 * stick : 2 * stick + 2] for part in (scene.markers, scene.readings))
     missing = np.flatnonzero(readings["state"] != SEEN).tolist()
     own = scene.sticks[stick]
     length_px = float(own["length"])
     if is_base(scene.rig[0], stick):
-        # A base goes with the picture, which the moving stick tells while that lies over it.
+        # A base moves only with the picture, whose shift the moving stick measures while it covers the base.
         return jump_px(length_px, 1 if len(missing) == 1 else 1 + int(scene.rig[0]["unknown"]))
     if len(missing) == 1:
-        # A stick alone does not know the other one's dots, which may be as far from what is seen of it as its own.
+        # A stick followed alone does not know the other stick's dots, which may be at its own markers' distance.
         unknown_px = math.inf if len(scene.sticks) > 1 else jump_px(length_px, 1)
         by_other = by_other_px(own, missing[0]) if own["axis"]["known"] else unknown_px
         return min(by_other, jump_px(length_px, 1 + int(markers["lost"][missing[0]])))
@@ -141,10 +141,10 @@ def _jump_px(scene: Scene, stick: int) -> float:
 
 
 def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -> list[tuple[float, Record, Record]]:
-    """Return the pairs of readings that may be a stick, with their χ²: by the innovation, and not of another stick.
+    """Return the pairs of readings, with their χ², that pass the innovation's test and are not of the other stick.
 
-    What is seen of the stick in this frame is taken as right. What looks like the base may be the moving stick, as long
-    as that one is not seen elsewhere: then that one has to be found where the picture went.
+    A marker that is seen in this frame is kept. A pair that looks like the base may be the moving stick, unless this is
+    seen elsewhere: it has to be found at its position in the shifted picture.
     """
     rig, both, least_px = scene.rig[0], (2 * stick, 2 * stick + 1), jump_px(float(scene.sticks["length"][stick]), 1)
     jump = sigma_px >= least_px
@@ -180,15 +180,15 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     found = fitting(rolled=False)
     if found or not jump or not is_base(rig, stick) or not scene.sticks["axis"]["known"][1 - stick]:
         return found
-    # Of a base that is turned only the moving stick tells that the camera was rolled.
+    # A base that points elsewhere is accepted if the moving stick confirms that the camera was rolled.
     return fitting(rolled=True)
 
 
 def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point], *, jump: bool) -> bool:
     """Return whether one of a pair may be a dot of the other stick.
 
-    A shake takes both sticks along: what lay over a dot of the base still does, but a dot that is bare now is the
-    base's.
+    A shake moves both sticks together: a marker that covered a base dot still does, but a dot that is uncovered now is
+    the base's.
     """
     if scene.rig["moving"][0] == stick:
         return any(near_base(scene, place, NEAR if jump else CLOSE, 0.0) for place in pair)
@@ -210,9 +210,9 @@ def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point], *, jump
 
 
 def _goes_along(scene: Scene, luma: NDArray[np.uint8], inner: Record, outer: Record) -> bool:
-    """Return whether the moving stick went where the base, as it was read, says that the picture did.
+    """Return whether the moving stick followed the motion of the picture implied by a base at ``inner`` and ``outer``.
 
-    Where it is not seen yet it is read there; the readings are kept if it is.
+    A moving stick that is not seen yet is read at its position by that motion; the readings are kept if they agree.
     """
     kept, moving = scene.readings.copy(), 2 * int(scene.rig["moving"][0])
     pair = place_of(inner), place_of(outer)
@@ -233,11 +233,11 @@ def _goes_along(scene: Scene, luma: NDArray[np.uint8], inner: Record, outer: Rec
 
 
 def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Point]) -> list[Record]:
-    """Return a marker as read at each of some places where it is itself there.
+    """Return the readings of a marker at those of some positions that show the marker itself.
 
-    Smeared as it was expected to move, or, where it was not expected to come to that place, as it went there, if that
-    is on its circle. Before it is known which stick moves, any two dots are followed as one: they are not asked whether
-    they might have.
+    The motion blur is first that of the expected motion, then, at positions on the marker's circle, that of a motion to
+    the position. The latter is not tried for a stick that is followed alone, as any two dots are while markers are
+    chosen.
     """
     out = np.zeros(len(places), READING)
     out["predicted"], expected = scene.readings["predicted"][index], scene.readings["path"][index].copy()
@@ -255,7 +255,7 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Po
 
 
 def _path_to(scene: Scene, index: int, place: Point) -> Floats:
-    """Return how far a marker moves in a frame if it went evenly from where it was seen last to a place, px (2,)."""
+    """Return the motion per frame (2,), px, of a marker at constant speed from its last reading to a position."""
     marker, axis = scene.markers[index], scene.sticks[index // 2]["axis"]
     if not marker["count"]:
         return np.zeros(2)
@@ -269,7 +269,7 @@ def _path_to(scene: Scene, index: int, place: Point) -> Floats:
 
 
 def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Point]:
-    """Return the places in a region that look most like a dot of the marker's radius, the likeliest first."""
+    """Return the positions in a region that look most like a dot of the marker's radius, the best first."""
     radius, light_dot = float(marker["shape"]["radius"]), marker["shape"]["contrast"] > 0.0
     places = [place for place in places_in(luma, radius, region) if place[4] == light_dot]
     return [(x, y) for _, x, y, _, _ in sorted(places, key=lambda place: -place[0])[:MOST]]
@@ -280,7 +280,7 @@ def _both_seen(scene: Scene, stick: int) -> bool:
 
 
 def place_of(record: Record) -> Point:
-    """Return where a marker, or a reading of one, is."""
+    """Return the position of a marker or a reading, px."""
     return float(record["x"]), float(record["y"])
 
 

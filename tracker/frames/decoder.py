@@ -1,4 +1,4 @@
-"""One pass of decoding a film, with account of the packets that gave no frame."""
+"""One pass of decoding a film, which keeps account of packets that yield no frame."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tracker.frames.display import Closed, Display, Luma, luma_of
 class Decoder:
     """One pass of decoding.
 
-    ``message`` is what the decoder said last of a packet, ``fatal`` what ended the pass before the end of the file.
-    ``hidden`` counts packets that are not meant to be shown: those that an edit list discards, and those without a
-    picture of their own; ``interlaced`` frames that hold two instants. ``in_damage``: what was decoded last hangs on
-    something that could not be decoded whole.
+    ``message`` is the decoder's last error on a packet, ``fatal`` the error that ended the pass before the end of the
+    file. ``hidden`` counts packets that are not meant to be shown: those that an edit list discards, and those without
+    a picture of their own; ``interlaced`` counts frames that hold two instants. ``in_damage``: the frame decoded last
+    depends on one that could not be decoded whole.
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class Decoder:
     def pictures(
         self, container: Any, stream: Any, *, display: Display
     ) -> Iterator[tuple[int | None, Luma | None, bool]]:
-        """Give ``(pts, luma or None, damaged)`` in display order."""
+        """Yield ``(pts, luma or None, damaged)`` in display order."""
         damaged, closed = False, Closed()
         for frame in self._decoded(container, stream):
             for pts in self._missing_before(frame.pts):
@@ -55,11 +55,11 @@ class Decoder:
                 return
             except (av.error.FFmpegError, OSError) as error:
                 self.fatal = reason_of(error)
-                # What the decoder still holds was read before the damage.
+                # Frames that the decoder still holds were read before the damage.
                 yield from self._flush(stream)
                 return
             if packet.is_discard:
-                # Before or after what the edit list shows: decoded, because other frames hang on it, and not given out.
+                # Outside the edit list: decoded, because other frames depend on it, but not yielded.
                 self.hidden += 1
             elif packet.pts is not None and packet.size:
                 heapq.heappush(self._waiting, packet.pts)
@@ -79,7 +79,7 @@ class Decoder:
             return
 
     def _missing_before(self, pts: int | None) -> Iterator[int]:
-        """Give the timestamps of packets before ``pts`` that gave no frame, once an error has been met.
+        """Yield the timestamps of packets before ``pts`` that yielded no frame, once an error has occurred.
 
         Without an error such packets are frames that are not meant to be shown.
         """

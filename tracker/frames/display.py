@@ -1,10 +1,9 @@
 """From a decoded frame to the brightness of the picture that a player shows.
 
-A container may ask for its frames to be turned by quarters or mirrored before they are shown (a phone held upright, a
-front camera): its display matrix says so. An interlaced frame holds two instants, one in its even rows and one in its
-odd rows; what moves between them is torn into a comb. Of such a frame only the field that is shown first is taken, and
-the rows of the other are put in between by interpolation: half the resolution down the picture, but one instant per
-frame.
+A container's display matrix may demand that its frames are rotated by quarter turns or mirrored before they are shown
+(a phone held upright, a front camera). An interlaced frame holds two instants, one in its even rows and one in its odd
+rows; objects that move between them show a comb. From such a frame only the field that is shown first is used, and the
+rows of the other field are interpolated: half the vertical resolution, but one instant per frame.
 """
 
 from __future__ import annotations
@@ -30,9 +29,9 @@ _TRANSFERS: Final = {16: "pq", 18: "hlg"}
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """How rows and columns as stored become those that are shown: transposed, then mirrored along x and y.
+    """Transform from rows and columns as stored to those shown: transposed, then mirrored along x and y.
 
-    ``bottom_first``: of an interlaced frame the odd rows are shown first.
+    ``bottom_first``: the odd rows of an interlaced frame are shown first.
     """
 
     transposed: bool = False
@@ -42,19 +41,19 @@ class Display:
 
     @property
     def mirrored(self) -> bool:
-        """Whether what is shown is a mirror image, in which every turn goes the other way round."""
+        """Whether the picture shown is a mirror image, in which every rotation is reversed."""
         return self.transposed ^ self.mirror_x ^ self.mirror_y
 
     @property
     def rotation_deg(self) -> int:
-        """Turn as shown, counter-clockwise; of a mirror image, before it is mirrored left to right."""
+        """Rotation as shown, counter-clockwise; for a mirror image, before it is mirrored left to right."""
         left_right = self.mirror_x ^ self.mirrored
         if self.transposed:
             return 270 if left_right else 90
         return 180 if left_right else 0
 
     def describe(self) -> dict[str, Any]:
-        """Return what is not as usual, for ``track.json``."""
+        """Return rotation and mirroring, where there are any, for ``track.json``."""
         about: dict[str, Any] = {}
         if self.rotation_deg:
             about["rotation_deg"] = self.rotation_deg
@@ -64,11 +63,11 @@ class Display:
 
 
 def display_of(frame: Any, codec: Any) -> Display:
-    """Return how a decoded frame is to be shown, from its display matrix and its codec's order of fields.
+    """Return the display transform of a decoded frame, from its display matrix and its codec's field order.
 
-    The matrix (ISO/IEC 14496-12, 6.2.2; 16.16 fixed point, columns before rows) takes x, y as stored to a x + c y, b
-    x + d y as shown. A turn that is no quarter is taken to the nearest one: the angle between two sticks does not
-    depend on the rest.
+    The matrix (ISO/IEC 14496-12, 6.2.2; 16.16 fixed point, columns before rows) maps x, y as stored to a x + c y, b
+    x + d y as shown. A rotation is rounded to the nearest quarter turn: the angle between two sticks does not depend on
+    the rest.
     """
     bottom_first = int(codec.field_order) in _BOTTOM_FIRST
     matrix = next((bytes(data) for data in frame.side_data if data.type.name == "DISPLAYMATRIX"), None)
@@ -106,17 +105,17 @@ def luma_of(frame: Any, display: Display) -> Luma:
 
 
 class Closed:
-    """Gives pictures without gaps between their rows, each only until the next one.
+    """Makes pictures contiguous in memory; each result is valid only until the next one.
 
-    Rows with gaps are another type to the compiler, for which all that reads a picture would be compiled again. The
-    memory is used again: new memory costs ten times the copy.
+    Rows with gaps are another type to the compiler, for which every function that reads a picture would be compiled
+    again. The buffer is reused: new memory costs ten times the copy.
     """
 
     def __init__(self) -> None:
         self._room: Luma = np.empty((0, 0), np.uint8)
 
     def __call__(self, luma: Luma) -> Luma:
-        """Return the picture itself where it has no gaps."""
+        """Return the picture itself where it is contiguous, else a copy in the buffer."""
         if luma.flags.c_contiguous:
             return luma
         if self._room.shape != luma.shape:
@@ -126,7 +125,7 @@ class Closed:
 
 
 def first_field(luma: Luma, *, bottom: bool) -> Luma:
-    """Return a picture in which the rows of one field stand and those between are the mean of their neighbours."""
+    """Return a picture with the rows of one field, and the means of their neighbours as the rows between them."""
     first = int(bottom)
     field = luma[first::2]
     whole = np.empty_like(luma, order="C")
@@ -151,7 +150,7 @@ def _shown(luma: Luma, display: Display) -> Luma:
 
 @functools.cache
 def _bits_below(name: str) -> int | None:
-    """Return how many bits the luma of a pixel format has below a byte's; None where it has no plane of its own."""
+    """Return the number of bits of a pixel format's luma beyond eight; None where luma has no plane of its own."""
     if name.startswith(_PLANAR) and not name.endswith(("le", "be")) and name not in ("gray16", "gray10"):
         return 0
     return _DEEP.get(name[-4:]) if name.startswith(("yuv4", "gray1")) else None

@@ -19,18 +19,17 @@ from tracker.frames.display import Display, display_of, luma_of, transfer_of
 from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes, pictures_of
 
 _CAPTURE_KEYS: Final = ("com.android.capture.fps",)
-"""Metadata in which phones note the rate of a slow-motion film (Android's MediaRecorder)."""
+"""Metadata keys in which phones store the capture rate of a slow-motion film (Android's MediaRecorder)."""
 _SLOWER: Final = 1.5
-"""Frames captured for each one that is played from which a film counts as slow motion: the smallest factor on sale is
-2."""
+"""Capture rate over playing rate above which a film counts as slow motion: the smallest factor on sale is 2."""
 
 
 class FilmSource:
     """A film file; every pass over it decodes it again.
 
-    ``given`` are times other than those of the film's own timestamps, ``display`` says how its frames are turned; the
-    rest is in :class:`tracker.frames.frame.FrameSource`. No film, no video, or a codec that cannot be decoded here is
-    an :class:`InputError`.
+    ``given`` are times that replace the film's own timestamps, ``display`` is the rotation and mirroring of its frames;
+    for the rest see :class:`tracker.frames.frame.FrameSource`. A file that is no film, has no video stream, or a codec
+    that cannot be decoded here raises :class:`InputError`.
     """
 
     def __init__(self, path: Path, *, fps: float | None = None, times_s: Floats | None = None) -> None:
@@ -51,7 +50,7 @@ class FilmSource:
             self.tick_s = float(stream.time_base or 0)
             whole_s = stream.duration * stream.time_base if stream.duration else 0
             self.span_s = float(whole_s or (container.duration or 0) / av.time_base) or None
-            # Containers without a count of frames declare a length; that of the whole may be that of the sound.
+            # Containers without a frame count declare a length; with several streams it may be that of the sound.
             self._declared_s = self.span_s if len(container.streams) == 1 else None
             self._start_s = float((stream.start_time or 0) * (stream.time_base or 0))
             bit_rate = stream.bit_rate or container.bit_rate
@@ -72,7 +71,7 @@ class FilmSource:
         return f"FilmSource({self.name}, {width} × {height} px, {self.frame_count or 'uncounted'} frames)"
 
     def _look_at_first(self, container: Any, stream: Any) -> None:
-        """Decode until one frame comes out: proof that there is a picture, and how it is turned for display."""
+        """Decode one frame: it proves that there is a picture, and has the display matrix."""
         message = "no frame in it"
         try:
             for packet in container.demux(stream):
@@ -117,7 +116,7 @@ class FilmSource:
         return about
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames in display order; packets that could not be decoded as frames without luma."""
+        """Yield the frames in display order; packets that could not be decoded are frames without luma."""
         decoder = Decoder()
         with self.open() as container:
             stream = self.stream(container)
@@ -157,22 +156,22 @@ class FilmSource:
         return np.asarray((pts - pts[0]) * self.tick_s, dtype=np.float64)
 
     def repeated(self, pts: Iterable[int | None]) -> int:
-        """Return how many chunks of an AVI, whose timestamps number them, may hold no picture: they repeat the last."""
+        """Return the largest number of AVI chunks, numbered by the timestamps, that only repeat the last picture."""
         known = [number for number in pts if number is not None]
         if not known or self._about["format"] != "avi":
             return 0
-        # The last frame may be shown for as long as any other one.
+        # The last frame may be shown for as long as the longest other one.
         chunks = known[-1] - known[0] + int(np.diff(known).max(initial=1))
         return max(chunks - len(known), 0)
 
     def keep(self, indices: Iterable[int]) -> None:
-        """Say which frames :meth:`pictures` will be asked for after the next pass: these are kept in memory."""
+        """Cache these frames in memory during the next pass, for :meth:`pictures`."""
         self._keep = frozenset(indices)
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
-        """Return some frames of the last pass again, by their numbers; those that cannot be decoded are left out.
+        """Return some frames of the last pass by number; those that cannot be decoded are left out.
 
-        Frames that cannot be sought, in a damaged film or one without an index, are all taken from one further pass.
+        Where seeking fails, in a damaged film or one without an index, the frames come from one further pass.
         """
         wanted = set(indices)
         found = {index: self._kept[index] for index in wanted & set(self._kept)}
@@ -182,9 +181,9 @@ class FilmSource:
         return found | pictures_of(self, wanted - set(found))
 
     def _sought(self, timestamps: Collection[int]) -> dict[int, NDArray[np.uint8]]:
-        """Return frames by their timestamps, by seeking to the key frames before them; without those that fail.
+        """Return frames by timestamp, by seeking to the key frames before them; without those that fail.
 
-        Frames behind one key frame are decoded in one go: an encoder may set the next one only after 250 frames.
+        Frames that follow the same key frame are decoded together: an encoder may set the next one only after 250.
         """
         found: dict[int, NDArray[np.uint8]] = {}
         if not timestamps:
@@ -195,7 +194,7 @@ class FilmSource:
             stream.thread_type = "AUTO"
             while waiting:
                 first = waiting[-1]
-                # Damaged here: a pass from the start knows which frames are whole.
+                # Damage ends this search: only a pass from the start detects which frames are whole.
                 with contextlib.suppress(av.error.FFmpegError, OSError):
                     container.seek(first, stream=stream)
                     for frame in (frame for frame in container.decode(stream) if frame.pts is not None):
@@ -203,7 +202,7 @@ class FilmSource:
                             waiting.pop()
                         if waiting and waiting[-1] == frame.pts:
                             found[waiting.pop()] = luma_of(frame, self.display).copy()
-                        # The next one may lie behind many more key frames: it is sought anew.
+                        # The next wanted frame may follow many more key frames: another seek is faster.
                         if not waiting or (frame.key_frame and waiting[-1] != first):
                             break
                 if waiting and waiting[-1] == first:
@@ -219,7 +218,7 @@ class FilmSource:
             return last_s + step if np.isfinite(last_s) else 0.0
         # Rounded once, as the fraction would be.
         time_s = (pts - start) * base.numerator / base.denominator
-        # Two frames with one timestamp: some containers' clocks are coarser than the frame rate.
+        # Two frames may have the same timestamp: some containers' clocks are coarser than the frame rate.
         return time_s if time_s > last_s else last_s + 1e-3 * step
 
     def _note(self, index: int, time_s: float, decoder: Decoder, *, missing: bool) -> None:
@@ -247,7 +246,7 @@ class FilmSource:
             )
         elif self.frame_count is None and self._declared_s is not None and not self.given:
             steps_s = np.diff(np.array([pts for pts in self.pts if pts is not None])) * self.tick_s
-            # The last frame may be shown for as long as any other one, and one step is rounding.
+            # The last frame may be shown for as long as the longest other one; another step allows for rounding.
             if len(steps_s) and self._declared_s - last_s > self._start_s + 2.0 * float(steps_s.max()):
                 self.damage.add(
                     count,
@@ -274,11 +273,11 @@ class FilmSource:
             raise InputError(
                 f"is not a film that can be read ({reason_of(error)})",
                 where=self.name,
-                do="check that the copy is whole; a film whose recording was cut off may be mended with ffmpeg",
+                do="check that the copy is whole; a film whose recording was cut off may be repaired with ffmpeg",
             ) from error
 
     def stream(self, container: Any) -> Any:
-        """Return the video stream that a player would show; a cover picture is none."""
+        """Return the video stream that a player would show; a cover picture does not count."""
         streams = _films_in(container)
         if not streams:
             others = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
@@ -310,7 +309,7 @@ class FilmSource:
         self.damage.add(0, 0.0, text, kind="streams")
 
     def _note_slow_motion(self, container: Any, stream: Any) -> None:
-        """Note that the camera says it captured more frames a second than are played, unless true times are given."""
+        """Note a capture rate in the metadata that is above the playing rate, unless true times are given."""
         metadata = {**container.metadata, **stream.metadata}
         told = next((metadata[key] for key in _CAPTURE_KEYS if key in metadata), "")
         try:
@@ -329,6 +328,6 @@ class FilmSource:
 
 
 def _films_in(container: Any) -> list[Any]:
-    """Return the video streams that are no cover pictures."""
+    """Return the video streams that are not cover pictures."""
     cover = av.stream.Disposition.attached_pic
     return [stream for stream in container.streams.video if not stream.disposition & cover]

@@ -1,4 +1,4 @@
-"""What every source of frames gives, and what was found wrong with it."""
+"""The interface of every source of frames, and the record of damage found in it."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Frame:
     Attributes
     ----------
     index : int
-        From 0, none missing.
+        From 0, without gaps.
     time_s : float
         On the film's clock; the first frame of the file is at 0 unless a table of times is given.
     luma : (h, w) uint8 or None
-        Brightness; a view that is only valid until the next frame is asked for. None where nothing could be decoded.
+        Brightness; a view that is only valid until the next frame is read. None where the frame could not be decoded.
     damaged : bool
         True where the picture, or one that it was predicted from, was not decoded whole.
     """
@@ -45,18 +45,18 @@ class Frame:
 
 @dataclass(slots=True)
 class Damage:
-    """What was found damaged while a source was read."""
+    """Damage found while a source was read."""
 
     entries: list[dict[str, Any]] = field(default_factory=list)
 
     def add(self, frame: int, time_s: float, text: str, *, kind: str = "damage") -> None:
-        """Note one place, unless something of this kind already stands at the same frame."""
+        """Add an entry, unless there is one of the same kind at the same frame."""
         if not any(entry["frame"] == frame and entry["kind"] == kind for entry in self.entries):
             self.entries.append({"frame": frame, "time_s": time_s, "kind": kind, "text": text})
 
 
 class FrameSource(Protocol):
-    """What gives frames: a film or a row of pictures. Can be gone through more than once."""
+    """A source of frames: a film or a sequence of pictures. It can be iterated over more than once."""
 
     damage: Damage
     name: str
@@ -67,7 +67,7 @@ class FrameSource(Protocol):
 
     @property
     def frame_count(self) -> int | None:
-        """Number of frames that the file declares, where it does."""
+        """Number of frames that the file declares, or None."""
 
     @property
     def pixel_aspect(self) -> float:
@@ -77,14 +77,14 @@ class FrameSource(Protocol):
         """Return the files that the frames come from."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames in the order in which they are displayed."""
+        """Yield the frames in display order."""
 
     def describe(self) -> dict[str, Any]:
-        """Return what is known of the source, for ``track.json``."""
+        """Return the properties of the source, for ``track.json``."""
 
 
 def pictures_of(frames: Iterable[Frame], indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
-    """Return some of the frames' pictures by their numbers; those that cannot be decoded are left out."""
+    """Return some of the frames' pictures by number; those that cannot be decoded are left out."""
     wanted, found = set(indices), dict[int, NDArray[np.uint8]]()
     for frame in frames if wanted else ():
         if frame.index in wanted and frame.luma is not None:
@@ -95,7 +95,7 @@ def pictures_of(frames: Iterable[Frame], indices: Iterable[int]) -> dict[int, ND
 
 
 class GivenTimes:
-    """When frames are shown by what a person gives: a table ``times_s`` (n,), NaN without a row, or a rate ``fps``."""
+    """Times of frames as given by the user: a table ``times_s`` (n,), NaN where it has no row, or a rate ``fps``."""
 
     def __init__(self, *, fps: float | None, times_s: Floats | None, name: str) -> None:
         self.fps = fps
@@ -103,11 +103,11 @@ class GivenTimes:
         self.times_s = times_s
 
     def __bool__(self) -> bool:
-        """Whether anything was given."""
+        """Whether a table or a rate was given."""
         return self.fps is not None or self.times_s is not None
 
     def of(self, index: int) -> float | None:
-        """Return the time of a frame; None where nothing was given, :class:`InputError` without a row for it."""
+        """Return the time of a frame, None where no times were given; without a row for it :class:`InputError`."""
         if self.times_s is None:
             return None if self.fps is None else index / self.fps
         if index < len(self.times_s) and np.isfinite(self.times_s[index]):
@@ -116,11 +116,11 @@ class GivenTimes:
             "has no time for this frame",
             where=f"--timestamps for {self.name}, frame {index}",
             limit=f"one row for every frame; the table ends with frame {len(self.times_s) - 1}",
-            do="complete the table, or leave --timestamps away",
+            do="complete the table, or leave --timestamps out",
         )
 
     def note_rows_left(self, damage: Damage, count: int) -> None:
-        """Note that the table goes on after the last frame: it may be of another film, or frames may be missing."""
+        """Note rows of the table after the last frame: it may be of another film, or frames may be missing."""
         if self.times_s is None or len(self.times_s) <= count:
             return
         known = np.isfinite(self.times_s)

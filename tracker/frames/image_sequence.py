@@ -1,7 +1,7 @@
-"""A row of pictures as a source of frames.
+"""A sequence of pictures as a source of frames.
 
-Cameras of 10, 12 and 14 bits write their numbers into the low bits of 16. The depth in use is read off pictures from
-all over the row, and all pictures are scaled alike: a scale of its own for every picture would flicker.
+Cameras of 10, 12 and 14 bits store their values in the low bits of 16. The bit depth in use is estimated from pictures
+spread over the sequence, and all pictures have the same scale: individual scales would cause flicker.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes
 _DEPTHS: Final = (8, 10, 12, 14, 16)
 """Bits per pixel of cameras."""
 _LOOKED_AT: Final = 24
-"""Pictures, from the first to the last, of which the depth is read."""
+"""Number of pictures, from the first to the last, from which the bit depth is estimated."""
 
 
 class PictureSource:
-    """Pictures in the order given, all of one size; messages call them ``name``.
+    """Pictures in the order given, all of one size; ``name`` is used in messages.
 
-    ``times_s`` (n,) are in place of ``fps``; ``bits``, the depth of pictures with two bytes per pixel, is read off the
-    pictures unless given. No picture, a first one that cannot be read, or a pointer of Git LFS is an
-    :class:`InputError`.
+    ``times_s`` (n,) take precedence over ``fps``; ``bits``, the depth of pictures with two bytes per pixel, is
+    estimated from the pictures unless given. An empty sequence, a first picture that cannot be read, or a Git LFS
+    pointer raises :class:`InputError`.
     """
 
     def __init__(
@@ -72,12 +72,12 @@ class PictureSource:
         return list(self.paths)
 
     def time_s(self, index: int) -> float:
-        """Return the time of a picture: as it was given, or at 30 pictures a second."""
+        """Return the time of a picture: as given by the user, or at 30 pictures a second."""
         given_s = self.given.of(index)
         return index / DEFAULT_FPS if given_s is None else given_s
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give one frame per picture; one that cannot be read has no luma."""
+        """Yield one frame per picture; one that cannot be read has no luma."""
         for index, path in enumerate(self.paths):
             time_s = self.time_s(index)
             picture = _read(path)
@@ -96,10 +96,10 @@ class PictureSource:
         self.given.note_rows_left(self.damage, len(self.paths))
 
     def keep(self, indices: Iterable[int]) -> None:
-        """Keep nothing: single pictures are read again as fast."""
+        """Do nothing: no pictures are cached, since single pictures are read again as fast."""
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
-        """Return some pictures again, by their numbers; those that cannot be read are left out."""
+        """Return some pictures by number; those that cannot be read are left out."""
         read = {index: _read(self.paths[index]) for index in indices}
         return {
             index: picture.astype(np.uint8, copy=False) if picture.dtype == np.uint8 else self._scaled(picture)
@@ -108,11 +108,11 @@ class PictureSource:
         }
 
     def _scaled(self, picture: Picture) -> NDArray[np.uint8]:
-        """Return a picture of two bytes per pixel with one, brightest values clipped."""
+        """Return a picture of two bytes per pixel with one byte, values above the depth in use clipped."""
         return np.asarray(np.minimum(picture >> ((self.bits or _DEPTHS[-1]) - 8), 255), dtype=np.uint8)
 
     def _to_bytes(self, picture: Picture, index: int, time_s: float) -> NDArray[np.uint8]:
-        """Return a picture with one byte per pixel; what is brighter than the depth in use is clipped and told."""
+        """Return a picture with one byte per pixel; values above the depth in use are clipped and reported."""
         if picture.dtype == np.uint8:
             return picture.astype(np.uint8, copy=False)
         bits = self.bits or _DEPTHS[-1]
@@ -130,7 +130,7 @@ class PictureSource:
         return self._scaled(picture)
 
     def describe(self) -> dict[str, Any]:
-        """Return what is known of the pictures."""
+        """Return format, size and rate of the pictures."""
         content: dict[str, Any] = {
             "kind": "pictures",
             "format": self.paths[0].suffix.lower().lstrip("."),
@@ -142,7 +142,7 @@ class PictureSource:
         if self.bits is not None:
             content["bits_in_use"] = self.bits
         if not self.given:
-            content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} a second are taken; give it with --fps"
+            content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} a second are assumed; give it with --fps"
         return content
 
 
@@ -150,7 +150,7 @@ Picture = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 def _bits_in_use(paths: Sequence[Path]) -> int:
-    """Return the depth of a camera, in bits, that holds the brightest value of pictures from all over the row."""
+    """Return the smallest bit depth of a camera that holds the brightest value of pictures spread over the sequence."""
     chosen = np.unique(np.linspace(0, len(paths) - 1, _LOOKED_AT).astype(np.int64))
     pictures = [_read(paths[index]) for index in chosen]
     top = max(int(picture.max()) for picture in pictures if picture is not None and picture.dtype == np.uint16)
@@ -158,7 +158,7 @@ def _bits_in_use(paths: Sequence[Path]) -> int:
 
 
 def _read(path: Path) -> Picture | None:
-    """Return the brightness of a picture, of one byte per pixel or two; None where it cannot be read."""
+    """Return the brightness of a picture, with one byte per pixel or two; None where it cannot be read."""
     try:
         data = np.fromfile(path, dtype=np.uint8)
     except OSError:

@@ -1,4 +1,4 @@
-"""Frames from chosen places of a film, without decoding what lies between: for a look before the whole is tracked."""
+"""Frames from chosen parts of a film, without decoding those in between: for checks before the whole is tracked."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of
 from tracker.frames.image_sequence import PictureSource
 
 _DECODED_PX: Final = 3e9
-"""Pixels of a film up to which all of it is decoded to read its timestamps: 10,000 frames of VGA, some four seconds at
-the 1.0 to 1.5 ns per pixel that light H.264 costs."""
+"""Pixels of a film up to which it is decoded completely to read its timestamps: 10,000 frames of VGA, about four
+seconds at the 1.0 to 1.5 ns per pixel that lightly compressed H.264 costs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Timestamps:
-    """When every frame of a source is shown: ``time_s`` (n,), from 0, in the order of display.
+    """Display times of all frames of a source: ``time_s`` (n,), from 0, in display order.
 
-    ``pts`` (n,) are the container's own timestamps, numbers of the pictures where there is no container; None where it
-    has none, so that frames cannot be sought. ``decoded``: the frames themselves were counted, rather than what the
-    container says that it shows; ``hidden``: how many of its frames are not shown.
+    ``pts`` (n,) are the container's own timestamps, or the pictures' numbers; None where the container has none, so
+    that seeking is impossible. ``decoded``: the frames were counted by decoding, not from the container's packets;
+    ``hidden``: the number of frames that are not shown.
     """
 
     time_s: Floats
@@ -44,10 +44,10 @@ class Timestamps:
 
 
 def read_timestamps(source: FilmSource | PictureSource, *, progress: Progress = silent) -> Timestamps:
-    """Return the timestamps of all frames, with the times at which :func:`tracker.track.track_film` takes them.
+    """Return the timestamps of all frames, with the same times as in :func:`tracker.track.track_film`.
 
-    A short film is decoded from end to end, and what is damaged in it noted in ``source.damage``; of a long one those
-    packets are listed that its edit list shows.
+    A short film is decoded completely, and damage noted in ``source.damage``; for a long one only the packets that its
+    edit list shows are listed.
     """
     if isinstance(source, PictureSource):
         number = range(source.frame_count)
@@ -57,7 +57,7 @@ def read_timestamps(source: FilmSource | PictureSource, *, progress: Progress = 
         return _decoded(source, about=int(about), progress=progress)
     pts: list[int] = []
     hidden = 0
-    # What comes before a damage is what there is to sample.
+    # Only the part before any damage can be sampled.
     with source.open() as container, contextlib.suppress(av.error.FFmpegError):
         for packet in container.demux(source.stream(container)):
             hidden += bool(packet.is_discard)
@@ -71,7 +71,7 @@ def read_timestamps(source: FilmSource | PictureSource, *, progress: Progress = 
 
 
 def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Timestamps:
-    """Return the timestamps of a film that is decoded from end to end."""
+    """Return the timestamps of a film by decoding it completely."""
     times: list[float] = []
     for frame in source:
         times.append(frame.time_s)
@@ -97,18 +97,18 @@ class Clip:
         self.name = f"{source.name}, frames {first} to {first + self.frame_count - 1}"
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames of the clip; what cannot be decoded is left out."""
+        """Yield the frames of the clip; frames that cannot be decoded are left out."""
         source = self._source
         pictures = self._pictures(source) if isinstance(source, PictureSource) else self._decoded(source)
         for index, (number, luma) in enumerate(pictures):
             yield Frame(index, float(self._timestamps.time_s[number]), luma)
 
     def pictures(self, indices: Iterable[int]) -> dict[int, NDArray[np.uint8]]:
-        """Return some frames of the clip again, by their numbers; those that cannot be decoded are left out."""
+        """Return some frames of the clip by number; those that cannot be decoded are left out."""
         return pictures_of(self, indices)
 
     def _pictures(self, source: PictureSource) -> Iterator[tuple[int, NDArray[np.uint8] | None]]:
-        # The depth of the whole row: a few pictures of it may be darker than the rest.
+        # The bit depth of the whole sequence: the pictures of the clip may be darker than the rest.
         for frame in PictureSource(
             source.paths[self.first : self.first + self.frame_count], name=self.name, bits=source.bits
         ):
@@ -125,7 +125,7 @@ class Clip:
             stream = source.stream(container)
             stream.thread_type = "AUTO"
             if self.first:
-                # Backward: to the key frame that the first wanted frame hangs on.
+                # Backward: to the key frame on which the first wanted frame depends.
                 container.seek(int(wanted[0]), stream=stream, backward=True)
             try:
                 for frame in container.decode(stream):

@@ -1,8 +1,8 @@
-"""Frames one after the other: of a film, or of pictures in a folder or under a glob.
+"""Opens a film, or pictures in a folder or matching a glob, as a source of frames.
 
-A film is decoded packet by packet, so that damage is seen where it is: a packet that cannot be decoded becomes a frame
-without a picture, and what hangs on it, up to the next key frame, is marked as damaged (a decoder fills holes with
-stale picture content, on which a marker would be found at its old place).
+A film is decoded packet by packet, so that damage is located: a packet that cannot be decoded becomes a frame without a
+picture, and the frames that depend on it, up to the next key frame, are marked as damaged (a decoder fills holes with
+stale picture content, on which a marker would be found at its old position).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def open_source(
     Parameters
     ----------
     source : str or Path
-        Film, folder, or glob of pictures in the order of their names, numbers in them by their size.
+        Film, folder, or glob of pictures in the order of their names, with numbers in names compared by value.
     fps : float, optional
         Frame rate of pictures, or the rate at which a film was captured: frame k is then at k / fps, whatever the
         film's own timestamps say (slow motion plays at 30 what was filmed at 240).
@@ -69,7 +69,7 @@ def open_source(
 
 
 def _read_times(path: Path) -> Floats:
-    """Read ``frame, time_s``; index by frame number, NaN where the table has no row."""
+    """Return the times (n,) from a table ``frame, time_s``, indexed by frame number; NaN where it has no row."""
     from torsight.core.files.storage import read_table
     from torsight.core.files.tables import frame_numbers, require_increasing
 

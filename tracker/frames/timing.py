@@ -1,4 +1,4 @@
-"""When the frames of a film are shown: count, rate, and whether the rate varies."""
+"""Statistics of the frames' times: number, rate, and regularity."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ import numpy as np
 from torsight.core.units import Floats
 
 _UNEVEN: Final = 0.2
-"""Share of the usual step by which one that counts as irregular differs from it: a lost frame makes a step twice as
-long."""
+"""Difference from the usual step, as a share of it, above which a step is irregular: a lost frame doubles a step."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What the times of the frames say: how many were decoded, and how long the film is.
+    """Statistics of the frames' times: number of decoded frames, duration, rate, and steps.
 
-    From the first frame to one usual (median) step after the last; usual, shortest and longest step;
-    ``irregular_share``: of the steps that differ from the usual one by a fifth, beyond what the container's clock
-    rounds. None where a single frame tells nothing.
+    ``duration_s`` is from the first frame to one usual (median) step after the last; ``step_s``, ``shortest_s`` and
+    ``longest_s`` are the usual, shortest and longest step; ``irregular_share`` is the share of steps that differ from
+    the usual one by a fifth, beyond the rounding of the container's clock. None where there is a single frame.
     """
 
     frames: int
@@ -37,9 +36,9 @@ class Timing:
 
 
 def timing(time_s: Floats, *, tick_s: float = 0.0) -> Timing:
-    """Return what the increasing times (n,) of all frames say.
+    """Return the statistics of the increasing times (n,) of all frames.
 
-    They are rounded to a clock of steps ``tick_s``: a step between two frames may be off by one of it.
+    The times are rounded to multiples of ``tick_s``: a step between two frames may be wrong by one tick.
     """
     step = np.diff(time_s)
     if len(step) == 0:

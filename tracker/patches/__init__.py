@@ -1,7 +1,7 @@
-"""Sticks whose markers are no dots: a tag on a stick, or texture around two of its points.
+"""Sticks whose markers are not dots: a tag on a stick, or texture around two of its points.
 
-In: frames, and what :class:`tracker.detect.marker_file.MarkerHints` say of each stick. Out: the two markers of each
+In: frames, and each stick's entries of :class:`tracker.detect.marker_file.MarkerHints`. Out: the two markers of each
 stick in every frame, px and px², as rows of :mod:`tracker.rows`. ``align`` is Lucas–Kanade against a fixed template,
 ``patch_track`` follows one template from frame to frame, ``tag_template`` and ``texture`` make templates,
-``tag_stick`` and ``texture_stick`` judge a stick as a whole, ``initial_sticks`` makes them.
+``tag_stick`` and ``texture_stick`` follow and check a stick as a whole, ``initial_sticks`` creates the sticks.
 """

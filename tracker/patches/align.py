@@ -1,19 +1,19 @@
-"""Lucas–Kanade of a patch against a fixed template: inverse compositional, with light and contrast free.
+"""Lucas–Kanade of a patch against a fixed template: inverse compositional, with free brightness and contrast.
 
 A template T is known around its middle; a picture I shows it through a warp W (3 × 3, from the template's plane to
-pixels) in other light:
+pixels) under other illumination:
 
     I(W u) = o + a · u + g T(D u),    D = 1 + Σ δₖ Gₖ
 
-For small δ this is linear in all that is unknown, and the derivatives belong to the template: they are the same in
-every frame. W is replaced by W D⁻¹ until δ vanishes (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput.
-Vision 56, 2004, section 3.2, with a linear change of light as in its part 3). The template stays, so nothing drifts.
-Where something lies over a part of the patch, its points are weighed down (Tukey's biweight) and the fit repeated.
+For small δ this is linear in all unknowns, and the derivatives belong to the template: they are the same in every
+frame. W is replaced by W D⁻¹ until δ vanishes (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput. Vision 56,
+2004, section 3.2, with a linear change of illumination as in its part 3). The template is fixed, so nothing drifts.
+Where a part of the patch is occluded, its points get lower weights (Tukey's biweight) and the fit is repeated.
 
-A drawn template knows nothing of uneven ink: what that leaves is the same in every frame, and as large at single points
-as what lies over them. It is learnt point by point, as far as each is seen, and taken out of the picture. What a fit
-leaves is perpendicular, by the fit's own weights, to all that is fitted, so to learn it with these weights lets nothing
-drift; and a part of the tag has the direction of all that was seen before.
+A drawn template does not contain uneven ink, whose residuals are the same in every frame, and as large at single points
+as those of an occluder. They are learnt point by point, in the frames in which each point is seen, and subtracted from
+the picture. The residuals of a fit are orthogonal, under its own weights, to everything fitted, so learning them with
+these weights causes no drift; and a partly occluded tag gets the same direction as the whole tag.
 """
 
 from __future__ import annotations
@@ -48,39 +48,39 @@ Look = Callable[[Floats, Floats], Floats]
 
 _ROUNDS: Final = 12
 _STOP_PX: Final = 0.01
-"""Last step of a point at the patch's rim: a tenth of what noise makes of a reading in an ordinary film."""
+"""Step of a point at the patch's rim below which the fit stops: a tenth of a reading's noise in an ordinary film."""
 _ROUNDED: Final = 1.0 / 12.0
-"""Variance of brightness that was rounded: no picture is better known, even the one of the template."""
+"""Variance by the rounding of brightness: a lower bound for every picture, also that of the template."""
 _TUKEY: Final = 4.685
-"""Standard deviations from which a point has no weight: 95 % efficient for normal noise (Holland & Welsch 1977)."""
+"""Standard deviations above which a point has no weight: 95 % efficient for normal noise (Holland & Welsch 1977)."""
 _OTHER_DRAWN: Final = 0.4
 _OTHER_SEEN: Final = 1.5
-"""What a point may be off at least before it is taken for something else, over the template's spread. Of a drawn tag
-it is a fifth of the step from black to white, which smear shorter than a module leaves; texture is shaded anew as it
-turns under the light."""
+"""Residual up to which no point counts as occluded, over the template's spread. For a drawn tag it is a fifth of the
+step from black to white, the residual of motion blur shorter than a module; the shading of texture changes as it turns
+under the lamp."""
 _AROUND: Final = 1.5
-"""Standard deviation, in steps of the grid, of the surroundings in which a drawn template is held against the picture:
-uneven ink is a line one or two steps wide, and what lies over a tag is wider. With 1.0 ink is now and then taken for
-something else; 1.5 and 2.5 do the same."""
+"""Standard deviation, in steps of the grid, of the kernel over which squared residuals of a drawn template are
+averaged: uneven ink is a line one or two steps wide, and an occluder is wider. With 1.0 ink is now and then taken for
+an occluder; 1.5 and 2.5 do the same."""
 _FEW: Final = 0.005
-"""Share of such points that does not matter: it is what noise makes."""
+"""Share of points without weight that noise alone makes, and that does not matter."""
 _BLUR: Final = 0.5
 """Blur of the picture before it is sampled, in steps of the grid: linear interpolation between blurred pixels hardly
 depends on where between them a sample lies."""
 _LINEAR_PX2: Final = 1.0 / 6.0
-"""Variance of the kernel of linear interpolation, mean of f (1 − f) over all places f between two pixels."""
+"""Variance of the kernel of linear interpolation: mean of f (1 − f) over all positions f between two pixels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """How a patch lies in a picture: ``warp`` (3, 3), from offsets in the template, px, to pixels.
+    """Fit of a patch in a picture: ``warp`` (3, 3), from offsets in the template, px, to pixels.
 
-    ``likeness``: correlation of picture and template, light that falls unevenly taken out, negative for a negative;
-    ``inside``: the same for the part that was named at the template's making. ``light``, ``residual``: brightness at
-    the template's mean, and root mean square of what the model leaves, grey levels; ``gain``: contrast over the
-    template's; ``kept``: share of the points that were used, for the others show something else; ``covariance`` (k, k):
-    of the last δ, for white noise of the size of ``residual``; ``left``, ``weight`` (n,): what the template leaves at
-    its points, over the gain, and how far they show the patch.
+    ``likeness``: correlation of picture and template without the gradient of illumination, negative for an inverted
+    picture; ``inside``: correlation of the part within ``within_px`` of :class:`Patch`. ``light``, ``residual``:
+    brightness at the template's mean, and rms residual, grey levels; ``gain``: contrast over the template's; ``kept``:
+    share of the points that were used, the others being occluded; ``covariance`` (k, k): of the last δ, for white noise
+    of the size of ``residual``; ``left``, ``weight`` (n,): the template's residuals over the gain, and the points'
+    weights.
     """
 
     warp: Floats
@@ -99,10 +99,10 @@ class Patch:
     """A template with its derivatives, from its brightness ``look`` at offsets from its middle, px.
 
     Points ``spacing_px`` apart are compared in a square of half the side ``half_px``, or a disc (``round_``).
-    ``freedom`` is how many changes are followed: 2 for the place alone, 6 with turn, scale and both stretches, 8 with
-    the perspective of a plane, for templates so large that it shows. ``soft`` lets the sharpness be free, for templates
-    that are drawn, and do not know the lens. ``within_px`` is half the side of the part for which likeness is also told
-    alone.
+    ``freedom`` is the number of parameters of the warp: 2 for the position alone, 6 with rotation, scale and both
+    stretches, 8 with the perspective of a plane, for templates so large that it shows. ``soft`` fits the sharpness in
+    addition, for drawn templates, which do not include the lens's blur. ``within_px`` is half the side of the inner
+    part for which the correlation is also returned separately.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Patch:
         self._within = (np.abs(x) < within_px) & (np.abs(y) < within_px) if math.isfinite(within_px) else None
 
     def _solve_for(self, look: Look, x: Floats, y: Floats, *, soft: bool) -> None:
-        """Prepare the least-squares inverse, and what white noise makes of its solution."""
+        """Compute the least-squares inverse, and its solution's covariance for white noise."""
         step = 0.5 * self.spacing_px
         middle = look(x, y)
         right, left, down, up = look(x + step, y), look(x - step, y), look(x, y + step), look(x, y - step)
@@ -158,7 +158,7 @@ class Patch:
         self._noise = self._overlap(self._inverse)
 
     def _weigh(self, weight: Floats) -> None:
-        """Let points count by their weights (n,) from here on."""
+        """Set the points' prior weights (n,) for all following fits."""
         if weight is self._trusted:
             return
         root = np.sqrt(weight)[:, None]
@@ -170,12 +170,12 @@ class Patch:
 
     @property
     def count(self) -> int:
-        """Return how many points are compared."""
+        """Return the number of points that are compared."""
         return len(self._index)
 
     @property
     def turn_doubt(self) -> float:
-        """How much worse the turn (in px at the rim) shows than the place."""
+        """Standard deviation of the rotation (px at the rim) over that of the position; infinite without rotation."""
         variance = np.diag(self._noise)
         return math.sqrt(float(variance[2] / variance[:2].max())) if len(variance) > 2 else math.inf
 
@@ -191,11 +191,11 @@ class Patch:
                 for row in rows
             ]
         ).reshape(len(rows), -1)
-        # A sample holds 1/(4πσ²) of the variance of a pixel's noise, the solution the overlap of the samples' kernels.
+        # A sample has 1/(4πσ²) of a pixel's noise variance; samples correlate by the overlap of their kernels.
         return np.asarray(4.0 * math.pi * kernel_px2 / self.spacing_px**2 * (seen @ seen.T), dtype=np.float64)
 
     def cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> Part:
-        """Return the part of a picture around where the patch should be."""
+        """Return the part of a picture around the patch's expected position, blurred for sampling."""
         corners = project(warp, self._rim)
         height, width = luma.shape
         low, high = corners.min(axis=1) - reach_px, corners.max(axis=1) + reach_px
@@ -204,7 +204,7 @@ class Patch:
         cx, cy = round(float(middle[0])), round(float(middle[1]))
         part = cut_out(luma, cx, cy, half).astype(np.float32)
         blurred = cv2.GaussianBlur(part, (0, 0), self.blur_px)
-        # Both what was cut out and the picture itself end there.
+        # Limited by both the part and the picture.
         left, top, side = cx - half, cy - half, 2 * half + 1
         low_px = (max(left, 0) - 1.0, max(top, 0) - 1.0)
         high_px = (float(min(left + side, width)), float(min(top + side, height)))
@@ -213,7 +213,7 @@ class Patch:
     def align(
         self, luma: NDArray[np.uint8], warp: Floats, learnt: Ink | None = None, doubt: Doubt | None = None
     ) -> Fit | None:
-        """Return how the patch lies near a first guess; None where it leaves the picture or is not found."""
+        """Return the fit of the patch near a first guess; None where it leaves the picture or does not converge."""
         if not self.in_picture(warp, luma):
             return None
         if doubt is not None:
@@ -228,9 +228,9 @@ class Patch:
         found = found_of(self._inverse @ values, self._inverse @ usual)
         left = values - self._basis @ found - found[GAIN] * usual
         all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * len(left)
-        # Held against its own scatter all of a patch would be seen, whatever lies over it.
+        # Relative to the scatter of its own residuals, any patch would seem whole, whatever covers it.
         noise = learnt.noise * abs(float(found[GAIN])) if learnt and all_known else robust_sigma(left)
-        # What an edge leaves differs by frames, and what lies over a tag is wider: no point is judged by itself.
+        # Residuals at edges vary between frames, and occluders are wider: points are judged by their surroundings.
         weight = self._weights(left, self._limit(found, noise, learnt), np.zeros(len(left), np.bool_))
         seen_whole = np.count_nonzero(weight) > (1.0 - _FEW) * len(left)
         if seen_whole and (all_known or learnt is None or not learnt.known.any()):
@@ -238,9 +238,10 @@ class Patch:
         return self._align_in_part(cut, warp, left, found, learnt)
 
     def _align_in_part(self, cut: Part, warp: Floats, left: Floats, found: Floats, learnt: Ink | None) -> Fit | None:
-        """Go on with the points that show the patch, and learn meanwhile which do.
+        """Continue as a robust fit, in which points that do not show the patch lose their weight.
 
-        What was learnt of their ink refuses all that is a little off: near the right place alone.
+        The narrow limits of learnt ink would reject every point of a slightly misplaced template: they apply only once
+        the fit has nearly converged.
         """
         usual = np.zeros(len(left)) if learnt is None else learnt.left
         known = np.zeros(len(left), np.bool_) if learnt is None else learnt.known
@@ -270,9 +271,9 @@ class Patch:
         return self._fit(seen, usual, found, warp, weight, inverse)
 
     def _limit(self, found: Floats, noise: float, learnt: Ink | None) -> Floats:
-        """Return from what on what is left at a point (n,) is something else's, where its ink was learnt by that."""
+        """Return the residual (n,) above which each point counts as occluded: a narrower one where its ink is known."""
         gain = abs(float(found[GAIN]))
-        # A tag that stands still is sent once: what frames of it differ by then is less than they may be off.
+        # A codec sends a tag at rest only once: its frames then differ by less than their true errors.
         noise = max(noise, math.sqrt(_ROUNDED))
         usual = np.full(len(self._index), max(_TUKEY * noise, self._other * self.spread * gain))
         if learnt is None:
@@ -280,14 +281,17 @@ class Patch:
         return np.where(learnt.known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), usual)
 
     def _weights(self, left: Floats, limit: Floats, alone: Flags) -> Floats:
-        """Return how far points show the patch; of a drawn one surroundings tell, unless points (n,) count alone."""
+        """Return the points' weights (n,), for a drawn template from the mean over each point's surroundings.
+
+        Points marked in ``alone`` (n,) are weighted by their own residual in any case.
+        """
         beyond = np.square(left) / limit**2
         if self._share is not None and not alone.all():
             beyond = np.where(alone, beyond, self._around(beyond) / self._share)
         return np.asarray(self._trusted * np.square(np.clip(1.0 - beyond, 0.0, None)))
 
     def _around(self, values: Floats) -> Floats:
-        """Return the sum of values (n,) around every point, weighted by a normal distribution."""
+        """Return the sum (n,) of values (n,) around every point, with Gaussian weights."""
         grid = np.zeros(self._side * self._side, np.float32)
         grid[self._index] = values
         seen = cv2.GaussianBlur(grid.reshape(self._side, -1), (0, 0), _AROUND, borderType=cv2.BORDER_CONSTANT)
@@ -320,7 +324,7 @@ class Patch:
     def _spread_of(self, seen: Floats, inverse: Floats) -> Floats:
         """Return the covariance of δ for residuals of variance 1.
 
-        A picture that is smeared answers a shift with less than the template does: its own slopes tell by how much.
+        A blurred picture changes less with a shift than the template does: the picture's own gradients give the ratio.
         """
         down, right = (
             axis.ravel()[self._index] / self.spacing_px for axis in np.gradient(seen.reshape(self._side, -1))
@@ -330,18 +334,18 @@ class Patch:
         return np.asarray(answer @ noise @ answer.T, dtype=np.float64)
 
     def _columns(self, slope_x: Floats, slope_y: Floats) -> Floats:
-        """Return how brightness changes with δ (n, k) from its slopes."""
+        """Return the derivatives (n, k) of brightness with respect to δ, from its gradient."""
         return np.asarray(slope_x[:, None] * self._along_x + slope_y[:, None] * self._along_y, dtype=np.float64)
 
     def slope(self, warp: Floats, at: tuple[float, float]) -> Floats:
-        """Return how a point of the template moves in the picture with δ, (2, k) px."""
+        """Return the derivatives (2, k), px, of a template point's position in the picture with respect to δ."""
         x, y = at
         moved = self.generators @ np.array([x, y, 1.0])
         inside = np.stack([moved[:, 0] - x * moved[:, 2], moved[:, 1] - y * moved[:, 2]])
         return np.asarray(-jacobian(warp, at) @ inside, dtype=np.float64)
 
     def in_picture(self, warp: Floats, luma: NDArray[np.uint8]) -> bool:
-        """Return whether all of the patch lies in a picture."""
+        """Return whether the whole patch lies in a picture."""
         corners = project(warp, self._rim)
         height, width = luma.shape
         return bool(
@@ -353,9 +357,9 @@ class Patch:
 
 
 def _generators(half_px: float) -> Floats:
-    """Return what δ does, (8, 3, 3): two shifts, turn, scale, two stretches, and two of perspective.
+    """Return the generators (8, 3, 3) of the warp: two shifts, rotation, scale, two stretches, two of perspective.
 
-    One unit of each moves the rim by about a pixel.
+    A unit of each parameter moves the rim by about a pixel.
     """
     r = 1.0 / half_px
     found = [
@@ -377,13 +381,13 @@ def _correlation(one: Floats, other: Floats) -> float:
 
 
 def _likeness(left: Floats, plain: Floats) -> float:
-    """Return the correlation that leaves ``left`` of a variation ``plain``."""
+    """Return the multiple correlation from residuals ``left`` of the fit, and ``plain`` without the template (n,)."""
     total = float(plain @ plain)
     return 0.0 if total <= 0.0 else math.sqrt(max(0.0, 1.0 - float(left @ left) / total))
 
 
 def cut_out(luma: NDArray[np.uint8], cx: int, cy: int, half: int) -> NDArray[np.uint8]:
-    """Return the square around a pixel; outside the picture its border is repeated."""
+    """Return the square of half the side ``half`` around a pixel; outside the picture its border is repeated."""
     height, width = luma.shape
     if half <= cx < width - half and half <= cy < height - half:
         return luma[cy - half : cy + half + 1, cx - half : cx + half + 1]

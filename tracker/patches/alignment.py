@@ -1,4 +1,4 @@
-"""The steps of the inverse compositional Lucas–Kanade of a patch (compiled), see :mod:`tracker.patches.align`."""
+"""Steps of the inverse compositional Lucas–Kanade of a patch (compiled); see :mod:`tracker.patches.align`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tracker.patches.warps import project
 
 
 class Template(NamedTuple):
-    """What a step needs of a template, known at ``points`` (2, n) from its middle.
+    """Data of a template for one step, known at ``points`` (2, n) relative to its middle.
 
-    ``inverse`` (first + k, n): least-squares inverse: light, gain (row 3) and whatever else comes before δ, then δ
-    times gain; ``generators`` (k, 3, 3): what δ does; ``rim`` (2, m): points on its rim; ``half_px``, ``spread``: its
-    half width, and the standard deviation of its brightness.
+    ``inverse`` (first + k, n): least-squares inverse, whose rows give illumination, gain (row 3) and other nuisance
+    parameters, then δ times gain; ``generators`` (k, 3, 3) of the warp; ``rim`` (2, m): points on the template's rim;
+    ``half_px``, ``spread``: its half width, and the standard deviation of its brightness.
     """
 
     points: Floats
@@ -30,7 +30,7 @@ class Template(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Part of a picture, blurred, with the pixel at its top left corner; where its inside ends, and the picture's."""
+    """Part of a picture, blurred, with the pixel at its top left corner, and the limits (x, y) of valid positions."""
 
     values: NDArray[np.float32]
     left: int
@@ -40,16 +40,16 @@ class Part(NamedTuple):
 
 
 LIGHT, ALONG_X, ALONG_Y, GAIN = range(4)
-"""First rows of the solution: light at the middle, its slopes, and the contrast over the template's."""
+"""First rows of the solution: brightness at the middle, its gradient, and the contrast over the template's."""
 _LEAST_SPREAD: Final = 1.0
-"""Grey levels below which a patch shows nothing: rounding alone spreads a third of that."""
+"""Standard deviation, grey levels, below which a patch shows nothing: that by rounding alone is a third of it."""
 _FARTHEST: Final = 0.7
-"""Step, over the half width, that leads astray: the template knows nothing of what lies there."""
+"""Largest step over the half width: beyond it, the picture there is unknown to the template."""
 
 
 @internal
 def in_part(warp: Floats, rim: Floats, part: Part) -> bool:
-    """Return whether the rim of a patch lies in a part of a picture."""
+    """Return whether the rim of a patch lies within a part of a picture."""
     seen = project(warp, rim)
     for i in range(seen.shape[1]):
         for k in range(2):
@@ -75,7 +75,7 @@ def without(warp: Floats, change: Floats) -> Floats:
 
 @compiled
 def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tuple[bool, Floats]:
-    """Return whether a step leads somewhere, and the warp after it: W D⁻¹."""
+    """Return whether a step is valid (contrast, size, within the part), and the warp after it: W D⁻¹."""
     gain, count = found[GAIN], len(template.generators)
     if abs(gain) * template.spread < _LEAST_SPREAD:
         return False, warp
@@ -93,7 +93,7 @@ def step_warp(found: Floats, warp: Floats, template: Template, part: Part) -> tu
 
 @compiled
 def sample(part: Part, warp: Floats, points: Floats) -> Floats:
-    """Return the brightness at points of the template, by linear interpolation."""
+    """Return the picture's brightness (n,) at points (2, n) of the template, by linear interpolation."""
     values = part.values
     height, width = values.shape
     out = np.empty(points.shape[1])
@@ -111,7 +111,7 @@ def sample(part: Part, warp: Floats, points: Floats) -> Floats:
 
 @compiled
 def largest_step(before: Floats, after: Floats, rim: Floats) -> float:
-    """Return how far a step moves the rim at most, px."""
+    """Return the largest change of a coordinate of the rim by a step, px."""
     old, new, largest_px = project(before, rim), project(after, rim), 0.0
     for i in range(old.shape[1]):
         largest_px = max(largest_px, abs(new[0, i] - old[0, i]), abs(new[1, i] - old[1, i]))
@@ -120,7 +120,10 @@ def largest_step(before: Floats, after: Floats, rim: Floats) -> float:
 
 @compiled
 def found_of(solved: Floats, usual: Floats) -> Floats:
-    """Return the solution without what a template usually leaves: both are solved for, that for a contrast of one."""
+    """Return the solution corrected for the template's usual residuals.
+
+    ``solved`` is the solution for the picture, ``usual`` that for the residuals at a contrast of one.
+    """
     found: Floats = solved - solved[GAIN] / (1.0 + usual[GAIN]) * usual
     return found
 
@@ -129,9 +132,9 @@ def found_of(solved: Floats, usual: Floats) -> Floats:
 def align_warp(
     warp: Floats, template: Template, part: Part, usual: Floats, rounds: int, stop_px: float
 ) -> tuple[bool, float, Floats, Floats]:
-    """Step until steps are small; ``usual`` is the solution for what the template usually leaves.
+    """Iterate until steps are small; ``usual`` is the solution for the template's usual residuals.
 
-    Returned are whether the steps led somewhere, the size of the last one, the warp before it, and the one after it.
+    Returned are whether all steps were valid, the size of the last step, and the warps before and after it.
     """
     moved, before, found = np.inf, warp, np.empty(len(template.inverse))
     for _ in range(rounds):

@@ -1,4 +1,4 @@
-"""Sticks of all kinds at their beginning: from the first frame, or from the first frames that show their tags."""
+"""Initialisation of sticks of all kinds: from the first frame, or from the first frames that show their tags."""
 
 from __future__ import annotations
 
@@ -29,19 +29,25 @@ from tracker.patches.texture_stick import TextureStick
 _WINDOWS_PX: Final = (8.0, 11.0, 15.0)
 """Radii of the patch around a point without a dot."""
 _HOLDS: Final = 0.8
-"""Share of the structure of the largest patch that a smaller one has to hold to be taken. Texture all around gives it a
-quarter or a half; around a spot on blank ground the larger one adds nothing but the shading, which does not turn."""
+"""Smallest share of the largest patch's structure that a smaller patch needs to be chosen. In texture all around it has
+a quarter or a half; around a spot on blank background the larger patch adds only shading, which does not turn."""
 _STRUCTURE_PX: Final = 2.0
-"""Blur before structure is looked for: noise of two grey levels then has slopes of 0.1 levels per px."""
+"""Blur before the structure is computed: noise of two grey levels then has gradients of 0.1 levels per px."""
 _SLOPE: Final = 0.6
-"""Least slope (rms, grey levels per px) along the weakest direction: six times that of noise. Real texture has 2 to 10,
-the straight edge of a pipe in a film in H.264 0.3 to 0.5. What has less along the strongest one is no texture."""
+"""Smallest gradient (rms, grey levels per px) along the weakest direction: six times that of noise. Real texture has 2
+to 10, the straight edge of a pipe in a film in H.264 0.3 to 0.5. Below it in all directions there is no texture."""
 _TRIED: Final = 3
-"""Frames in which other families are looked for."""
+"""Frames that are searched for tags of other families."""
 
 
 def sticks_of(first: Frame | None, hints: MarkerHints) -> tuple[Stick, Stick]:
-    """Return both sticks, ready for the first frame; no dot or no texture at a position that was given is no result."""
+    """Return both sticks, ready for the first frame.
+
+    Raises
+    ------
+    NoResultError
+        When a position that was given shows no dot or no texture.
+    """
     base, moving = (_stick(first, hints, stick) for stick in (0, 1))
     return base, moving
 
@@ -81,7 +87,7 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
 
 
 def _window_px(luma: NDArray[np.uint8], x: float, y: float) -> float:
-    """Return the radius of the patch around a point: the smallest that holds most of the structure."""
+    """Return the radius of the patch around a point: the smallest that contains most of the structure."""
     height, width = luma.shape
     room = min(x, y, width - 1 - x, height - 1 - y) - 2.0
     radii = [radius for radius in _WINDOWS_PX if radius <= room] or [room]
@@ -92,7 +98,7 @@ def _window_px(luma: NDArray[np.uint8], x: float, y: float) -> float:
 
 
 def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float, *, where: str) -> None:
-    """Refuse a point around which nothing shows where it is."""
+    """Raise an error for a point around which the texture does not determine the position."""
     weakest, strongest = np.sqrt(_structure(luma, x, y, window_px) / (math.pi * window_px**2)).tolist()
     if strongest < _SLOPE:
         raise NoResultError(
@@ -113,10 +119,7 @@ def _check_texture(luma: NDArray[np.uint8], x: float, y: float, window_px: float
 
 
 def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) -> Floats:
-    """Return the sums (2,) of the squared slopes of the brightness, grey levels².
-
-    Along the direction in which it is least, and across that.
-    """
+    """Return the eigenvalues (2,), ascending, of the structure tensor: sums of squared gradients, grey levels²."""
     half = int(window_px)
     cx, cy = round(x), round(y)
     margin = half + round(3.0 * _STRUCTURE_PX)
@@ -130,9 +133,9 @@ def _structure(luma: NDArray[np.uint8], x: float, y: float, window_px: float) ->
 
 
 def look_for_tags(source: FrameSource, hints: MarkerHints, *, progress: Progress) -> None:
-    """Make sure that every tag that was named is seen in one of the first frames, and tell what is wrong otherwise.
+    """Check that every tag that was named is seen in one of the first frames; the error names the likely cause.
 
-    The family that is seen instead, the numbers that are, two tags of one number, or that the picture is a mirror's.
+    That is another family or other numbers that are seen instead, two tags of one number, or a mirrored picture.
     """
     wanted = {number: stick for stick, number in zip(STICKS, hints.ids, strict=True) if number is not None}
     missing = dict(wanted)
@@ -175,7 +178,7 @@ def _place(tag: FoundTag) -> str:
 def _not_found(
     missing: dict[int, str], hints: MarkerHints, kept: list[NDArray[np.uint8]], others: list[FoundTag], *, where: str
 ) -> NoResultError:
-    """Return why tags may not be seen."""
+    """Return the error for tags that are not found, with the likely cause."""
     words = listed([f"tag {number} of the {stick} stick" for number, stick in missing.items()])
     what = f"{words} ({hints.family}) {'was' if len(missing) == 1 else 'were'} not found"
     mirrored = [tag for luma in kept for tag in find_tags(luma[:, ::-1], hints.family) if tag.number in missing]
@@ -185,14 +188,14 @@ def _not_found(
             where=where,
             value=f"{in_words(mirrored)} in the picture turned over",
             do="switch mirroring off in the camera's program, or do not film through a mirror; a film that is there "
-            "already is turned back by 'ffmpeg -i FILM -vf hflip NEW'",
+            "already is flipped back by 'ffmpeg -i FILM -vf hflip NEW'",
         )
     if others:
         return NoResultError(
             what,
             where=where,
             value=f"of this family {in_words(others)}",
-            do="mend base_id and moving_id",
+            do="correct base_id and moving_id",
         )
     family, seen = _other_family(kept, but=hints.family)
     if seen:
@@ -210,12 +213,12 @@ def _not_found(
         else f"no tag of {hints.family} nor of {len(USUAL)} usual families",
         limit="tags that lie flat, sharp, whole in the picture, with a white border of a module around, and modules of "
         "4 px and more",
-        do="come closer or print them larger, light them evenly, and keep hands off",
+        do="move the camera closer or print them larger, light them evenly, and keep hands out of the picture",
     )
 
 
 def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list[FoundTag]]:
-    """Return the usual family of which most tags are seen, and these tags."""
+    """Return the usual family, other than ``but``, of which most tags are seen in one picture, and these tags."""
     best: tuple[str, list[FoundTag]] = ("", [])
     code, own = but.partition("_")[0], count_of(but)
     pictures = [usual_tags(luma) for luma in kept]
@@ -224,7 +227,7 @@ def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list
             continue
         seen = max((found[family] for found in pictures), key=len, default=[])
         if family.startswith(f"{code}_") and not code.startswith("AP"):
-            # The first tags of a larger family of one code are those of the smaller one.
+            # A larger family of the same code begins with the tags of the smaller one.
             seen = [tag for tag in seen if tag.number >= own]
         if len(seen) > len(best[1]):
             best = (family, seen)

@@ -1,4 +1,4 @@
-"""What a template does not know, learnt point by point: a drawn one its tag's ink, a seen one the ground."""
+"""Corrections to a template, learnt point by point: a drawn tag's uneven ink, and background in a seen patch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tracker.checkpoint import Kept
 
 
 class Ink(Kept):
-    """What fits leave at the ``count`` points of a template, over the gain: mean and variance, from frames of each."""
+    """Mean and variance of the residuals, over the gain, at the ``count`` points of a template."""
 
     kept = ("left", "_scatter", "_frames")
 
@@ -21,28 +21,28 @@ class Ink(Kept):
 
     @property
     def known(self) -> Flags:
-        """Return the points (n,) that were seen."""
+        """Return whether each point (n,) has been seen."""
         return self._frames > 0.0
 
     @property
     def noise(self) -> float:
-        """Return the usual standard deviation of what is left, over the gain."""
+        """Return the median point's standard deviation of the residuals, over the gain."""
         return math.sqrt(float(np.median(self._scatter[self.known])))
 
     def take(self, left: Floats, weight: Floats, sigma: float) -> None:
-        """Take in what a fit left (n,), of each point as far as it shows the tag; ``sigma`` is its usual size."""
+        """Update mean and variance with a fit's residuals (n,), weighted by ``weight`` (n,); ``sigma`` is their rms."""
         self._frames = np.minimum(self._frames + weight, 1.0 / RATE)
         share, off = weight / np.maximum(self._frames, 1e-9), left - self.left
-        # A point that is seen first may be off by as much as others are.
+        # A point seen for the first time starts with the variance of the others.
         self._scatter += share * (np.where(share < 1.0, off**2, sigma**2) - self._scatter)
         self.left += share * off
 
     def variance(self, sigma: float) -> Floats:
-        """Return the variance (n,) of what is left at every point in a frame whose noise is ``sigma``."""
+        """Return the variance (n,) of the residual at every point in a frame whose noise is ``sigma``."""
         return np.asarray(sigma**2 + self._scatter, dtype=np.float64)
 
     def trust(self, left: Floats, weight: Floats) -> Floats:
-        """Return weights (n,): at a point that was never seen the variance of the ink adds to that of what is left."""
+        """Return the points' weights (n,) by inverse variance: unknown ink adds its variance at points never seen."""
         known = self.known
         if not known.any():
             return np.ones(len(left))
@@ -52,10 +52,11 @@ class Ink(Kept):
 
 
 class Doubt(Kept):
-    """How far each of ``count`` points of a template shows the same in all frames: ground beside a stick does not.
+    """Weights of a template's ``count`` points by how constant they are over the film: background is not.
 
-    Points weigh as the inverse of the variance that they have shown and of ``good``, which a good fit leaves: what
-    texture leaves is in part its own, sharper or darker. Weights are made anew whenever twice as many frames were seen.
+    A point's weight is inverse to its observed residual variance plus ``good``, the variance in a good fit: part of the
+    residuals is due to the texture itself, as it looks sharper or darker. The weights are updated whenever the number
+    of frames has doubled.
     """
 
     kept = ("weight", "_square", "_seen", "_frames")
@@ -67,7 +68,7 @@ class Doubt(Kept):
         self._frames = 0
 
     def take(self, left: Floats, weight: Floats) -> None:
-        """Take in what a fit left (n,), over the gain, at every point as far as nothing lay over it.
+        """Add a fit's residuals (n,), over the gain, to every point's variance, as far as the point was not occluded.
 
         ``weight`` (n,) is that of the fit.
         """

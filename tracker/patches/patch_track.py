@@ -1,4 +1,4 @@
-"""One patch from frame to frame: where it should be, and where it is."""
+"""One patch from frame to frame: its predicted and its measured position."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from tracker.patches.warps import place, similarity, size_of, turn_of
 from tracker.rows import SEEN
 
 _REACH_PX: Final = 32
-"""How far a patch may go between two frames: twice the fastest motion that is asked of the tracker."""
+"""Largest motion of a patch between two frames: twice the fastest motion that the tracker is required to follow."""
 _LEVELS: Final = 3
-"""Halvings of the picture for the flow: from its windows of 21 px they reach as far as a patch may go."""
+"""Pyramid levels of the optical flow: with windows of 21 px they cover the largest motion of a patch."""
 _WINDOW_PX: Final = 21
 _STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.03)
 _BACK_PX: Final = 1.0
-"""A point whose flow leads there and back to another place was not followed. A guess need not be better."""
+"""Largest forward-backward error of the flow at a point that was followed. A first guess need not be better."""
 AS_USUAL: Final = 0.05
-"""A correlation this near the usual one is as good, and needs no second guess."""
+"""A correlation less than this below the usual one is as good, and needs no second starting point."""
 _GOOD: Final = 1.0 - (1.0 - AS_USUAL) ** 2
-"""Share of a template's variance that a fit with that much less than a correlation of one leaves."""
+"""Residual variance, over the template's, of a fit whose correlation is ``AS_USUAL`` below one."""
 KEPT: Final = 0.7
-"""Least share of a patch that has to be seen: what lies over the rest is then outvoted by far."""
+"""Smallest share of a patch that has to be seen, so that an occluder of the rest is clearly in the minority."""
 
 Judge = Callable[[Fit], str]
-"""Takes how a patch was found and returns why it is not taken; empty where it is."""
+"""Takes a patch's fit, and returns the reason for rejecting it, empty where it is accepted."""
 
 
 class PatchTrack(Kept):
-    """A patch, where it was last, and how well it usually fits.
+    """A patch, its last warp, and its usual correlation.
 
-    ``points`` (n, 2) of its template are those that the flow follows; ``warp`` is where it is, was seen last, or is
-    looked for first; ``lost`` counts frames since it was seen; ``usual`` is the running mean of its correlation,
-    ``learnt`` what the fits of a drawn template leave, None for one that was seen.
+    ``points`` (n, 2) of the template are followed by optical flow; ``warp`` is that of the last frame in which the
+    patch was seen, or the initial guess; ``lost`` counts frames since then; ``usual`` is the running mean of the
+    correlation, ``learnt`` the mean residuals of a drawn template, None for a template taken from the film.
     """
 
     kept = ("warp", "lost", "usual", "learnt", "doubt", "_history", "_corner", "_seen")
@@ -59,7 +59,7 @@ class PatchTrack(Kept):
         self.replace(patch, points, 1.0)
 
     def predict(self, time_s: float) -> Floats:
-        """Return where its last motion carries it."""
+        """Return the patch's warp at a time, extrapolated from its last motion."""
         if len(self._history) < 2 or self.lost > STALE:
             return self.warp
         (t2, before), (t1, last) = self._history
@@ -71,7 +71,10 @@ class PatchTrack(Kept):
         return moved @ back @ last
 
     def follow(self, luma: NDArray[np.uint8], time_s: float, judge: Judge) -> tuple[Fit | None, str]:
-        """Return how it is found from where it was, and why it is not taken (empty where it is)."""
+        """Return the patch's fit in the next frame, and the reason for rejecting it (empty where it is accepted).
+
+        The fit starts from the predicted warp, then from that by optical flow, then from the last warp.
+        """
         best: Fit | None = None
         ahead = self.predict(time_s)
         why = "lost" if self.patch.in_picture(ahead, luma) else "outside"
@@ -95,7 +98,7 @@ class PatchTrack(Kept):
             yield self.warp
 
     def _flow(self, luma: NDArray[np.uint8], ahead: Floats) -> Floats | None:
-        """Return where Lucas–Kanade's flow from the last picture in which it was seen carries it."""
+        """Return the warp by Lucas-Kanade optical flow from the last frame; None where the patch was not seen there."""
         if self._seen is None or self.lost > 1:
             return None
         half = self._seen.shape[0] // 2
@@ -121,7 +124,7 @@ class PatchTrack(Kept):
         return np.ascontiguousarray((seen[:2] / seen[2]).T - self._corner, dtype=np.float32).reshape(-1, 1, 2)
 
     def take(self, luma: NDArray[np.uint8], time_s: float, fit: Fit) -> None:
-        """Note where it is."""
+        """Accept a fit: update warp, usual correlation and residuals, and keep the picture for the flow."""
         if self.lost:
             self._history = self._history[-1:] if self.lost <= SOON else []
         self.usual += RATE * (fit.likeness - self.usual) if self._seen is not None else fit.likeness - self.usual
@@ -137,7 +140,7 @@ class PatchTrack(Kept):
         self._seen = cut_out(luma, x, y, half).copy()
 
     def replace(self, patch: Patch, points: Floats, size: float) -> None:
-        """Take a template of the same thing that is ``size`` times as large."""
+        """Replace the template by one of the same object that is ``size`` times as large."""
         self.patch = patch
         self.learnt = Ink(patch.count) if patch.soft else None
         self.doubt = None if patch.soft else Doubt(patch.count, _GOOD * patch.spread**2)
@@ -147,12 +150,12 @@ class PatchTrack(Kept):
         self._history = [(time_s, warp @ smaller) for time_s, warp in self._history]
 
     def miss(self) -> None:
-        """Note that it was not seen."""
+        """Count a frame in which the patch was not seen."""
         self.lost += 1
 
 
 def put(readings: NDArray[np.void], index: int, fit: Fit, at: Point, covariance: Floats, *, spread: float) -> None:
-    """Put a fit into readings as that of a point of its template."""
+    """Store a fit as the reading of a marker, at position ``at`` with a covariance (2, 2), px and px²."""
     own = readings[index]
     own["x"], own["y"] = at
     own["covariance"] = covariance[0, 0], covariance[0, 1], covariance[1, 1]
@@ -161,7 +164,7 @@ def put(readings: NDArray[np.void], index: int, fit: Fit, at: Point, covariance:
 
 
 def _carried(one: Floats, two: Floats) -> Floats:
-    """Return the turn, scale and shift that carry points (n, 2) to others best."""
+    """Return the similarity transform (3, 3) that maps points (n, 2) to others with least squares."""
     a, b = (points[:, 0] + 1j * points[:, 1] for points in (one, two))
     from_mean, to_mean = a - a.mean(), b - b.mean()
     factor = np.vdot(from_mean, to_mean) / max(float(np.vdot(from_mean, from_mean).real), 1e-12)

@@ -1,4 +1,4 @@
-"""A stick in every frame by a tag on it."""
+"""A stick in every frame, measured on a tag."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tracker.patches.warps import place, size_of
 from tracker.rows import CODE
 
 _ALIKE: Final = 0.85
-"""Least correlation with a tag. A tag with modules of 6 px that is smeared over 10 px keeps 0.88; one of which half is
-covered falls below 0.75."""
+"""Smallest correlation with a tag. A tag with modules of 6 px under motion blur of 10 px keeps 0.88; one of which half
+is covered falls below 0.75."""
 _ITS_BITS: Final = 0.75
-"""Least correlation of the modules inside the black border (smeared as above: 0.85). Another number has about 0."""
+"""Smallest correlation of the modules inside the black border (blurred as above: 0.85). Another number has about 0."""
 _STEP: Final = 8.0
-"""Least grey levels from black to white: below it H.264 flattens a tag."""
+"""Smallest difference of white and black in grey levels: below it H.264 flattens a tag."""
 _GREW: Final = 1.25
-"""Change of size from which a tag's template is made anew."""
+"""Change of size above which a tag's template is rendered again."""
 
 
 class TagStick(Kept):
@@ -39,7 +39,7 @@ class TagStick(Kept):
 
     drawn = True
     shutter_share, shutter_limits = None, (0.0, 1.0)
-    """Not told by a tag."""
+    """Not estimated from a tag."""
 
     def __init__(self, family: str, number: int) -> None:
         self.family, self.number = family, number
@@ -47,16 +47,16 @@ class TagStick(Kept):
 
     @property
     def radius_px(self) -> float:
-        """Half the tag's side."""
+        """Half the tag's side, px."""
         return 0.5 * self.length_px
 
     @property
     def length_px(self) -> float:
-        """The tag's side."""
+        """The tag's side, px."""
         return math.nan if self._found is None else self._found[0].side_px * size_of(self._found[1].warp)
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
-        """Return what is read of both markers in the next frame."""
+        """Return the readings (2,) of both markers in the next frame."""
         del shift
         fit, why = (None, "lost") if self._found is None else self._found[1].follow(luma, time_s, self._judge)
         if why:
@@ -76,7 +76,7 @@ class TagStick(Kept):
         return readings
 
     def miss(self, time_s: float) -> None:
-        """Pass over a frame that shows nothing."""
+        """Skip a frame without a usable picture."""
         del time_s
         if self._found is not None:
             self._found[1].miss()
@@ -99,7 +99,7 @@ class TagStick(Kept):
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
         fit = track.patch.align(luma, tag.warp_of(found[0]), track.learnt)
         if fit is None:
-            # The picture is no longer as sharp, or as soft, as where the template was made.
+            # The sharpness of the picture has changed since the template was rendered.
             sharp = Tag.of(self.family, found[0], luma)
             track.replace(sharp.patch(), sharp.corners(), sharp.side_px / tag.side_px)
             self._found = sharp, track
@@ -115,7 +115,7 @@ class TagStick(Kept):
         return {"side_px": tag.side_px, "soft": tag.soft, "track": track.to_state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a noted state, exactly."""
+        """Restore a saved state exactly."""
         self._found = None
         if state:
             tag = Tag(self.family, self.number, float(state["side_px"]), float(state["soft"]))
@@ -124,10 +124,10 @@ class TagStick(Kept):
 
 
 def _of_plane(fit: Fit, patch: Patch, ends: tuple[Point, Point]) -> NDArray[np.void]:
-    """Return two points of one patch as readings.
+    """Return the readings (2,) of two points of one patch.
 
-    Both come from one fit, so their errors are correlated, for which tracks have no place. The angle is made of their
-    difference: each has half of the covariance of that.
+    Both come from one fit, so their errors are correlated, which tracks cannot store. The angle is computed from their
+    difference: each point gets half of the difference's covariance.
     """
     one, two = (patch.slope(fit.warp, end) for end in ends)
     covariance = 0.5 * (two - one) @ fit.covariance @ (two - one).T

@@ -1,4 +1,4 @@
-"""What an ArUco or AprilTag tag looks like: its template."""
+"""Rendered templates of ArUco and AprilTag tags."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from tracker.detect.fiducials import FoundTag, bits_of
 from tracker.patches.align import Look, Patch
 
 _FINE: Final = 8
-"""Steps per module of the drawing from which a tag's template is taken."""
+"""Steps per module of the drawing from which a tag's template is sampled."""
 _SOFT: Final = (0.7, 1.0, 1.3, 1.7, 2.2, 3.0)
-"""Blurs of the template that are tried where a tag is found first, in steps of the grid. The sharpest picture has 0.7:
-a pixel's own width (0.3) and the sampling (0.65). Between them the fit lets the sharpness free."""
+"""Blurs of the template, in steps of the grid, that are tried when a tag is first found. The sharpest picture has 0.7:
+a pixel's own width (0.3) and the sampling (0.65). Between these values the fit estimates the sharpness."""
 _QUIET: Final = 0.5
-"""Share of a module of white around the tag that is compared with it: the blurred rim of the paper, one module away,
-would be taken for the tag's."""
+"""Width, in modules, of the white margin around the tag that belongs to the template: further out, the blurred rim of
+the paper, one module away, would be taken for the tag's."""
 _MOST_SIDE: Final = 48
-"""Points along a side that are compared at most: more make the fit slower, and hardly better."""
+"""Most points along a side that are compared: more make the fit slower, and hardly better."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tag:
-    """One tag: its family, its number, its side in px where it was found, and how much the picture blurs it.
+    """One tag: its family, its number, its side in px where it was found, and its blur in steps of the grid.
 
-    The plane of its template has its origin in the tag's middle, x along its top edge to the right as printed
-    upright, y down; the unit is a pixel.
+    The template's plane has its origin in the tag's middle, x along the top edge to the right as printed upright, y
+    down; the unit is a pixel.
     """
 
     family: str
@@ -49,11 +49,11 @@ class Tag:
 
     @property
     def spacing_px(self) -> float:
-        """Distance of the points that are compared."""
+        """Distance between neighbouring points of the template, px."""
         return max(1.0, self.side_px / _MOST_SIDE)
 
     def patch(self) -> Patch:
-        """Return its template."""
+        """Return the tag's template as a patch."""
         modules = len(bits_of(self.family, self.number))
         module_px = self.side_px / modules
         return Patch(
@@ -66,7 +66,7 @@ class Tag:
         )
 
     def look(self) -> Look:
-        """Return its brightness, 0 for black and 1 for white."""
+        """Return the tag's brightness as a function of position, 0 for black and 1 for white."""
         bits = np.pad(bits_of(self.family, self.number), 2, constant_values=True)
         module_px = self.side_px / (len(bits) - 4)
         step = _FINE / module_px
@@ -84,16 +84,16 @@ class Tag:
         return brightness
 
     def corners(self) -> Floats:
-        """Return its corners in the template's plane, in the order of :class:`tracker.detect.fiducials.FoundTag`."""
+        """Return the corners (4, 2) in the template's plane, in :class:`tracker.detect.fiducials.FoundTag`'s order."""
         half = 0.5 * self.side_px
         return half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
     def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return its two markers in the template's plane: the middles of its left and its right edge."""
+        """Return the two markers in the template's plane: the middles of the tag's left and right edge."""
         half = 0.5 * self.side_px
         return (-half, 0.0), (half, 0.0)
 
     def warp_of(self, found: FoundTag) -> Floats:
-        """Return the warp that puts its corners where they were found."""
+        """Return the warp (3, 3) that maps the template's corners to those found."""
         warp = cv2.getPerspectiveTransform(self.corners().astype(np.float32), found.corners_px.astype(np.float32))
         return np.asarray(warp, dtype=np.float64)

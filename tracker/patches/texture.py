@@ -1,4 +1,4 @@
-"""A point without a dot: the texture around it in the first frame, and where it is in another one."""
+"""A point without a dot: the texture around it in the first frame, and the search for it in another frame."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from tracker.patches.align import Look, Patch, cut_out
 from tracker.patches.warps import Point, place, project, similarity, size_of
 
 _TURN_DOUBT: Final = 4.0
-"""How much worse a patch may show its turn than its place. Texture has 1 to 2.6, dots on paper have 6 to 9."""
+"""Largest ratio of a patch's errors in rotation and position at which the rotation is fitted. Texture has 1 to 2.6,
+dots on paper have 6 to 9."""
 _COARSE: Final = 2
 """Pixels per step of the coarse search."""
 _KEPT: Final = 8
-"""Candidates that are looked at closely."""
+"""Most candidates that are fitted."""
 _LIKELY: Final = 0.35
-"""Mean coarse correlation of both points below which a place is not looked at closely: noise alone gives a tenth over
-the 100 steps of a patch, a patch that is turned by half a step of the search a half."""
+"""Mean coarse correlation of both points below which a candidate is not fitted: noise alone gives 0.1 over the 100
+steps of a patch, a patch that is rotated by half a step of the search 0.5."""
 
 
 def texture_patch(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float) -> Patch:
     """Return the patch of texture in a disc around a point of the first frame.
 
-    Of a patch that looks the same however it is turned, such as a dot, only the place is followed.
+    For a patch that looks the same at any rotation, such as a dot, only the position is fitted.
     """
     look = texture_look(luma, x_px, y_px, window_px=window_px)
     patch = Patch(look, half_px=window_px, round_=True)
@@ -39,7 +40,7 @@ def texture_patch(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_p
 
 
 def texture_look(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px: float, blur_px: float = 0.5) -> Look:
-    """Return the brightness around a point of a picture, blurred as the pictures are with which it is compared."""
+    """Return the brightness around a point of a picture, blurred like the pictures with which it is compared."""
     margin = math.ceil(math.sqrt(2.0) * window_px) + 4
     left, top = round(x_px) - margin, round(y_px) - margin
     rows = np.clip(np.arange(top, top + 2 * margin + 1), 0, luma.shape[0] - 1)
@@ -56,7 +57,7 @@ def texture_look(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A place at which a stick may be: its first point and by how much it is turned, with the mean correlation."""
+    """A possible pose of a stick: position of its first point, and rotation; with both points' mean correlation."""
 
     score: float
     x_px: float
@@ -65,18 +66,17 @@ class Candidate:
 
 
 class TurnedSearch:
-    """Looks for two patches of one stick at any turn: normalised correlation, coarse in place and turn.
+    """Coarse search for the two patches of one stick at any rotation, by normalised correlation.
 
     ``looks`` are the brightness around both points in the first frame, ``offset_px`` apart, blurred for steps of two
-    pixels and known within ``window_px``. A ``still`` stick does not turn but with the camera: it is looked for at one
-    turn.
+    pixels and known within ``window_px``. A ``still`` stick turns only with the camera: one rotation is searched.
     """
 
     def __init__(self, looks: tuple[Look, Look], *, window_px: float, offset_px: Point, still: bool) -> None:
         self._offset = offset_px
         half = int(window_px / math.sqrt(2.0) / _COARSE)
         self._half = half
-        # From one turn to the next a patch's rim goes two steps of the search: half way between it is off by one.
+        # Between two rotations a patch's rim moves by two steps of the search: the largest error is one step.
         turns = math.ceil(math.pi * window_px / _COARSE)
         self._turns = [0.0] if still else [math.tau * number / turns for number in range(turns)]
         v, u = (axis.ravel() * float(_COARSE) for axis in np.mgrid[-half : half + 1, -half : half + 1])
@@ -88,12 +88,12 @@ class TurnedSearch:
             x, y = cos * u + sin * v, cos * v - sin * u
             one, two = (look(x, y).astype(np.float32).reshape(side, side) for look in looks)
             self._templates.append((one, two))
-        # How far the second point is off where the turn is wrong by half a step, or the camera is rolled.
+        # Error of the second point's position for a rotation wrong by half a step, or a rolled camera.
         wrong_rad = 3.0 * TURN_RAD if still else math.pi / turns
         self._loose = 2 * math.ceil(math.hypot(*offset_px) * math.sin(wrong_rad) / _COARSE) + 1
 
     def find(self, luma: NDArray[np.uint8], region: Region) -> list[Candidate]:
-        """Return places where the stick may be, with its first point in a region, the likeliest first."""
+        """Return possible poses of the stick with its first point in a region, by decreasing correlation."""
         height, width = luma.shape
         reach = math.hypot(*self._offset)
         left, right = max(0, int(region.left - reach)), min(width, int(region.right + reach))
@@ -122,7 +122,10 @@ class TurnedSearch:
         return sorted(found, key=lambda one: -one.score)[:_KEPT]
 
     def near(self, luma: NDArray[np.uint8], end: int, warp: Floats, sigma_px: float) -> list[Floats]:
-        """Return the warps next to one, of a standard deviation, at which the first (0) or second point may be."""
+        """Return the warps at which the first (``end`` 0) or second point may be, near ``warp``.
+
+        ``sigma_px`` is the standard deviation of the position by ``warp``.
+        """
         more = math.ceil(SIGMAS * sigma_px / (size_of(warp) * _COARSE))
         reach = self._half + more
         rim = float(_COARSE * reach) * np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]])
@@ -143,7 +146,7 @@ class TurnedSearch:
     def _joint(
         self, small: NDArray[np.float32], pair: tuple[NDArray[np.float32], NDArray[np.float32]], turn: float
     ) -> NDArray[np.float32]:
-        """Return the mean correlation of both points, at the place of the first."""
+        """Return the mean correlation of both points as a map over the position of the first."""
         one, two = (_likeness(small, template) for template in pair)
         two = np.maximum(cv2.dilate(two, np.ones((self._loose, self._loose), np.uint8)), 0.0)
         cos, sin = math.cos(turn), math.sin(turn)
@@ -158,13 +161,13 @@ class TurnedSearch:
 
 
 def _likeness(small: NDArray[np.float32], template: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the correlation of a template with every place of a picture, 0 where nothing is."""
+    """Return the correlation of a template with a picture at every position, 0 where the picture is uniform."""
     score = cv2.matchTemplate(small, template, cv2.TM_CCOEFF_NORMED)
     return np.asarray(np.nan_to_num(score, posinf=0.0, neginf=0.0), dtype=np.float32)
 
 
 def _peaks(score: NDArray[np.float32], half: int, *, count: int = 2) -> list[tuple[int, int]]:
-    """Return the highest places of a map, none within the size of a patch of another."""
+    """Return the (row, column) of the ``count`` highest maxima, no two closer than ``half`` in both directions."""
     left = score.copy()
     found: list[tuple[int, int]] = []
     for _ in range(count):

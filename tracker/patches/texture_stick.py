@@ -1,4 +1,4 @@
-"""A stick in every frame by the texture around two of its points."""
+"""A stick in every frame, measured on the texture around two of its points."""
 
 from __future__ import annotations
 
@@ -28,27 +28,26 @@ from tracker.patches.warps import flatness_of, jacobian, place, similarity, size
 from tracker.rows import CODE
 
 _ALIKE: Final = 0.7
-"""Least correlation with texture: half of its variance. Paper next to it or an edge alone stays below."""
+"""Smallest correlation with texture: half of its variance is explained. Paper next to it or a mere edge stays below."""
 _FADED: Final = (0.4, 2.5)
-"""Contrast over that of the first frame outside of which it is not the same texture."""
+"""Range of the contrast over that of the first frame: outside it the texture is not the same."""
 _FLAT: Final = 0.5
-"""The same for its two axes against each other."""
+"""Smallest ratio of a patch's shorter to its longer axis: below it the texture is not the same."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
-"""By how much a patch may be turned against the line through both points: a square seen from 35 degrees aside has its
-sides and its diagonals bent by 11 degrees against each other."""
+"""Largest difference between the rotations of a patch and of the line through both points: in a square that is seen at
+35 degrees the sides turn by 11 degrees against the diagonals."""
 
 
 class TextureStick(Kept):
-    """A stick with texture around two of its points, each followed by its patch of the first frame.
+    """A stick with texture around two of its points, each followed by means of its patch in the first frame.
 
-    The points are at a constant distance, and both patches turn as the line through them does: a patch that slides
-    along an edge or onto something else breaks one of these. A ``still`` one is the base, whose direction does not
-    change.
+    The points keep their distance, and both patches turn with the line through the points: a patch that slides along an
+    edge or onto another object violates one of these. A ``still`` stick is the base, whose direction is constant.
     """
 
     drawn = False
     shutter_share, shutter_limits = None, (0.0, 1.0)
-    """Not told by texture."""
+    """Not estimated from texture."""
     kept = ("_own", "_tracks")
 
     def __init__(
@@ -71,18 +70,18 @@ class TextureStick(Kept):
 
     @property
     def radius_px(self) -> float:
-        """Half the radius of a patch: what counts as the size of a dot."""
+        """Half the radius of a patch, px: the equivalent of a dot's radius."""
         return 0.5 * self._tracks[0].patch.half_px
 
     @property
     def length_px(self) -> float:
-        """Distance of both points."""
+        """Distance between both points, px."""
         return float(self._own["length"][0])
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
-        """Return what is read of both markers in the next frame."""
+        """Return the readings (2,) of both markers in the next frame."""
         self._shift = shift
-        # Seen from aside the distance changes as the stick turns.
+        # In an oblique view the distance changes as the stick turns.
         ahead = [place(track.predict(time_s)) for track in self._tracks]
         found = [track.follow(luma, time_s, self._judge) for track in self._tracks]
         fits: list[Fit | None] = [None if why else fit for fit, why in found]
@@ -121,7 +120,7 @@ class TextureStick(Kept):
         return readings
 
     def miss(self, time_s: float) -> None:
-        """Pass over a frame that shows nothing."""
+        """Skip a frame without a usable picture."""
         del time_s
         for track in self._tracks:
             track.miss()
@@ -134,9 +133,9 @@ class TextureStick(Kept):
         return "hidden" if fit.kept < KEPT else ""
 
     def _beside(self, luma: NDArray[np.uint8], lost: int, partner: Fit, why: str) -> tuple[Fit | None, str]:
-        """Look for one point where the other, and how its patch is turned and seen from aside, put it.
+        """Search for one point at the position extrapolated from the other's warp: its place, rotation and shear.
 
-        What the patch does not tell of that is as far off at the other end as the stick is long.
+        The warp's errors are extrapolated, too: they give the size of the region that is searched.
         """
         offset = self._offset if lost else -self._offset
         seen = jacobian(partner.warp)
@@ -155,17 +154,17 @@ class TextureStick(Kept):
         circle_px = circle_sigma_px(self.length_px, own["longest"] / own["shortest"] - 1.0)
         for warp in self._search.near(luma, lost, guess, math.hypot(circle_px, math.sqrt(variance))):
             fit = track.patch.align(luma, warp)
-            # Of many places one is likely to look like the patch by half: the right one does as usual.
+            # Among many positions a wrong one may reach the lowest correlation: the usual one is required.
             if fit is not None and not self._judge(fit) and fit.likeness > track.usual - AS_USUAL:
                 return fit, ""
         return None, reason
 
     def _judge_together(self, fits: list[Fit | None], whys: list[str], ahead: Sequence[Point]) -> None:
-        """Refuse what is not one rigid stick."""
+        """Reject, in ``whys``, fits that are not consistent with one rigid stick."""
         one, two = fits
         if one is None or two is None or any(whys):
             for end, fit in enumerate(fits):
-                # While its partner is hidden nothing but its circle tells that it slides onto something else.
+                # While its partner is hidden, only the circle shows that a patch slides onto another object.
                 if fit is not None and not whys[end]:
                     off = circle_misfit(self._own[0], self._shift, place(fit.warp), end)
                     whys[end] = "" if passes(off**2, 1) else "hidden"
@@ -174,8 +173,8 @@ class TextureStick(Kept):
         own = self._as_seen(one, two) if lost else self._own[0]
         rigid = rigid_misfit(own, self._shift, a, b, lost, math.dist(*ahead))
         if not (passes(*rigid) and self._turns_along(one, two)):
-            # The one that fits less well than it usually does is the wrong one; of a pattern that is repeated, each
-            # place of which fits as well, the one that is further from where it should be.
+            # The patch whose correlation falls further below its usual one is wrong; in a repeated pattern, where
+            # several positions fit equally well, the one that is further from its predicted position.
             short = [track.usual - fit.likeness for track, fit in zip(self._tracks, (one, two), strict=True)]
             away_px = [math.dist(place(fit.warp), point) for fit, point in zip((one, two), ahead, strict=True)]
             alike = abs(short[0] - short[1]) < AS_USUAL
@@ -184,9 +183,10 @@ class TextureStick(Kept):
                 whys[this] = "" if right else "hidden"
 
     def _as_seen(self, one: Fit, two: Fit) -> Any:
-        """Return what is known of the stick, with the length at which both patches say that it is seen now.
+        """Return the stick's state with its present length in the picture, predicted from both patches' warps.
 
-        From one point to the other the picture of a plane changes by the mean of its changes at both, to second order.
+        Between two points of a plane the offset in the picture is the template's times the mean of the warp's
+        derivatives at both, to second order.
         """
         own = self._own[0]
         if own["still"] or any(math.isinf(track.patch.turn_doubt) for track in self._tracks):
@@ -196,7 +196,7 @@ class TextureStick(Kept):
         return own
 
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
-        """Turn patches that do not show their turn as the line through both points is."""
+        """Give patches whose own rotation is not observable that of the line through both points."""
         one, two = (np.array(place(fit.warp)) for fit in fits if fit is not None)
         turn = math.atan2(*(two - one)[::-1]) - math.atan2(*self._offset[::-1])
         return [
@@ -207,7 +207,7 @@ class TextureStick(Kept):
         ]
 
     def _turns_along(self, one: Fit, two: Fit) -> bool:
-        """Return whether both patches are turned as the line through both points is."""
+        """Return whether both patches are rotated as much as the line through both points."""
         a, b = np.array(place(one.warp)), np.array(place(two.warp))
         turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])
         return all(
@@ -216,8 +216,8 @@ class TextureStick(Kept):
         )
 
     def _find(self, luma: NDArray[np.uint8], ahead: Sequence[Point]) -> tuple[Fit, Fit] | None:
-        """Look for the stick where it may be, which is in the whole picture soon after it was lost."""
-        # To look for it costs 15 times as much as to follow it around its axis, and 100 times in the whole picture.
+        """Search for the stick where it may be: a few frames after it was lost that is in the whole picture."""
+        # A search around its axis costs 15 times as much as following, and one in the whole picture 100 times.
         lost = min(track.lost for track in self._tracks) + 1
         if lost > 1 and lost % SELDOM:
             return None
@@ -226,13 +226,13 @@ class TextureStick(Kept):
             for sigma_px in (jump_px(self.length_px, lost), SHAKE_PX * math.sqrt(2.0))
         )
         found = self._alike(luma, jumped, lost=lost)
-        # A shake is of one frame. Of a pattern that is repeated no place is guessed.
+        # A shake lasts one frame. In a repeated pattern with several candidates none is chosen.
         near = [pair for pair in found if passes(*shaken.innovation([place(fit.warp) for fit in pair], lost=lost))]
         found = near if near and lost == 1 else found
         return found[0] if len(found) == 1 else None
 
     def _alike(self, luma: NDArray[np.uint8], expected: Prediction, *, lost: int) -> list[tuple[Fit, Fit]]:
-        """Return the places around where the stick is expected that look like it, the likeliest first."""
+        """Return the fits of both patches at all positions that match the stick, in the order of coarse correlation."""
         height, width = luma.shape
         found: list[tuple[Fit, Fit]] = []
         for candidate in self._search.find(luma, expected.region(0, (width, height))):
@@ -252,13 +252,14 @@ class TextureStick(Kept):
         return found
 
     def _at(self, ends: Sequence[Point], others: Sequence[Point]) -> bool:
-        """Return whether two pairs of places are one."""
+        """Return whether two pairs of positions are the same to within half a patch's radius."""
         return max(math.dist(*pair) for pair in zip(ends, others, strict=True)) < self.radius_px
 
     def turn_that_looks_alike_deg(self, first: NDArray[np.uint8]) -> float:
-        """Return the least turn after which the stick would look the same, NaN where it looks like nothing near it.
+        """Return the smallest rotation after which the stick would look the same, degrees; NaN where there is none.
 
-        ``first`` is the picture of which its patches are. It is looked for as far away as it is long.
+        ``first`` is the picture from which the patches were taken. The search reaches about as far as the stick's
+        length.
         """
         expected = Prediction((self._points[0], self._points[1]), self.length_px, self._own[0], np.zeros(2))
         others = [[place(fit.warp) for fit in pair] for pair in self._alike(first, expected, lost=1)]

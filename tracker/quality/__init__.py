@@ -1,6 +1,6 @@
-"""What is said about a track: how good it is, what happened, and what would make the next film better.
+"""Assessment of a track: its quality, the events in it, and advice for the next film.
 
 In: :class:`tracker.track.TrackResult` and the angles. Out: ``track.json`` (``account``), events in the order of time
-(``events``), sentences that have to be read before the angles are used (``track_warnings``), and the cause of every gap
-(``gaps``, with ``gap_pictures``, which look at the frames themselves).
+(``events``), warnings that have to be read before the angles are used (``track_warnings``), and the cause of every gap
+(``gaps``, with ``gap_pictures`` and ``light``, which examine the frames themselves).
 """

@@ -1,4 +1,4 @@
-"""``track.json``: what the film allowed, what was reached, and how to film better."""
+"""``track.json``: the precision that the film allowed, the precision reached, and how to film better."""
 
 from __future__ import annotations
 
@@ -21,14 +21,16 @@ from tracker.track import TrackResult
 
 _LOSSLESS: Final = ("ffv1", "rawvideo", "huffyuv", "utvideo", "none", "png", "qtrle", "lagarith", "v210")
 _COMPRESSED: Final = 1.5
-"""Error over that of white noise from which compression is felt."""
+"""Error over that of white noise above which the advice names compression."""
 _SMALL_PX: Final = 4.0
-"""Radius from which dots of 6 px would err by a fifth less: errors go with the root of one over the radius (Cramér and
-Rao)."""
+"""Radius below which the advice calls dots small: with 6 px the error would be a fifth smaller, since it is inverse to
+the root of the radius (Cramér-Rao bound)."""
 _SHORT_PX: Final = 60.0
-"""Distance at which markers that are 0.05 px off, as in H.264 at CRF 18, make 0.07 degrees."""
+"""Distance between markers below which the advice names it: errors of 0.05 px, as in H.264 at CRF 18, then make 0.07
+degrees."""
 _FAINT: Final = 40.0
-"""Step at which noise of two grey levels alone puts a dot of 6 px off by 0.02 px, half of what H.264 at CRF 18 does."""
+"""Contrast, grey levels, below which the advice calls dots faint: noise of two grey levels alone then displaces a dot
+of 6 px by 0.02 px, half of what H.264 at CRF 18 does."""
 
 
 def account(
@@ -42,15 +44,15 @@ def account(
 ) -> dict[str, Any]:
     """Return the content of ``track.json``.
 
-    ``doubts`` are those of :func:`tracker.quality.track_warnings.doubts`, ``remarks`` what was noticed before anything
-    was tracked, ``pictures`` gives frames by their numbers, of which some without an angle are looked at.
-    ``right`` is the right film of a stereo pair.
+    ``doubts`` are those of :func:`tracker.quality.track_warnings.doubts`, ``remarks`` those on the camera from before
+    the tracking; ``pictures`` returns frames by number, to examine some of those without an angle; ``right`` is the
+    right film of a stereo pair.
     """
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
     source = result.report["source"]
     times = timing(angles.time_s, tick_s=source.get("tick_s", 0.0))
-    # A film that plays at another rate than it was captured at has its bit rate in the time in which it plays.
+    # For a film that plays at another rate than it was captured at, the bit rate is per second of playing time.
     own = source["kind"] == "film" and "tick_s" in source
     states = gap_states(rows, angles)
     causes = find_causes(result, angles, states, pictures=pictures)
@@ -74,7 +76,7 @@ def account(
         }
         events = sorted(events + events_of_right(right, angles), key=lambda one: one["frame"])
     markers = result.report["markers"]
-    # What makes the angles doubtful comes before what would make them better.
+    # Doubts about the angles come before advice on how to improve them.
     content["advice"] = list(doubts)
     content["advice"] += advice(
         content,
@@ -91,7 +93,11 @@ def account(
 
 
 def gap_states(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
-    """Return what the markers say of every frame without an angle: one of ``STATES``, or ``impossible``."""
+    """Return the reason, of ``STATES`` or ``impossible``, for every frame without an angle.
+
+    It is the commonest state of the moving stick's missing markers, or else of the base's; ``impossible`` where all
+    markers are seen, but were rejected later.
+    """
     found: list[str] = []
     for index in np.flatnonzero(~angles.valid):
         states = rows["state"][index]
@@ -102,7 +108,7 @@ def gap_states(rows: NDArray[np.void], angles: StickAngles) -> list[str]:
 
 
 def frame_account(states: Sequence[str], angles: StickAngles, causes: Causes) -> dict[str, Any]:
-    """Return how many frames have an angle, and why the others have none: by the markers' states, and by cause."""
+    """Return the numbers of frames with and without an angle, the latter by the markers' states and by cause."""
     reasons = Counter(states)
     return {
         "total": len(angles),
@@ -117,7 +123,7 @@ def frame_account(states: Sequence[str], angles: StickAngles, causes: Causes) ->
 def noise_account(
     rows: NDArray[np.void], tracks: MarkerTracks, angles: StickAngles, noise: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return noise, the bound that it sets, and the sigma that was reached."""
+    """Return the picture's noise, the lower bound of sigma by that noise, and the sigma that was reached."""
     seen = rows["state"] == CODE["seen"]
     covariance: Floats = rows["covariance_px2"]
     white = np.sqrt(0.5 * (covariance[..., 0] + covariance[..., 2]))
@@ -137,7 +143,7 @@ def noise_account(
 
 
 def compression_account(source: Mapping[str, Any], noise: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how the film is compressed and what that does to the positions."""
+    """Return the film's compression and its effect on the positions."""
     codec = str(source.get("codec", "unknown"))
     lossless = codec in _LOSSLESS
     rate, fps = source.get("bit_rate_kbps"), source.get("fps")
@@ -159,9 +165,9 @@ def advice(
     events: list[dict[str, Any]],
     gaps: Sequence[str] = (),
 ) -> list[str]:
-    """Return what would make the next film better, the most important first.
+    """Return advice for the next film, the most important first.
 
-    ``gaps`` is of frames without an angle; ``radius_px`` is None where not all markers are dots.
+    ``gaps`` is the advice on frames without an angle; ``radius_px`` is None where not all markers are dots.
     """
     words = list(gaps)
     compression, noise = account["compression"], account["noise"]

@@ -1,4 +1,4 @@
-"""What happened while a film was tracked, in the order of time and in words."""
+"""Events of a film in the order of time, with a sentence for each."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _KINDS: Final = {
 
 
 def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return what happened: covered and lost markers, darkness, damage, bumps of the camera, uncertain turns.
+    """Return the events: covered and lost markers, darkness, damage, bumps of the camera, uncertain turns.
 
-    ``rows`` are of the film, markers in the order of :data:`torsight.core.tracks.MARKERS`; ``damage`` is what the
-    source told.
+    ``rows`` are those of the film, markers in the order of :data:`torsight.core.tracks.MARKERS`; ``damage`` are the
+    entries reported by the source.
     """
     events = [dict(entry) for entry in damage]
     dark = (rows["state"] == CODE["dark"]).any(axis=1)
@@ -45,15 +45,15 @@ def find_events(rows: NDArray[np.void], angles: StickAngles, damage: list[dict[s
 
 
 def events_of_right(right: TrackResult, angles: StickAngles) -> list[dict[str, Any]]:
-    """Return what happened in the right film of a stereo pair, at the left film's frames.
+    """Return the events of the right film of a stereo pair, with the left film's frame numbers.
 
-    ``angles`` (left film's frames) are what was made of both.
+    ``angles`` are those from both films, at the left film's frames.
     """
     time_s = right.rows["time_s"]
     if len(angles) == 0:
         return []
     at = np.clip(np.searchsorted(angles.time_s, time_s), 0, len(angles) - 1)
-    # Whether there is an angle is asked, and what the angle itself did is told of both films together.
+    # Only whether there is an angle matters here: events of the angle itself are reported with the left film.
     known = np.zeros(len(time_s))
     seen = StickAngles(np.arange(len(time_s)), time_s, known, known, angles.valid[at], np.ones(len(time_s), np.bool_))
     events = [one for one in find_events(right.rows, seen, right.damage) if one["kind"] != "angle unknown"]
@@ -69,7 +69,7 @@ def _of_marker(state: NDArray[np.uint8], angles: StickAngles, name: str) -> list
     events: list[dict[str, Any]] = []
     for run in _runs(away):
         if len(run) == 1 and angles.valid[run[0]]:
-            # Away for a single frame, which has its angle all the same.
+            # A marker missing in a single frame that has its angle all the same is no event.
             continue
         counts = np.bincount(state[run], minlength=len(CODE))
         reason = max(_KINDS, key=lambda key: int(counts[CODE[key]]))
@@ -89,13 +89,13 @@ def _angle_events(angles: StickAngles) -> list[dict[str, Any]]:
     ]
     unsure = np.flatnonzero(~angles.branch_certain)
     if len(unsure):
-        words = "from here on the whole turn is not certain: the motion around a gap allows more than one"
+        words = "from here on the number of turns is not certain: the motion around a gap allows more than one"
         events.append(event(angles, unsure[:1], "turn uncertain", words))
     return events
 
 
 def event(angles: StickAngles, run: Ints, kind: str, text: str) -> dict[str, Any]:
-    """Return what ``track.json`` says of one event, which lasts for a run of frames."""
+    """Return the entry of ``track.json`` for an event that lasts for a run of frames."""
     first, last = int(run[0]), int(run[-1])
     return {
         "time_s": float(angles.time_s[first]),

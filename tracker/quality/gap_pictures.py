@@ -1,9 +1,8 @@
-"""What pictures of frames without an angle show: woven fields, blur, a stick that moves too far, or none of these.
+"""Causes visible in the pictures of frames without an angle: interlacing, blur, too fast a stick, or none of these.
 
-The sticks' region of a picture is laid out over the angle about the axis. What is brighter or darker there than in
-the median of all pictures looked at is the moving stick: a peak, as wide as the stick. From one frame to the next the
-peak moves by the stick's turn, and a shutter that is open for long makes it wider by a share of that turn.
-Under a hand it does neither.
+The sticks' region of a picture is resampled over the angle about the axis. The difference from the median of all
+pictures examined shows the moving stick as a peak, as wide as the stick. From one frame to the next the peak moves by
+the stick's turn, and a long exposure widens it by a share of that turn. Neither happens under a hand.
 """
 
 from __future__ import annotations
@@ -27,34 +26,34 @@ Luma = NDArray[np.uint8]
 Pictures = Callable[[Iterable[int]], dict[int, Luma]]
 
 COMBED: Final = 2.0
-"""Energy of second differences between next rows over that between next rows of a field, where something moved: 1 for
-noise, below 1 for edges and blur, 4 and more where two fields are of two instants."""
+"""Energy of second differences between neighbouring rows, over that between neighbouring rows of a field, where
+something moved: 1 for noise, below 1 for edges and blur, 4 and more where two fields are of two instants."""
 _MOVED_GREY: Final = 25
-"""Change of a pixel that is motion and not noise (of 2 to 8 grey levels)."""
+"""Smallest change of a pixel that is motion and not noise (of 2 to 8 grey levels)."""
 _MOVED_PX: Final = 60
-"""Pixels that have to have moved for the rows to tell anything: a few dots' area."""
+"""Fewest moved pixels from which interlacing is judged: a few dots' area."""
 BLURRED: Final = 0.6
-"""Steepness of the edges, over that in frames with an angle, from which a picture is out of focus."""
+"""Steepness of the edges, over that in frames with an angle, below which a picture is out of focus."""
 FAST: Final = 2.0
-"""Turn from one frame to the next, over the largest one that was followed, from which the stick is too fast."""
+"""Turn from one frame to the next, over the largest one that was followed, above which the stick is too fast."""
 LEAST_FAST_DEG: Final = 3.0
 SMEARED: Final = 0.4
-"""Smear, in radii of a dot, from which dots are no longer recognised in every frame."""
+"""Motion blur, in radii of a dot, above which dots are no longer recognised in every frame."""
 LOOKED_AT: Final = 5
-"""Frames without an angle that are looked at, each with the next one; and frames with one that they are held against.
-"""
+"""Number of frames without an angle that are examined, each with the next one, and of frames with an angle with which
+they are compared."""
 _ALIKE: Final = 0.5
-"""Correlation of two layouts from which they show one thing at two places."""
+"""Smallest correlation of two profiles that show the same object at two angles."""
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What the picture of one frame without an angle shows.
+    """Measurements in the picture of one frame without an angle.
 
     ``combed``: see :data:`COMBED`; ``sharpness``: steepness of its edges over that in frames with an angle;
-    ``step_deg``: turn of the stick to the next frame, None where no stick is recognised in both; ``step_px``: how far
-    that takes the outer marker, 0 where it is not known; ``smear_px``: by how much the stick's edges, at its outer
-    marker, are wider than in frames with an angle.
+    ``step_deg``: turn of the stick to the next frame, None where no stick is recognised in both; ``step_px``: the outer
+    marker's path by that turn, 0 where it is not known; ``smear_px``: width of the stick's edges at its outer marker,
+    minus that in frames with an angle.
     """
 
     combed: float
@@ -64,7 +63,7 @@ class Seen:
     smear_px: float
 
     def cause(self, *, usual_deg: float, radius_px: float, length_px: float) -> str | None:
-        """Return ``interlaced``, ``focus``, ``shutter`` or ``speed``; None where it shows none of these.
+        """Return the cause: ``interlaced``, ``focus``, ``shutter`` or ``speed``; None where the picture shows none.
 
         ``usual_deg`` is the largest turn between frames that were followed, ``radius_px`` that of the dots,
         ``length_px`` that of a stick.
@@ -75,8 +74,8 @@ class Seen:
             return "focus"
         if self.step_deg is None or abs(self.step_deg) < LEAST_FAST_DEG:
             return None
-        # Beyond the search's reach a stick is followed only as long as its speed stays the same, which is seen to a
-        # column of the layout, a degree.
+        # Beyond the search's reach a stick is followed only at constant speed; the turn is measured to a column of the
+        # layout, one degree.
         beyond = self.step_px >= SIGMAS * jump_px(length_px, 1)
         if abs(self.step_deg) < (usual_deg - 1.0 if beyond else FAST * usual_deg):
             return None
@@ -84,15 +83,15 @@ class Seen:
 
 
 def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictures: Pictures) -> list[Seen]:
-    """Return what some of the frames without an angle, of which nothing else tells why, show.
+    """Return measurements in the pictures of some of the frames ``unknown`` (n,), whose angle is missing unexplained.
 
-    ``pictures`` gives pictures of frames by their numbers.
+    ``pictures`` returns pictures of frames by number.
     """
     known = np.flatnonzero(angles.valid)
     if not len(unknown) or not len(known):
         return []
     chosen = spread_over(unknown)
-    # Places all over the stroke: in their median the moving stick is nowhere.
+    # Frames from all over the stroke: the moving stick vanishes in their median.
     by_angle = known[np.argsort(angles.angle_rad[known])]
     held = spread_over(by_angle)
     found = pictures(sorted({*chosen.tolist(), *(chosen + 1).tolist(), *held.tolist()} & set(range(len(angles)))))
@@ -115,12 +114,12 @@ def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictu
 
 
 def spread_over(frames: Ints) -> Ints:
-    """Return as many of some frames (n,) as are looked at, evenly chosen."""
+    """Return at most ``LOOKED_AT`` of some frames (n,), evenly spaced."""
     return frames[np.unique(np.linspace(0, len(frames) - 1, LOOKED_AT).astype(int))] if len(frames) else frames
 
 
 def combed(picture: Luma, other: Luma) -> float:
-    """Return how much the rows of a picture alternate where it differs from another one; see :data:`COMBED`."""
+    """Return the combing of a picture's rows where the picture differs from another one; see :data:`COMBED`."""
     moved = cv2.absdiff(picture, other)[2:-2] > _MOVED_GREY
     if moved.sum() < _MOVED_PX:
         return 0.0
@@ -131,7 +130,7 @@ def combed(picture: Luma, other: Luma) -> float:
 
 
 def _steepness(picture: Luma) -> float:
-    """Return the gradient at a picture's edges over the change of brightness across each of them, 1/px."""
+    """Return the median gradient at a picture's edges, over the change of brightness across each edge, 1/px."""
     across, down = (cv2.Sobel(picture, cv2.CV_32F, *order, ksize=3) / 8.0 for order in ((1, 0), (0, 1)))
     gradient = np.hypot(across, down)
     window = np.ones((9, 9), np.uint8)
@@ -142,7 +141,7 @@ def _steepness(picture: Luma) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Layout:
-    """The ring between the moving stick's markers, a column for every degree."""
+    """Polar resampling of the ring between the moving stick's markers, one column per degree, and its background."""
 
     x: NDArray[np.float32]
     y: NDArray[np.float32]
@@ -170,13 +169,13 @@ class _Layout:
         return np.asarray(np.abs(laid - self.ground).mean(axis=0), dtype=np.float64)
 
     def width_deg(self, picture: Luma) -> float:
-        """Return over how many degrees the stick's edges rise, in the outer half of the ring."""
+        """Return the width, degrees, of the stick's edges in the outer half of the ring."""
         laid = np.abs(cv2.remap(picture, self.x, self.y, cv2.INTER_LINEAR) - self.ground)[len(self.x) // 2 :]
         slope = np.abs(laid[:, 2:] - laid[:, :-2]).max(axis=1) / 2.0
         return float(np.median(laid.max(axis=1) / np.maximum(slope, 1e-3)))
 
     def step_deg(self, one: Luma, other: Luma) -> float | None:
-        """Return by how much what differs from the ground has turned from one picture to the other."""
+        """Return the foreground's rotation from one picture to the other, degrees; None where they do not match."""
         first, second = (values - values.mean() for values in (self.profile(one), self.profile(other)))
         total = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
         spectrum = np.conj(np.fft.rfft(first)) * np.fft.rfft(second)
@@ -199,7 +198,7 @@ def _centre(tracks: MarkerTracks) -> Floats | None:
 
 
 def usual_step_deg(angles: StickAngles) -> float:
-    """Return the largest turn (but for the last twentieth) between two frames next to each other that have an angle."""
+    """Return the 95th percentile of the turn between two neighbouring frames that have an angle, degrees."""
     both = angles.valid[1:] & angles.valid[:-1]
     step = np.abs(np.diff(angles.angle_rad)[both]) / DEG
     return float(np.percentile(step, 95.0)) if len(step) else 0.0

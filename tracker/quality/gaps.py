@@ -1,4 +1,4 @@
-"""Why frames have no angle, and what to do about it."""
+"""Causes of frames without an angle, and advice on each."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from tracker.rows import CODE
 from tracker.track import TrackResult
 
 _FELT: Final = 0.02
-"""Share of the frames without an angle from which something is said."""
+"""Share of the frames above which those without an angle are examined, and advice is given."""
 _SECOND: Final = 0.25
-"""Share of the frames without an angle from which a cause is named beside the commonest one."""
+"""Share of the frames without an angle above which a second cause is named."""
 _DO: Final = {
     "hand": "something lies over the markers, or light glares on them; keep hands, wires and glare off them.",
     "glare": (
@@ -45,8 +45,8 @@ _DO: Final = {
         "structure all around them, or stick dots or tags on."
     ),
     "tag": (
-        "a tag was not seen: something lay over it, or it is too small, smeared, or without its white border; keep it "
-        "whole in sight, and print it larger if its modules are smaller than 4 px."
+        "a tag was not seen: something lay over it, or it is too small, blurred by motion, or without its white "
+        "border; keep it whole in sight, and print it larger if its modules are smaller than 4 px."
     ),
     "picture": "a marker leaves the picture; film from further away.",
     "sticks": (
@@ -54,15 +54,15 @@ _DO: Final = {
         "camera's side and the sticks further apart."
     ),
     "shutter": (
-        "the moving stick is fast there and its markers are smeared over {smear_px:.0f} px; film with a shorter "
+        "the moving stick is fast there and its markers are blurred over {smear_px:.0f} px; film with a shorter "
         "shutter time and more light, or move more slowly."
     ),
     "speed": (
         "the moving stick is too fast there for the search: it turns by some {step_deg:.0f} degrees from one frame "
-        "to the next, {usual_deg:.1f} were followed; film more frames a second, or move more slowly."
+        "to the next, up to {usual_deg:.1f} were followed; film more frames a second, or move more slowly."
     ),
     "focus": (
-        "the picture is out of focus there; lock the focus at the sticks before filming, and keep anything nearer "
+        "the picture is out of focus there; lock the focus on the sticks before filming, and keep anything nearer "
         "out of the picture."
     ),
     "interlaced": (
@@ -71,16 +71,16 @@ _DO: Final = {
     ),
 }
 _OF_STATE: Final = {"damaged": "file", "dark": "light", "outside": "picture", "shadowed": "sticks", "lost": "marker"}
-"""What stands behind a marker's state as it is; a hand for all others."""
+"""Cause that a marker's state implies; a hand for all other states."""
 _UNCLEAR: Final = ("lost", "hidden", "impossible")
-"""States that blur, speed and fields lead to as well: the pictures tell."""
+"""States that blur, speed and interlacing lead to as well: their cause is found in the pictures."""
 
 
 @dataclass(frozen=True, slots=True)
 class Causes:
-    """Why frames have no angle: how many by cause (keys of ``_DO``), the commonest first; and what the advice names.
+    """Causes of frames without an angle: their number by cause (keys of ``_DO``), the commonest first.
 
-    ``flicker`` is how the light flickers, whether frames are lost by that or not.
+    ``figures`` are the numbers in the advice; ``flicker`` is the lamp's, whether frames are lost by it or not.
     """
 
     count: dict[str, int] = field(default_factory=dict)
@@ -88,7 +88,7 @@ class Causes:
     flicker: Flicker | None = None
 
     def advice(self, cause: str) -> str:
-        """Return what is to be done about one of the causes."""
+        """Return the advice on one of the causes."""
         words = "" if self.flicker is None else self.flicker.words
         return _DO[cause].format(**self.figures, flicker=words)
 
@@ -96,10 +96,10 @@ class Causes:
 def find_causes(
     result: TrackResult, angles: StickAngles, states: Sequence[str], *, pictures: Pictures | None = None
 ) -> Causes:
-    """Return why frames have no angle.
+    """Return the causes of the frames without an angle.
 
-    ``states`` is what the markers say of each of these frames, see :func:`tracker.quality.account.gap_states`. Without
-    ``pictures``, which gives frames by their numbers, blur, speed and fields are not told from a hand.
+    ``states`` are the markers' states in each of these frames, from :func:`tracker.quality.account.gap_states`. Without
+    ``pictures``, which returns frames by number, blur, speed and interlacing are not distinguished from a hand.
     """
     unknown = np.flatnonzero(~angles.valid)
     flicker = flicker_of(result.rows)
@@ -107,7 +107,7 @@ def find_causes(
         return Causes(flicker=flicker)
     markers = result.report["markers"]
     first = int(markers.get("first_frame", 0))
-    # What is lost of a stick without dots, whichever of its points.
+    # On a stick without dots its texture or tag is lost, whichever of its points is missing.
     kinds = str(markers.get("kind", ""))
     without_dots = next((kind for kind in ("texture", "tag") if kind in kinds), None)
     figures = {"first_frame": first, "first_s": float(angles.time_s[min(first, len(angles) - 1)] - angles.time_s[0])}
@@ -138,9 +138,9 @@ def _glared(
     pictures: Pictures | None,
     figures: dict[str, float],
 ) -> bool:
-    """Return whether light glares on the markers as they are lost, and note by how much."""
+    """Return whether there is glare on the markers as they are lost, and store its share in ``figures``."""
     missed = np.zeros(len(result.rows), np.bool_)
-    # Under glare a stick is lost, and then taken to be wherever it may have gone: under the other one, too.
+    # A stick lost under glare may be predicted anywhere, also under the other stick: hence "shadowed".
     missed[unknown[np.isin(states, (*_UNCLEAR, "shadowed"))]] = True
     if pictures is None or missed.sum() <= _FELT * len(missed):
         return False
@@ -155,7 +155,7 @@ def _of_unclear(
     pictures: Pictures | None,
     figures: dict[str, float],
 ) -> list[str | None]:
-    """Return the cause of these frames by the pictures of some, or by the smear around; None for neither."""
+    """Return the cause of each unclear frame from the pictures of some, or from motion blur nearby; None if unknown."""
     if not unclear:
         return []
     smear_px = smear_around_gaps_px(result, angles)
@@ -173,14 +173,14 @@ def _of_unclear(
     sharp = float(np.median([one.smear_px for one in seen])) < SMEARED * radius_px
     commonest, _ = Counter(causes).most_common(1)[0]
     if commonest is None and smeared and not sharp:
-        # The shutter that was learned from blurred readings is contradicted where the pictures are sharp.
+        # The exposure learned from fast readings decides, unless the pictures are sharp.
         commonest = "shutter"
     _note_speed([one for one, cause in zip(seen, causes, strict=True) if cause == commonest], figures)
     return [commonest] * len(unclear)
 
 
 def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
-    """Note how far the stick turns and how wide it is smeared in the pictures that show the cause."""
+    """Store the stick's turn per frame and its motion blur in the pictures that show the cause."""
     steps = [abs(one.step_deg) for one in seen if one.step_deg is not None]
     if steps:
         figures["step_deg"] = float(np.median(steps))
@@ -188,7 +188,7 @@ def _note_speed(seen: Sequence[Seen], figures: dict[str, float]) -> None:
 
 
 def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
-    """Return what would give more frames an angle: a sentence each for the commonest causes, or none.
+    """Return advice by which more frames would have an angle: a sentence for each of at most two causes, or none.
 
     ``frames`` is from :func:`tracker.quality.account.frame_account`.
     """
@@ -205,7 +205,7 @@ def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
 
 
 def lone_marker_advice(result: TrackResult, angles: StickAngles, *, pictures: Pictures | None = None) -> list[str]:
-    """Return what is to be done where the moving stick's angle is known by one of its markers alone, or nothing."""
+    """Return advice on frames in which the moving stick's angle comes from one of its markers alone; or none."""
     told: list[str] = []
     seen = result.rows["state"][:, 2:] == CODE["seen"]
     for end, name in enumerate(("inner", "outer")):
@@ -217,26 +217,26 @@ def lone_marker_advice(result: TrackResult, angles: StickAngles, *, pictures: Pi
             _DO["glare"].format(glare=share)
             if share > GLARES
             else "keep it in the picture and clear of hands, wires and glare, and film with a shorter shutter time "
-            "where it is smeared."
+            "where it is blurred by motion."
         )
         told.append(
             f"The moving stick's {name} marker is not seen in {alone.sum()} of {counted(len(angles), 'frame')}, whose "
-            f"angle rests on the other one alone and is less sure: {do}"
+            f"angle comes from the other one alone and is less certain: {do}"
         )
     return told
 
 
 def flicker_advice(causes: Causes) -> list[str]:
-    """Return what is to be done where light flickers so that errors rise, but no frame is too dark; or nothing."""
+    """Return advice on flicker that increases the errors without making any frame too dark; or none."""
     flicker = causes.flicker
     if flicker is None or "flicker" in causes.count or not flicker.felt:
         return []
     words = flicker.words
-    return [f"{words[0].upper()}{words[1:]} As it is dim frames err {flicker.error:.1f} times as much as bright ones."]
+    return [f"{words[0].upper()}{words[1:]} Now dim frames err {flicker.error:.1f} times as much as bright ones."]
 
 
 def smear_around_gaps_px(result: TrackResult, angles: StickAngles) -> float:
-    """Return how far the moving outer marker travels while the shutter is open, around frames without an angle, px."""
+    """Return the moving outer marker's path during the exposure, around frames without an angle, px."""
     share = float(result.report["markers"]["shutter_share_of_frame"] or 0.0)
     place = result.tracks.position_px[:, 3]
     step = np.hypot(*np.diff(place, axis=0).T)

@@ -1,4 +1,4 @@
-"""What light does to a track: glare over a marker, and brightness that goes up and down."""
+"""Effects of illumination on a track: glare on a marker, and flicker."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from tracker.rows import CODE
 from tracker.track import TrackResult
 
 _SATURATED: Final = 230
-"""Grey level from which a pixel is saturated: white is 235 in video, and compression changes it by a few levels."""
+"""Grey level above which a pixel is saturated: white is 235 in video, and compression changes it by a few levels."""
 GLARES: Final = 0.125
-"""Share of saturated pixels within two radii of a marker, beyond what is usual there, from which light glares on it:
-half of the dot's own area."""
+"""Share of saturated pixels within two radii of a marker, in excess of the usual share there, above which there is
+glare on the marker: half of the dot's own area."""
 _AGAIN: Final = 0.5
-"""Correlation of the brightness with that some frames later from which it comes again: half of its variance."""
+"""Autocorrelation of the brightness above which it is periodic: half of its variance."""
 _TIMES: Final = 3
-"""How often brightness has to come again: what comes twice may be a lamp that was switched off twice."""
+"""Fewest periods in a film: two may be a lamp that was switched off twice."""
 _FELT: Final = 1.5
-"""Error in dim frames over that in bright ones from which flicker is felt, as compression is."""
+"""Error in dim frames over that in bright ones above which flicker is reported, as for compression."""
 
 
 def glare_at_loss(missed: Flags, result: TrackResult, pictures: Pictures, markers: Sequence[int]) -> float:
-    """Return how much more of the pixels around a marker is saturated where it is lost than where it is seen.
+    """Return the share of saturated pixels around a marker as it is lost, minus that where it is seen.
 
-    ``missed`` (n,) are frames in which ``markers``, by their numbers, are asked for; ``pictures`` gives some by theirs.
-    A marker's longest gaps are looked at, those without that under the other stick; of the markers that with most
+    ``missed`` (n,) marks the frames in question, ``markers`` are indices; ``pictures`` returns frames by number. The
+    longest gaps of each marker are examined, without those under the other stick; the marker with the largest share
     counts.
     """
     tracks, state = result.tracks, result.rows["state"]
@@ -52,7 +52,7 @@ def glare_at_loss(missed: Flags, result: TrackResult, pictures: Pictures, marker
     share = [0.0]
     for marker in markers:
         place = tracks.position_px[:, marker]
-        # Where it would be: as far on as it came from the frame before.
+        # The marker's place at its loss is extrapolated with constant speed.
         lost = [
             _saturated(shown[one], place[one - 1] + np.nan_to_num(place[one - 1] - place[max(one - 2, 0)]), reach)
             for one in starts[marker]
@@ -65,7 +65,7 @@ def glare_at_loss(missed: Flags, result: TrackResult, pictures: Pictures, marker
 
 
 def _saturated(picture: Luma, place: Floats, reach: float) -> float:
-    """Return the share of saturated pixels within a distance of a place."""
+    """Return the share of saturated pixels within a distance ``reach`` of a position, px."""
     (left, top), (right, bottom) = (np.floor(place - reach), np.ceil(place + reach) + 1.0)
     height, width = picture.shape
     rows = np.arange(max(0, int(top)), min(height, int(bottom)))
@@ -76,9 +76,9 @@ def _saturated(picture: Luma, place: Floats, reach: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Flicker:
-    """Brightness that goes up and down: after how many frames it comes again, and how deep it falls, of its highest.
+    """Periodic brightness: its period in ``frames``, and the ``depth`` of its fall as a share of the highest.
 
-    ``error`` is that of dim frames over that of bright ones.
+    ``error`` is the markers' error in dim frames over that in bright ones.
     """
 
     frames: int
@@ -87,21 +87,21 @@ class Flicker:
 
     @property
     def felt(self) -> bool:
-        """Whether dim frames err so much more that it is worth a word."""
+        """Whether the errors in dim frames are so much larger that flicker is reported."""
         return self.error >= _FELT
 
     @property
     def words(self) -> str:
-        """Return what flickers, and what to do about it."""
+        """Return the advice on flicker."""
         return (
-            f"the light flickers: its brightness falls by {self.depth:.0%}, and comes again every {self.frames} "
-            "frames or so; use a lamp without flicker (on direct current), or a shutter time of one or two half waves "
-            "of the mains (1/100 or 1/50 s, with 60 Hz 1/120 or 1/60 s)."
+            f"the light flickers: its brightness falls by {self.depth:.0%} every {self.frames} frames or so; use a "
+            "lamp without flicker (on direct current), or a shutter time of one or two half periods of the mains "
+            "(1/100 or 1/50 s, with 60 Hz 1/120 or 1/60 s)."
         )
 
 
 def flicker_of(rows: NDArray[np.void]) -> Flicker | None:
-    """Return how the light flickers, by the pictures' mean grey level; None where it does not."""
+    """Return the flicker of the light, from the pictures' mean grey level; None where there is none."""
     read = np.flatnonzero(rows["level"] > 0.0)
     if not len(read):
         return None
@@ -119,12 +119,12 @@ def flicker_of(rows: NDArray[np.void]) -> Flicker | None:
 
 
 def _error_px(covariance_px2: Floats) -> float:
-    """Return the usual error of markers by the elements xx, xy, yy (n, 3) of their covariances."""
+    """Return the rms error of markers from the elements xx, xy, yy (n, 3) of their covariances."""
     return float(np.sqrt(np.mean(covariance_px2[:, 0] + covariance_px2[:, 2])))
 
 
 def _comes_again(level: Floats) -> int | None:
-    """Return after how many frames a brightness (n,) without its mean comes again, or None."""
+    """Return the period, in frames, of a brightness (n,) without its mean; None where it is not periodic."""
     n = len(level)
     size = 1 << (2 * n - 1).bit_length()
     product = np.fft.irfft(np.abs(np.fft.rfft(level, size)) ** 2, size)[: n // _TIMES + 2]

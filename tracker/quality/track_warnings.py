@@ -1,4 +1,4 @@
-"""What makes a track doubtful though angles came out: sticks or markers exchanged, and a file that is not whole."""
+"""Warnings of a track whose angles may be wrong: exchanged sticks or markers, a moving axis, a damaged file."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ from tracker.rows import CODE
 from tracker.track import TrackResult
 
 _GONE: Final = 0.5
-"""Share of frames without the base from which it is doubted."""
+"""Share of frames without the base above which its position is doubted."""
 _WANDERS: Final = 0.25
-"""Share of frames off their circles from which the axis is doubted: a marker misread now and then has less."""
+"""Share of frames with markers off their circles above which a fixed axis is doubted: a marker that is misread now and
+then causes fewer."""
 _FEW: Final = 2
-"""Frames of both sticks that prove which one turns."""
+"""Fewest frames with both sticks that prove which one turns."""
 
 
 def doubts(result: TrackResult) -> list[str]:
-    """Return sentences that a person has to read before the angles are used; most tracks have none."""
+    """Return warnings that have to be read before the angles are used; most tracks have none."""
     given = bool(result.report["markers"]["given"])
     found = (
         (_exchanged_sticks(result.tracks) or _missing_base(result))
@@ -38,13 +39,13 @@ def doubts(result: TrackResult) -> list[str]:
     )
     kind = result.report["markers"]["kind"]
     if given and "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
-        # Which end of a tag is nearer to the axis is a matter of how it was stuck on: it has no inner marker.
+        # Either end of a tag may be nearer to the axis, depending on how it was attached: it has no inner marker.
         found = found or _exchanged_markers(result.tracks)
     return found + _repeated_texture(result) + _moving_axis(result.tracks) + _file_faults(result)
 
 
 def doubts_of_tilt(orientation: Orientation) -> list[str]:
-    """Return what is to be said where the camera's tilt is not known and outweighs the noise."""
+    """Return a warning where the camera's tilt is not known and its effect is larger than the noise."""
     tilt, systematic_rad2 = orientation.report.get("tilt", {}), orientation.systematic_rad2
     sure = orientation.angles.valid & orientation.angles.branch_certain
     if tilt.get("known", True) or systematic_rad2 is None or not sure.any():
@@ -65,7 +66,7 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
 
 
 def _rival_markers(result: TrackResult) -> list[str]:
-    """Tell what else the markers may be: other dots, or those that were taken with inner and outer one exchanged."""
+    """Return warnings of other possible markers: other dots, or the same ones with inner and outer exchanged."""
     markers = result.report["markers"]
     words: list[str] = []
     if rivals := markers.get("rivals", []):
@@ -79,8 +80,8 @@ def _rival_markers(result: TrackResult) -> list[str]:
     opposite = markers.get("opposite_probability", 0.0)
     if opposite > 1.0 - SURE:
         words.append(
-            f"Which of a stick's dots is the inner one does not show, as little as the stick turns: with a probability "
-            f"of {opposite:.0%} all angles are off by 180 degrees. Pick the markers with "
+            f"The stick turns too little to show which of a stick's dots is the inner one: with a probability of "
+            f"{opposite:.0%} all angles are off by 180 degrees. Pick the markers with "
             "'torsight markers', or let the stick turn further."
         )
     return words
@@ -92,7 +93,7 @@ def _in_words(couple: Mapping[str, Any]) -> str:
 
 
 def _faint_markers(result: TrackResult) -> list[str]:
-    """Tell that what was taken for the markers hardly stands out."""
+    """Return a warning if the dots that were taken for the markers have little contrast."""
     words = (
         "The dots that were taken for the markers hardly stand out: they may be something else. Look in track.png "
         "whether they are the markers, and pick these with 'torsight markers' if not."
@@ -101,7 +102,7 @@ def _faint_markers(result: TrackResult) -> list[str]:
 
 
 def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
-    """Tell that the stick given as base turns while the one given as moving rests."""
+    """Return a warning if the stick given as base turns while the one given as moving rests."""
     sticks = [direction_of(tracks, first) for first in (0, 2)]
     both = np.flatnonzero(np.isfinite(sticks[0][0]) & np.isfinite(sticks[1][0]))
     if len(both) <= _FEW:
@@ -120,10 +121,10 @@ def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
 
 
 def _missing_base(result: TrackResult) -> list[str]:
-    """Tell that the base is hardly ever where it was given, though it should rest: what was given may turn."""
+    """Return a warning if the base is mostly not found at its given position: the stick given may be the moving one."""
     state = result.rows["state"]
     usable = ~np.isin(state, (CODE["dark"], CODE["damaged"])).any(axis=1)
-    # The other stick may lie over one of both.
+    # Both markers have to be missing: the other stick may lie over one of them.
     gone = usable & (state[:, :2] != CODE["seen"]).all(axis=1)
     gone &= np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).any(axis=1)
     if not usable.any() or gone.sum() < _GONE * usable.sum():
@@ -136,7 +137,7 @@ def _missing_base(result: TrackResult) -> list[str]:
 
 
 def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
-    """Tell of which stick the marker that was given as the inner one is the one further from the axis."""
+    """Return a warning if the marker given as a stick's inner one is the one further from the axis."""
     axis = axis_px(tracks)
     if axis is None:
         return []
@@ -144,7 +145,7 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
     for name, (inner, outer), first in zip(STICKS, away_px(tracks, axis).reshape(2, 2).tolist(), (0, 2), strict=True):
         offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
         length = np.hypot(*offset[tracks.valid[:, first : first + 2].all(axis=1)].T)
-        # An axis between a stick's markers leaves open which one is meant as the inner one.
+        # With the axis between a stick's markers either of them may be meant as the inner one.
         if len(length) and inner - outer > 0.5 * float(np.median(length)):
             found.append(
                 f"the markers of the {name} stick are exchanged (its inner marker is {inner:.0f} px from the axis, "
@@ -158,7 +159,7 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
 
 
 def _repeated_texture(result: TrackResult) -> list[str]:
-    """Tell that the moving stick's points look like places next to them: marks of a scale, teeth of a wheel."""
+    """Return a warning if the moving stick's texture is repeated nearby: marks of a scale, teeth of a wheel."""
     turn_deg = result.report["markers"].get("looks_alike_turned_by_deg")
     if turn_deg is None:
         return []
@@ -171,9 +172,9 @@ def _repeated_texture(result: TrackResult) -> list[str]:
 
 
 def _moving_axis(tracks: MarkerTracks) -> list[str]:
-    """Tell that the moving stick goes around no fixed axis: it rolls, is carried, or was not always what was read.
+    """Return a warning if the moving stick turns about no fixed axis: it rolls, is carried, or was misread at times.
 
-    Its markers are held against their circles by the test that :mod:`tracker.follow` uses for a marker found again.
+    The markers' distances from the axis are tested as :mod:`tracker.follow` tests those of a marker found again.
     """
     tracks = unmoved(tracks).tracks
     axis = axis_px(tracks)
@@ -188,15 +189,15 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
     if off < _WANDERS * len(both):
         return []
     words = (
-        f"The moving stick goes around no fixed axis: in {off} of {counted(len(both), 'frame')} its "
-        "markers are off the circles that the others show. Angles are those of a stick on a fixed axis; look in "
-        "track.png whether the markers are what was read."
+        f"The moving stick does not turn about a fixed axis: in {off} of {counted(len(both), 'frame')} its "
+        "markers are off the circles that the other frames show. Angles are those of a stick on a fixed axis; check in "
+        "track.png that the markers were followed."
     )
     return [words]
 
 
 def _file_faults(result: TrackResult) -> list[str]:
-    """Tell what is wrong with the film, the pictures or the table of times, from what the source noted."""
+    """Return warnings of faults in the film, the pictures or the table of times, as noted by the source."""
     found = [_sentence(entry["text"]) for entry in result.damage if entry["kind"] != "damage"]
     if "note" in result.report["source"]:
         found.append(_sentence(result.report["source"]["note"]))

@@ -84,7 +84,7 @@ def glaring(number: int, picture: np.ndarray) -> np.ndarray:
         ("focus", Changed(RIG, blurred), "lock the focus"),
         ("late", Changed(RIG, absent), "found from frame 30 on"),
         ("light", replace(RIG, dark_s=(0.4, 1.0)), "steady lamp"),
-        ("flicker", replace(RIG, flicker=0.7, frames=60), "comes again every 4 frames"),
+        ("flicker", replace(RIG, flicker=0.7, frames=60), "every 4 frames or so"),
         ("glare", Changed(RIG, glaring), "are saturated"),
         ("hand", replace(RIG, covers=[Cover(0.4, 1.0, "moving")]), "keep hands"),
         ("sticks", replace(RIG, angle_deg=below, base_on_top=True, frames=50), "on the camera's side"),
@@ -132,7 +132,7 @@ def test_a_marker_lost_under_glare_says_so_where_the_other_one_tells_the_angle(l
 
     (words,) = lone_marker_advice(result, angles, pictures=pictures)
     assert ("light glares on the markers" in words) == (level == 250)
-    assert ("smeared" in words) == (level == 95)
+    assert ("blurred by motion" in words) == (level == 95)
 
 
 @pytest.mark.parametrize(("marker", "name"), [(2, "inner"), (3, "outer")])
