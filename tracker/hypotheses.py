@@ -292,23 +292,29 @@ class Weighing:
         goes_on += math.log(1.0 - SURE) * (_holds(base, x, y) != _holds(moving, x, y))
         return strips + goes_on + math.log(1.0 - SURE) * _any_lies_at(base, moving, axis.place)
 
-    def stands(self, couple: Couple) -> bool:
-        """Return whether a couple's base keeps its dots' distance and direction, wherever the camera goes.
+    def read(self, couple: Couple) -> float:
+        """Return the share of frames in which one of a couple's sticks is read: the other one may lie under it.
 
-        No dot of either stick lies on the axis then: of such a one nothing says that it stands or turns.
+        None as long as the moving one does not turn, or where the base does not keep its dots' distance and direction,
+        wherever the camera goes; nor where a dot of either lies on the axis: nothing says that it stands or turns.
         """
         base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
         height, width = self._luma.shape
-        places = self._paths.places
-        places = places[_apart(places)]
+        every = self._paths.places
+        places = every[_apart(every)]
         turning = _circles(places, moving[None], (width, height))
         radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
         known = len(turning.ends) and turning.variance_px2[0] < radius_px**2
-        if known and _any_lies_at(couple.base, couple.moving, complex(turning.axis[0])):
-            return False
         beside = _beside(places, moving, self._pairs.radius_px)[:, base]
-        # Both dots are off by STANDS_PX each.
-        return passes(0.5 * float(_stands(beside[:, 1] - beside[:, 0])), 2)
+        if (
+            not len(turning.ends)
+            or (known and _any_lies_at(couple.base, couple.moving, complex(turning.axis[0])))
+            # Both dots are off by STANDS_PX each.
+            or not passes(0.5 * float(_stands(beside[:, 1] - beside[:, 0])), 2)
+        ):
+            return 0.0
+        seen = np.isfinite(every[1:])
+        return float((seen[:, base].all(axis=1) | seen[:, moving].all(axis=1)).mean())
 
     def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
         """Return what was read of a couple's markers in the frames since the picture, or in every so-many-th.
@@ -336,8 +342,8 @@ class Weighing:
         return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
 
 
-def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable[Frame]) -> tuple[list[Couple], bool]:
-    """Return couples of pairs, the likeliest first, and whether that one's base stands.
+def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable[Frame]) -> tuple[list[Couple], float]:
+    """Return couples of pairs, the likeliest first, and in which share of the frames that one is read.
 
     ``luma`` is the picture in which dots were found, ``frames`` are those after it: they are taken until a couple is as
     sure as :data:`tracker.innovation.SURE`, or to their end; no more than markers are looked for in where only which
@@ -359,7 +365,7 @@ def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable
             due *= 2
     else:
         found = weighing.weighed()
-    return found, bool(found) and weighing.stands(found[0])
+    return found, weighing.read(found[0]) if found else 0.0
 
 
 def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +21,9 @@ from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
-from tracker.follow.motion_model import STALE
 from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
 from tracker.hypotheses import Choice, Couple, weigh_couples
-from tracker.rows import SEEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,56 +131,30 @@ class _Dots:
     def __init__(self, source: FrameSource) -> None:
         self.start: Start | None = None
         self._source = source
-        self._read, self._score = -1, -math.inf
-        self._asked: list[tuple[float, NDArray[np.complex128]]] = []
+        self._read, self._score = -1.0, -math.inf
+        self._asked: list[NDArray[np.complex128]] = []
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Take in a picture; return whether no later one need be looked at."""
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        # What did not do at the same places in another picture does not do now, as far as that was followed.
+        # What did not do at the same places in another picture does not do now.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-        if len(dots) < 4 or any(index < until and _are_all_in(at, before, dots) for until, before in self._asked):
+        if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
             return False
-        weighed, stands = weigh_couples(luma, dots, self._after(index))
-        score = min(weighed[0].base.score, weighed[0].moving.score) if weighed else 0.0
-        enough, until = False, math.inf
-        if score > CLEAR:
-            count, enough, until = self._count(_markers(luma, weighed[0]), index) if stands else (0, False, math.inf)
-        self._asked.append((until, at))
+        self._asked.append(at)
+        weighed, read = weigh_couples(luma, dots, (frame for frame in decoded(self._source) if frame.index > index))
         if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
             return False
+        score = min(weighed[0].base.score, weighed[0].moving.score)
         if score > CLEAR:
-            if count <= self._read:
+            if read <= self._read:
                 return False
-            self._read = count
-        elif self._read >= 0 or score <= self._score:
+            self._read = read
+        elif self._read >= 0.0 or score <= self._score:
             return False
         self._score = score
-        markers = _markers(luma, weighed[0])
-        self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
-        return enough
-
-    def _after(self, index: int) -> Iterator[Frame]:
-        return (frame for frame in decoded(self._source) if frame.index > index)
-
-    def _count(self, markers: list[Marker], index: int) -> tuple[int, bool, float]:
-        """Return in how many frames after a picture one of its sticks is read, whether that is enough, and up to where.
-
-        The other stick may lie under it. None count as long as nothing moves. What is lost for longer than it was seen
-        is followed no further.
-        """
-        follower = Follower([DotState(markers)], moving=None)
-        read = number = last = 0
-        until = math.inf
-        for number, frame in enumerate(islice(self._after(index), LOOKED_AT[-1]), 1):
-            if (follower.step(frame)["state"].reshape(2, 2) == SEEN).all(axis=1).any():
-                read, last = read + 1, number
-            if number >= 2 * STALE and 2 * read > number and read > self._read and follower.moving is not None:
-                return read, True, until
-            if number - last > max(2 * STALE, read):
-                until = frame.index
-                break
-        return (0, False, until) if follower.moving is None else (read, 2 * read >= number, until)
+        self.start = Start(_markers(luma, weighed[0]), index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
+        return score > CLEAR and 2.0 * read >= 1.0
 
 
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
