@@ -1,4 +1,4 @@
-"""Frozen objects that cross the stages, errors, storage and provenance."""
+"""Frozen objects that are passed between the stages, errors, storage and provenance."""
 
 from __future__ import annotations
 

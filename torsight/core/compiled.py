@@ -1,18 +1,18 @@
-"""numba's ``njit``, with machine code on the disk that is never older than the sources.
+"""numba's ``njit``, with cached machine code that is never older than the sources.
 
-numba puts compiled functions and constants into their callers, but its cache checks only whether the caller's own file
-has changed: after an update in place, callers would go on with old code and old constants. So importing this module
-checks whether any source of a compiled function, or a module that it imports, has changed since the cached code was
-made, and deletes the cache if so. A source of compiled functions is one that imports from here.
+numba inlines compiled functions and constants into their callers, but its cache checks only whether the caller's own
+file has changed: after an update in place, callers would still use old code and old constants. So importing this module
+checks whether any source of a compiled function, or a module that such a source imports, has changed since the code was
+cached, and deletes the cache if so. Modules that import from this one count as sources of compiled functions.
 
 The wrapper that lets Python call a function unpacks its tuples of records one by one. Functions that only compiled code
-calls (:func:`internal`, :func:`lending`) get none, which saves a tenth of the time to compile.
+calls (:func:`internal`, :func:`lending`) have no wrapper, which saves a tenth of the compile time.
 
 A call with a literal number is compiled for the number's type: numba would compile the function again for each literal,
 which took another tenth.
 
-No function may leave the order of additions to the compiler: the same function, compiled now and taken from the cache,
-had been put together in two ways, and their sums differed in the last digits.
+No function may leave the order of additions to the compiler: a function that was compiled anew and the same function
+from the cache had different orders, and their sums differed in the last digits.
 """
 
 from __future__ import annotations
@@ -42,23 +42,23 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 _KEPT: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-"""Without the wrapper for calls from C: nothing uses it, and it is compiled and optimised like the function itself."""
+"""Options without the wrapper for calls from C: nothing uses it, and it takes as long to compile as the function."""
 _INTERNAL: Final = {**_KEPT, "no_cpython_wrapper": True}
-"""Without the wrapper for calls from Python, too."""
+"""Options without the wrapper for calls from Python, either."""
 _UNCOUNTED: Final[dict[str, Any]] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
-"""With numba's option to leave out its memory manager; a numba without it compiles the same, only slower."""
+"""numba's option to leave out its memory manager; a numba without this option gives the same results, more slowly."""
 
 
 LOADING: Final = ("0.68",)
-"""Versions of numba for which it is known what cached code needs to be loaded; others load it in their own way."""
+"""Versions of numba for which the requirements for loading cached code are known; others load it in their own way."""
 
 
 class _Kept(FunctionCache):
-    """Cached machine code, loaded without all that numba needs to compile.
+    """Cached machine code, loaded without setting up numba's compiler.
 
-    Before numba looks into the cache it sets up its compiler, with how all of numpy and Python is compiled: a sixth of
-    the time that it takes to start following a film. Cached code needs numba's memory manager alone; where nothing is
-    cached, compiling sets up the compiler anyhow.
+    Before numba reads the cache it sets up its compiler, with its implementations of all of numpy and Python: a sixth
+    of the start-up time of tracking. Cached code needs numba's memory manager alone; where nothing is cached, compiling
+    sets up the compiler anyway.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -70,7 +70,7 @@ class _Kept(FunctionCache):
 
 
 class _Internal(CPUDispatcher):
-    """A function that only compiled code may call: a call from Python would jump to a wrapper that is not there."""
+    """A function that only compiled code may call: a call from Python would jump to a missing wrapper."""
 
     def __call__(self, *_: object, **__: object) -> None:
         """Refuse the call."""
@@ -80,7 +80,7 @@ class _Internal(CPUDispatcher):
 
 
 def _prepared(function: Any) -> Any:
-    """Return a function of numba's with the changes made here: how its cache is loaded, for which types it compiles."""
+    """Return a compiled function with this module's changes: fast loading from the cache, types without literals."""
     kept = vars(function).get("_cache") if isinstance(function, Dispatcher) else None
     if type(kept) is FunctionCache and numba.__version__.rpartition(".")[0] in LOADING:
         kept.__class__ = _Kept
@@ -90,7 +90,7 @@ def _prepared(function: Any) -> Any:
 def _for_types(function: Any) -> Any:
     """Let compiled callers look a function up by the types of its arguments, not by literal numbers."""
     if not isinstance(function, Dispatcher):
-        return function  # numba was told to compile nothing
+        return function  # numba's compilation is disabled
     ask: Any = function.get_call_template
     plain: Any = types.unliteral
 
@@ -102,7 +102,7 @@ def _for_types(function: Any) -> Any:
 
 
 def compiled(function: F) -> F:
-    """Compile for scalars and arrays; the machine code is kept on disk and the lock of the interpreter let go.
+    """Compile for scalars and arrays; the machine code is cached on disk and runs without the interpreter's lock.
 
     A division by zero gives infinity, as in numpy.
     """
@@ -118,10 +118,10 @@ def internal(function: F, **options: Any) -> F:
 
 
 def lending(function: F) -> F:
-    """Compile as :func:`internal` a function that makes no array and keeps none: its callers lend it theirs.
+    """Compile as :func:`internal` a function that neither creates nor keeps arrays: it borrows those of its callers.
 
-    References to them are not counted. Counting is an atomic instruction at every call and every field of a tuple of
-    arrays: it took two thirds of the stepping's time (benchmarks/actuator/speed.py).
+    References to these arrays are not counted. Counting is an atomic instruction at every call and every field of a
+    tuple of arrays: it took two thirds of the stepping's time (benchmarks/actuator/speed.py).
     """
     return internal(function, **_UNCOUNTED)
 
@@ -132,16 +132,16 @@ def shared(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile a small function, one that makes no array, into its callers."""
+    """Compile a small function that creates no array, inlined into its callers."""
     return cast("F", _prepared(njit(forceinline=True, **_KEPT | _UNCOUNTED)(function)))
 
 
 @inlined
 def copy_to(into: NDArray[Any], values: NDArray[Any]) -> None:
-    """Copy values (n,) into an array of that length which does not overlap them.
+    """Copy values (n,) into an array of the same length that does not overlap them.
 
-    ``into[:] = values`` checks both shapes and raises with a message that names them. To compile the message took a
-    seventh of the time to compile, and nobody would read it: the shapes are the code's own.
+    ``into[:] = values`` checks both shapes, and the message of its error took a seventh of the compile time. No user
+    could cause this error: the shapes are the code's own.
     """
     for i in range(len(into)):
         into[i] = values[i]
@@ -157,7 +157,7 @@ _IMPORT: Final = re.compile(rb"^(?:from|import) ([\w.]+)", re.MULTILINE)
 
 
 def sources(folders: Iterable[Path], root: Path) -> dict[Path, bytes]:
-    """Return the compiled sources below folders and what they import from below the root, with their contents."""
+    """Return the compiled sources in the folders, and the modules in ``root`` that they import, with their contents."""
     found: dict[Path, bytes] = {}
     contents = ((path, path.read_bytes()) for folder in folders for path in folder.rglob("*.py"))
     new = {path: content for path, content in contents if _COMPILED.search(content)}
@@ -171,22 +171,22 @@ def sources(folders: Iterable[Path], root: Path) -> dict[Path, bytes]:
 
 
 def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
-    """Delete machine code below folders where its sources are not those of the stamp; return whether.
+    """Delete the cached machine code in the folders if its sources differ from those of the stamp; return whether.
 
-    ``root`` is where the packages lie that the sources import from.
+    ``root`` is the folder of the packages from which the sources import.
     """
     folders = list(folders)
     noted: list[str] = []
     with contextlib.suppress(OSError):
         noted = stamp.read_text(encoding="utf-8").splitlines()
     known, written, *imported = noted + [""] * (2 - len(noted))
-    # What is as it was written last needs no reading, which takes longer than to start without it.
+    # Files with unchanged time and size are not read: reading all of them would dominate the start-up time.
     if _written(folders, imported) == written:
         return False
     contents = sorted(sources(folders, root).items())
     made_of = hashlib.sha256(b"\0".join(path.name.encode() + b"\0" + content for path, content in contents)).hexdigest()
     imported = [str(path) for path, _ in contents if not any(path.is_relative_to(folder) for folder in folders)]
-    # Where nothing can be written nothing was kept either. Another process may be doing the same.
+    # Where nothing can be written nothing was cached either. Another process may be doing the same.
     with contextlib.suppress(OSError):
         for path in [path for folder in folders for path in folder.rglob("*.nb[ic]")] if made_of != known else ():
             path.unlink(missing_ok=True)
@@ -196,7 +196,7 @@ def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
 
 
 def _written(folders: Iterable[Path], imported: Iterable[str]) -> str:
-    """Return a digest of modification times and sizes of all sources below folders and of those they import."""
+    """Return a digest of the modification times and sizes of all sources in the folders and of imported modules."""
     below = (path for folder in folders for path in folder.rglob("*.py"))
     stats = {path: path.stat() for path in sorted([*below, *map(Path, imported)]) if path.is_file()}
     seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in stats.items()]
@@ -204,10 +204,10 @@ def _written(folders: Iterable[Path], imported: Iterable[str]) -> str:
 
 
 def lend_blas() -> None:
-    """Load the one extension of SciPy that numba needs at start-up, without the package around it.
+    """Load the only extension of SciPy that numba needs at start-up, without the rest of its package.
 
-    Numba checks for a BLAS by importing all of ``scipy.linalg``: a third of the time that it takes to start following a
-    film. The extension by itself needs nothing of that.
+    Numba checks for a BLAS by importing all of ``scipy.linalg``: a third of the start-up time of tracking. The
+    extension alone needs nothing of that.
     """
     name, package = "scipy.linalg.cython_blas", importlib.util.find_spec("scipy")
     if name in sys.modules or package is None:
@@ -216,7 +216,7 @@ def lend_blas() -> None:
         finder = FileFinder(str(Path(folder) / "linalg"), (ExtensionFileLoader, EXTENSION_SUFFIXES))
         spec = finder.find_spec(name)
         if spec is not None and spec.loader is not None:
-            # Where the libraries that it needs are found by SciPy only, numba imports all of it as ever.
+            # Where only SciPy itself finds the libraries of the extension, numba imports all of SciPy as usual.
             with contextlib.suppress(ImportError):
                 module = importlib.util.module_from_spec(spec)
                 spec.loader.exec_module(module)

@@ -1,7 +1,7 @@
 """The kinds of failure and how each is reported.
 
-Every error that a user can cause is a :class:`TorsightError`. Its message says what is wrong, where, which value
-was met, which is allowed and what to do. The command line prints it on one line and leaves with its exit code.
+Every error that a user can cause is a :class:`TorsightError`. Its message states what is wrong, where, which value was
+found, which is allowed and what to do. The command line prints it on one line and exits with its exit code.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class TorsightError(Exception):
     where : str, optional
         File, line, row, frame, column or key.
     value : object, optional
-        The value that was met.
+        The value that was found.
     limit : str, optional
         The value or range that is allowed.
     do : str, optional
@@ -61,7 +61,7 @@ class TorsightError(Exception):
         return _printable("; ".join(parts))
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        # Errors come back from worker processes: keep the keyword-only fields.
+        # Errors are pickled by worker processes: keep the keyword-only fields.
         kept = {name: getattr(self, name) for name in ("where", "value", "limit", "do")}
         return functools.partial(type(self), self.what, **kept), ()
 
@@ -94,12 +94,12 @@ class OutputError(TorsightError, OSError):
 
 
 def reason_of(error: Any) -> str:
-    """Return the reason that an OSError, or an error of PyAV, gives: its own words, without number and path."""
+    """Return the reason in the message of an OSError, or of an error of PyAV, without number and path."""
     return str(error.strerror or error)
 
 
 def refused_by_system(error: OSError) -> InputError:
-    """Return an error of the system (a name that is too long, no right to a file, a full disk) as one of ours."""
+    """Return an :class:`InputError` for an error of the system (a name too long, no right to a file, a full disk)."""
     refused = InputError(
         f"the system refuses it ({reason_of(error)})",
         where=str(error.filename) if error.filename is not None else None,
@@ -110,13 +110,13 @@ def refused_by_system(error: OSError) -> InputError:
 
 
 def require_kind(value: object, kind: type, *, where: str, do: str) -> None:
-    """Refuse an argument of a call in Python that is no object of a ``kind``, such as the path of its file."""
+    """Refuse an argument of a call in Python that is no object of the class ``kind``, such as a path instead."""
     if not isinstance(value, kind):
         met = repr(value) if isinstance(value, (str, os.PathLike)) else type(value).__name__
         raise ConfigError(f"is no {kind.__name__}", where=where, value=met, limit=kind.__name__, do=do)
 
 
 class NoResultError(TorsightError, RuntimeError):
-    """The inputs are fine but no result could be had: no marker, no motion, no convergence (exit code 4)."""
+    """Valid inputs without a result: no marker, no motion, no convergence (exit code 4)."""
 
     exit_code: ClassVar[int] = 4

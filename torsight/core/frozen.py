@@ -1,4 +1,4 @@
-"""Mappings and arrays inside frozen objects that are as frozen as the objects."""
+"""Immutable mappings and arrays for the fields of frozen objects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class ReadOnly(dict[Any, Any]):
-    """A dict that refuses every change; ``copy()``, ``copy.deepcopy`` and ``dict(...)`` give one that does not."""
+    """A dict that refuses every change; ``copy()``, ``copy.deepcopy`` and ``dict(...)`` return a mutable one."""
 
     def _refuse(self, *_arguments: object, **_options: object) -> NoReturn:
         msg = "belongs to a frozen object: change a dict(...) of it, and make another with dataclasses.replace"
@@ -29,12 +29,12 @@ class ReadOnly(dict[Any, Any]):
         return {key: deepcopy(value, memo) for key, value in self.items()}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A dict is unpickled item by item, which this one refuses.
+        # A dict is unpickled item by item, which this class refuses.
         return read_only, (dict(self),)
 
 
 def read_only(mapping: Mapping[Any, Any]) -> ReadOnly:
-    """Return a mapping, and those inside it, as ones that cannot be changed."""
+    """Return an immutable copy of a mapping and of the mappings inside it."""
     if isinstance(mapping, ReadOnly):
         return mapping
     return ReadOnly({key: _unchanging(value) for key, value in mapping.items()})
@@ -53,8 +53,8 @@ def _unchanging(value: Any) -> Any:
 def refuse_plainly(cls: type) -> None:
     """Give a frozen dataclass with slots a clear error message, whichever name is set.
 
-    Such a class is made twice, the second time with what ``dataclass`` has put into it; its own refusal then speaks of
-    ``super()`` where a name is no field.
+    Such a class is created twice, the second time by ``dataclass``; its built-in refusal then raises an error about
+    ``super()`` where the name is no field.
     """
 
     def refuse(self: object, name: str, *_value: object) -> NoReturn:
@@ -69,7 +69,7 @@ def refuse_plainly(cls: type) -> None:
 
 
 class Frozen:
-    """Base of frozen dataclasses: mappings and arrays are copied when it is made, and cannot be changed afterwards."""
+    """Base of frozen dataclasses: mappings and arrays are copied at creation and are immutable afterwards."""
 
     __slots__ = ()
 

@@ -1,10 +1,10 @@
-r"""A law: a smooth function of one variable at one place of a model, as values on nodes.
+r"""A law: a smooth function of one variable at one port of a model, represented by values on nodes.
 
-What a model lacks need not have a form that anybody has written down. A law has none: it is a function with a Gaussian
-prior of zero mean, known by its values :math:`f` on nodes of its variable. Its prior is a bank of kernels
-:math:`s^2 K_j`: a few usual forms (a constant, a slope, a wave once per turn) and smooth functions of several lengths;
-which kernel and which size :math:`s` a record asks for is found by marginal likelihood, so that a law costs what its
-flexibility is worth (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), ch. 5).
+The part that a model lacks need not have a known parametric form. A law is a function with a Gaussian prior of zero
+mean, represented by its values :math:`f` on nodes of its variable. The prior is a bank of kernels :math:`s^2 K_j`: a
+few usual forms (a constant, a slope, a wave once per turn) and smooth functions of several lengths. Kernel and size
+:math:`s` are selected by marginal likelihood, which penalises a law for its flexibility (Rasmussen and Williams,
+Gaussian Processes for Machine Learning (2006), ch. 5).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from torsight.core.series import rms, usual_step
 from torsight.core.units import Flags, Floats
 
 TIME = "time_s"
-"""The driver that is the record's own time."""
+"""The driver for the record's own time."""
 KEPT = 1e-5
 """Share of a kernel's largest eigenvalue below which a direction of the law is left out: a third of a per cent of its
 size."""
 _FEWEST = 4
-"""Through fewer nodes a curve is no better known than lines are."""
+"""Number of nodes below which a spline is no better than lines."""
 _FINER = 8
-"""Places per gap between nodes: of what lines between the nodes are off by, a sixty-fourth is left."""
+"""Points per gap between nodes: they reduce the error of linear interpolation to a sixty-fourth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,29 +46,29 @@ class Kernel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Law:
-    """A place and a variable at which a model may lack a law.
+    """A law that a model may lack: its port, its driver and its prior.
 
     Attributes
     ----------
     id : str
-        Unique among laws and effects of a problem; begins the names of its parameters.
+        Identifier, unique among laws and effects of a problem; prefix of the names of its parameters.
     port, driver, spring : str
-        Where it acts, on what it depends, and for which spring (``a``, ``b``, ``both``; empty where there is none).
+        Port at which the law acts, its variable, and the spring (``a``, ``b``, ``both``; empty where there is none).
     unit : str
-        Of its values.
+        Unit of the law's values.
     title : str
         A few plain words (``"friction over the angle"``).
     nodes : (k,) float64
-        Values of the driver, rising.
+        Values of the driver, increasing.
     scale : float
-        A size of the law that matters, in ``unit``: steps of derivatives, and the middle of the sizes that are tried.
+        A size of the law that matters, in ``unit``: sets the steps of derivatives, and the middle of the tried sizes.
     kernels : tuple of Kernel
         The bank of its prior.
     time_like : bool
-        True where the driver only counts time or cycles: such a law says when something changed and not why, and holds
-        for no later time. The course of a clock over time is its own cause, and no such law.
+        True where the driver only counts time or cycles: such a law shows when something changed, not why, and does not
+        hold for later times. The drift of a clock over time is its own cause, and no such law.
     covered : (float, float)
-        Range of the driver that the record covers; beyond it a law is what its prior says.
+        Range of the driver that the record covers; beyond it a law has its prior.
     """
 
     id: str
@@ -85,7 +85,7 @@ class Law:
 
     @property
     def says_when(self) -> bool:
-        """Whether it is a law of time that says when something differs and not why: a reference, no explanation."""
+        """Whether this is a law of time, which shows when something differs, not why: a reference, no explanation."""
         return self.time_like and self.driver == TIME
 
     def free(self) -> LawForm:
@@ -94,16 +94,17 @@ class Law:
 
     @property
     def reached(self) -> Flags:
-        """Nodes (k,) that the record says something of: those beside the covered range or in it."""
+        """Mask (k,) of the nodes that the record informs: those within the covered range or next to it."""
         low, high = self.covered
         following, before = np.append(self.nodes[1:], np.inf), np.append(-np.inf, self.nodes[:-1])
         return np.asarray((following > low) & (before < high))
 
     def form(self, kernel: Kernel, size: float) -> LawForm:
-        """Return the law under one kernel of one size: independent coefficients with standard deviation one.
+        """Return the law under one kernel of one size as independent coefficients with standard deviation one.
 
-        First those of the nodes that the record reaches. What they leave open of the others has coefficients of its
-        own: the record says nothing of them, so that beyond it a law is as uncertain as its prior.
+        The first coefficients are those of the nodes that the record reaches. The conditional covariance of the other
+        nodes has its own coefficients, which the record does not determine, so that beyond the record a law is as
+        uncertain as its prior.
         """
         reached = self.reached
         known, across = kernel.matrix[np.ix_(reached, reached)], kernel.matrix[np.ix_(~reached, reached)]
@@ -118,7 +119,7 @@ class Law:
 
 
 def _root(covariance: Floats, largest: float) -> tuple[Floats, Floats]:
-    """Return B (k, r) with B Bᵀ a covariance, and Bᵀ's inverse on its span, without directions of next to no size."""
+    """Return B (k, r) with B Bᵀ = ``covariance``, and the inverse of Bᵀ on its span, without negligible directions."""
     share, directions = np.linalg.eigh(covariance)
     kept = np.flatnonzero(share > KEPT * largest)[::-1]
     root = np.sqrt(share[kept])
@@ -132,20 +133,20 @@ def _names(law: str, count: int) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawForm:
-    """A law as parameters: its values on the nodes are ``basis`` times them.
+    """A law in terms of parameters: its values on the nodes are ``basis @ parameters``.
 
     Attributes
     ----------
     id : str
-        Of the law.
+        Identifier of the law.
     nodes : (k,) float64
-        Values of the driver, rising.
+        Values of the driver, increasing.
     basis : (k, r) float64
         Values on the nodes per parameter, in ``unit``.
     unit : str
-        Of the law's values.
+        Unit of the law's values.
     scale : float
-        Of the law, in ``unit``.
+        A size of the law that matters, in ``unit``.
     prior : bool
         Whether the parameters have a standard normal prior; without one they are the values on the nodes.
     """
@@ -173,11 +174,11 @@ class LawForm:
         return np.asarray(self.basis @ np.asarray(parameters, np.float64))
 
     def at(self, driver: Floats, parameters: Sequence[float] | Floats) -> Floats:
-        """Return the law by lines between its nodes; beyond them the outermost value holds."""
+        """Return the law by linear interpolation between its nodes; beyond them the outermost value holds."""
         return np.interp(driver, self.nodes, self.values(parameters))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the form as it stands in ``model.json``."""
+        """Return the form's entry in ``model.json``."""
         return {
             "id": self.id,
             "nodes": self.nodes.tolist(),
@@ -188,10 +189,10 @@ class LawForm:
 
 
 def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return places and values of a smooth curve through values on nodes (k,): between the places lines do.
+    """Return a smooth curve through values on nodes (k,) as points and values for linear interpolation.
 
-    A natural cubic spline: lines between the nodes themselves would cut a wave of five nodes a period by a sixth. It
-    swings where the curve bends within a gap, so nodes have to lie closer than that.
+    The curve is a natural cubic spline: lines between the nodes themselves would cut a wave of five nodes a period by a
+    sixth. The spline oscillates where the curve bends within a gap, so that the nodes must lie closer than that.
     """
     if len(nodes) < _FEWEST:
         return nodes, values
@@ -201,8 +202,8 @@ def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 @functools.lru_cache(maxsize=256)
 def _spline(nodes: bytes) -> tuple[Floats, Floats]:
-    """Return places (m,) between nodes, and the matrix (m, k) from the nodes' values to theirs."""
-    # Commands that have no law would import it, too, and scipy.optimize with it.
+    """Return points (m,) between nodes, and the matrix (m, k) from the nodes' values to the spline's values there."""
+    # Imported here: commands without a law need neither it nor scipy.optimize, which it imports.
     from scipy.interpolate import CubicSpline
 
     at = np.frombuffer(nodes)
@@ -224,16 +225,16 @@ def outer(values: Floats) -> Floats:
 
 
 def slope(nodes: Floats) -> Floats:
-    """Return the covariance (k, k) of a straight line through zero in the middle of the nodes."""
+    """Return the covariance (k, k) of a straight line that is zero in the middle of the nodes."""
     return outer(nodes - 0.5 * (nodes[0] + nodes[-1]))
 
 
 def smooth_kernels(
     nodes: Floats, *, shares: Sequence[float] = (0.5, 0.25, 0.12, 0.06), line: bool = False
 ) -> tuple[Kernel, ...]:
-    """Return smooth kernels whose lengths are shares of the nodes' range; with ``line`` each has a slope beside it.
+    """Return smooth kernels whose lengths are shares of the nodes' range; ``line`` adds a slope to each.
 
-    A few nodes that lie far off, beyond the record, do not make the range longer.
+    A few distant nodes beyond the record do not extend this range.
     """
     spacing = usual_step(nodes)
     span = spacing * (len(nodes) - 1)

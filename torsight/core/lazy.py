@@ -36,8 +36,8 @@ def lazily(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
 def collect_seldom() -> None:
     """Let Python's garbage collector run after every 10,000 new objects, not after every 700.
 
-    Importing, compiling and drawing make many small objects that stay: collecting among them takes a fifteenth of the
-    time of a track or a fit of a few seconds, and a seventh of that of a report. Without any collection the compiler
-    is a fourteenth faster than with Python's default, and takes 0.8 GB.
+    Importing, compiling and drawing create many small objects that persist: collecting among them takes a fifteenth of
+    the time of a track or a fit of a few seconds, and a seventh of that of a report. Without any collection the
+    compiler is a fourteenth faster than with Python's default, but needs 0.8 GB.
     """
     gc.set_threshold(10_000, 20, 10)

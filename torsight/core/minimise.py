@@ -1,4 +1,4 @@
-"""A small least-squares solver for a handful of unknowns, without the start-up time of a large library."""
+"""A least-squares solver for a few unknowns, without the start-up time of a large library."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from torsight.core.units import Floats
 
 _STEPS: Final = 60
-"""Steps at most: a fit that still gains a little after so many creeps along a direction that no residual determines."""
+"""Largest number of steps: a fit that still gains then creeps along a direction that no residual determines."""
 
 
 def least_squares(
@@ -18,12 +18,12 @@ def least_squares(
 ) -> tuple[Floats, Floats, float]:
     """Minimise a sum of squares (Levenberg-Marquardt, derivatives by differences).
 
-    ``start`` (p,) is where to begin, ``enough`` the gain of a step below which there is nothing more to gain: in units
-    of χ² it may be far from zero. Returns the values (p,), their covariance (p, p), the inverse of JᵀJ, which is right
-    where the residuals are in units of their sigmas, and χ².
+    ``start`` (p,) are the start values, ``enough`` is the gain of a step in χ² below which the iteration ends. Returns
+    the values (p,), their covariance (p, p) as the inverse of JᵀJ, which is valid for residuals in units of their
+    sigmas, and χ².
     """
     values, error = start.copy(), residuals(start)
-    # Begun at 0.001, and ten times more or less, as in Press and others, Numerical Recipes (3rd edition), 15.5.2.
+    # Start value 0.001, changed by factors of ten, as in Press and others, Numerical Recipes (3rd edition), 15.5.2.
     damping = 1e-3
     for _ in range(_STEPS):
         jacobian = jacobian_of(residuals, values, error)
@@ -46,9 +46,10 @@ def least_squares(
 
 
 def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats, error: Floats | None = None) -> Floats:
-    """Return the derivatives (m, p) of residuals (m,) at values (p,), where they are ``error``, by differences.
+    """Return the Jacobian (m, p) of residuals (m,) at values (p,) by one-sided differences.
 
-    One-sided ones: for a step of a millionth of a value its second derivative counts no more than rounding does.
+    ``error`` (m,) are the residuals at the values, if known. With steps of a millionth of a value the second derivative
+    contributes no more than rounding.
     """
     error = residuals(values) if error is None else error
     columns = []

@@ -32,7 +32,7 @@ class Parameter:
     fixed : bool
         True where the value is taken as exact.
     symbol, title : str
-        As an equation has it, with an underscore before an index, and in a few words; empty where neither is stated.
+        Symbol in an equation, with an underscore before an index, and meaning in a few words; empty where not stated.
     """
 
     name: str
@@ -72,10 +72,10 @@ class Estimate(Frozen):
     def normal(
         cls, value: float, sigma: float, unit: str, *, lower: float = -math.inf, upper: float = math.inf
     ) -> Estimate:
-        """Return the estimate of a value with normal errors, its interval cut at the value's bounds."""
+        """Return the estimate of a value with normal errors, with its interval limited to the value's bounds."""
         return cls(value, sigma, (max(value - REACH * sigma, lower), min(value + REACH * sigma, upper)), unit)
 
     def to_json(self) -> dict[str, object]:
-        """Return the form that stands in the JSON outputs (non-finite numbers become null)."""
+        """Return the form of the estimate in the JSON outputs (non-finite numbers become null)."""
         content: dict[str, object] = plain(asdict(self))
         return content

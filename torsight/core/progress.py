@@ -1,6 +1,6 @@
-"""How long computations report their progress, and how long a person waits for a sign of it.
+"""The interface by which long computations report their progress, and the waiting times that a person notices.
 
-Stages take a callable and know nothing of terminals; the command line draws the bars.
+Stages take a callable and do not depend on terminals; the command line draws the progress bars.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from typing import Final, Protocol
 AT_ONCE_S: Final = 0.1
 THOUGHT_S: Final = 10.0 * AT_ONCE_S
 ATTENTION_S: Final = 10.0 * THOUGHT_S
-"""What comes within the first seems to come at once, within the second no thought is broken off, and beyond the third a
-person turns to something else (R. B. Miller, Proc. AFIPS Fall Joint Computer Conference 33 (1968) 267; J. Nielsen,
-Usability Engineering, 1993, chapter 5: a tenth of a second, one and ten)."""
+"""A response within the first time seems immediate, within the second it does not interrupt a thought, and beyond the
+third a person turns to something else (R. B. Miller, Proc. AFIPS Fall Joint Computer Conference 33 (1968) 267; J.
+Nielsen, Usability Engineering, 1993, chapter 5: a tenth of a second, one and ten)."""
 STUCK_S: Final = 6.0 * ATTENTION_S
-"""A program of ours that shows no sign of life for so long has hung: each of its steps takes milliseconds, and a
-computer that is busy with other things makes it wait for seconds."""
+"""Timeout after which a process of Torsight without a sign of life counts as hung: each of its steps takes
+milliseconds, and a busy computer delays it by seconds."""
 
 
 class Progress(Protocol):
-    """Called by long work with what it does, how much is done and how much there is.
+    """Callable that long computations call with the name of the step, the finished units and their total.
 
     ``total`` is None where the amount of work is not known beforehand.
     """

@@ -1,4 +1,4 @@
-"""What goes into the model: temperature log, clock map, and angle and temperatures on one clock."""
+"""The inputs of the model: temperature log, clock map, and the table of angle and temperatures on one clock."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from torsight.core.words.plausible import SPRING_C
 from torsight.core.words.shown import Shown, draw_series, share, span
 
 GIVEN_OFFSET: Final = "given offset"
-"""How the ``method`` of a clock map begins whose offset was given and not found."""
+"""Beginning of the ``method`` of a clock map whose offset was given, not estimated."""
 _LEAST_CLOCK_S: Final = 0.05
-"""Least standard deviation of an offset: an event that both recorders saw is timed to one frame of the film, 0.03 s at
-30 per second, and one row of the log."""
+"""Least standard deviation of an offset: the time of an event in both recordings is known to one frame of the film,
+0.03 s at 30 per second, and one row of the log."""
 
 
 def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
     """Return an offset's standard deviation from its method and its 95 % interval; None where it is not known.
 
-    The interval of an offset that was given says nothing of its error.
+    It is not known for a given offset, whose interval does not describe its error.
     """
     low, high = interval_s
     if method.startswith(GIVEN_OFFSET) or not math.isfinite(high - low):
@@ -104,9 +104,9 @@ class ClockMap(Shown):
     offset_ci95_s, drift_ci95_ppm : (float, float)
         95 % intervals; infinite where nothing is known.
     method : str
-        The evidence that the map rests on.
+        The evidence for the map.
     notes : tuple of str
-        What a person should know (degeneracies, repairs).
+        Notes for the user (degeneracies, repairs).
     """
 
     offset_s: float
@@ -144,7 +144,7 @@ class ClockMap(Shown):
         }
 
     def _draw(self, axes: Any) -> None:
-        """Draw by how much the log's clock is ahead during the first hour of a film, within the offset's interval."""
+        """Draw the lead of the log's clock during the first hour of a film, with the offset's interval."""
         film_s = np.linspace(0.0, 3600.0, 61)
         ahead_s = self.to_temperature_time(film_s) - film_s
         draw_series(axes, film_s, {"ahead": ahead_s}, label="temperature log's time minus film time, s")
@@ -201,7 +201,7 @@ class SyncedTable(Frozen, Shown):
         }
 
     def at(self, rows: Flags) -> SyncedTable:
-        """Return it at some of its rows (n,)."""
+        """Return the table restricted to the rows of a mask (n,)."""
         heat_a, heat_b = (None if heat is None else heat[rows] for heat in (self.heat_a, self.heat_b))
         return SyncedTable(
             self.time_s[rows],
@@ -220,7 +220,7 @@ class SyncedTable(Frozen, Shown):
         return merged_columns(self)
 
     def _draw(self, axes: Any) -> None:
-        """Draw the angle against time, and both temperatures on an axis of their own."""
+        """Draw the angle against time, and both temperatures on a second axis."""
         draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
         beside = axes.twinx()
         for name, values, colour in (("A", self.temp_a_c, "tab:red"), ("B", self.temp_b_c, "tab:orange")):
@@ -230,7 +230,7 @@ class SyncedTable(Frozen, Shown):
 
 
 def _require_rows(table: TemperatureLog | SyncedTable, columns: Mapping[str, Any]) -> None:
-    """Refuse columns that have not one value for every time."""
+    """Refuse columns whose length differs from that of the times."""
     for name, values in columns.items():
         if np.shape(values) != (len(table),):
             raise InputError(

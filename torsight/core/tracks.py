@@ -1,4 +1,4 @@
-"""What the tracker hands on: marker positions, and the angle made of them."""
+"""The results of the tracker: marker positions, and the angle computed from them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from torsight.core.words.wording import number
 MARKERS: Final = ("base_inner", "base_outer", "moving_inner", "moving_outer")
 """The order of the four markers wherever an axis has length four."""
 USUAL_SHARE: Final = 0.9
-"""Share of the frames that a track without a warning shows, by the contract."""
+"""Share of the frames with a result above which a track has no warning, by the contract."""
 LEAST_SURE: Final = 0.55
 """Least probability that the chosen markers are the right ones: below it a film has no result.
 
-Where nothing separates two pairs of sticks the likelier one has 0.50 to 0.51; of films with 0.6 to 0.95 all are right
-(benchmarks/tracking/decoys.py).
+Where nothing distinguishes two pairs of sticks the likelier one has 0.50 to 0.51; in all films with 0.6 to 0.95 the
+choice is right (benchmarks/tracking/decoys.py).
 """
 
 
@@ -42,8 +42,8 @@ class MarkerTracks(Shown):
     size_px : (int, int)
         Width and height of the picture.
     choice_rad2 : float
-        Variance of the angle where it is not known which dots are the markers, or which of a stick's is the inner one:
-        the angles that others would give, each by its probability. One error of all frames.
+        Variance of the angle due to an uncertain choice of the markers among the dots, or of a stick's inner marker:
+        the variance over the angles of all choices, weighted by their probabilities. All frames share this error.
     """
 
     frame: Ints
@@ -71,7 +71,7 @@ class MarkerTracks(Shown):
         return len(self.frame)
 
     def facts(self) -> dict[str, str]:
-        """Return frames, time, how many frames have every marker, and the picture."""
+        """Return frames, time, the share of frames with all markers, and the picture's size."""
         return {
             "frames": str(len(self)),
             "time": span(self.time_s, "s"),
@@ -84,7 +84,7 @@ class MarkerTracks(Shown):
         return marker_columns(self)
 
     def _draw(self, axes: Any) -> None:
-        """Draw the markers' paths as they are seen in the picture."""
+        """Draw the markers' paths in the coordinates of the picture."""
         for index, name in enumerate(MARKERS):
             axes.plot(*self.position_px[:, index].T, ".", markersize=2, label=name)
         axes.set(xlabel="x, px", ylabel="y, px", xlim=(0, self.size_px[0]), ylim=(self.size_px[1], 0), aspect="equal")
@@ -108,7 +108,7 @@ class StickAngles(Shown):
     valid : (n,) bool
         Whether the angle is known in this frame.
     branch_certain : (n,) bool
-        False after a gap over which the whole turn could not be decided by the motion on both sides.
+        False after a gap over which the motion on both sides does not determine the whole turn.
     """
 
     frame: Ints
@@ -141,12 +141,12 @@ class StickAngles(Shown):
 
 
 def mean_sigma(covariance: Floats) -> Floats:
-    """Return one standard deviation for both coordinates of positions with covariances (..., 2, 2): their rms."""
+    """Return the rms (...) of the standard deviations of both coordinates, from covariances (..., 2, 2)."""
     return np.asarray(np.sqrt(0.5 * np.trace(covariance, axis1=-2, axis2=-1)))
 
 
 def round_covariance(sigma: Floats) -> Floats:
-    """Return the covariances (..., 2, 2) of positions whose coordinates have one standard deviation (...) each."""
+    """Return the isotropic covariances (..., 2, 2) of positions with the standard deviations (...) per coordinate."""
     return sigma[..., None, None] ** 2 * np.eye(2)
 
 

@@ -1,6 +1,6 @@
-"""Units: conversions between the inside (SI, radians, °C) and the edges (degrees, mN·m, mm, GPa, MPa).
+"""Units: conversions between internal units (SI, radians, °C) and those of files (degrees, mN·m, mm, GPa, MPa).
 
-And the types of arrays, by what they hold.
+Also the types of arrays by their elements.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 DEG: Final = math.pi / 180.0
 """Radians per degree: ``angle_rad = angle_deg * DEG``."""
 _KILO: Final = 1e3
-"""From one prefix of the SI to the next."""
+"""Ratio of successive SI prefixes."""
 MNM: Final = 1.0 / _KILO
 """N·m per mN·m."""
 MM: Final = 1.0 / _KILO

@@ -1,1 +1,1 @@
-"""Files of a run: paths in, whole files out; JSON, TOML and CSV in the units of the file to and from records in SI."""
+"""Files of a run: atomic writing, and conversion of JSON, TOML and CSV (units of files) to and from records (SI)."""

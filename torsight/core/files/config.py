@@ -1,7 +1,7 @@
-"""Typed values out of a TOML table.
+"""Typed values from a TOML table.
 
-Every function raises a :class:`~torsight.core.errors.ConfigError` that names file, key, value and limit: for a key that
-is absent and has no default, and for a value of another kind or out of range.
+Every function raises a :class:`~torsight.core.errors.ConfigError` that names file, key, value and limit: for a missing
+key without a default, and for a value of another type or out of range.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def get_number(
     upper: float = math.inf,
     hint: str | None = None,
 ) -> float:
-    """Return a finite number within [lower, upper]; ``hint`` says what to do where it is none."""
+    """Return a finite number within [lower, upper]; ``hint`` tells the user what to do with any other value."""
     value = table.get(key, default)
     if value is None:
         raise ConfigError(f"has no key '{key}'", where=where, do="add it")
@@ -90,7 +90,7 @@ def get_numbers(
 
 
 def get_switch(table: Mapping[str, Any], key: str, *, where: str) -> bool:
-    """Return true or false; a switch that is absent is off."""
+    """Return true or false; false where the key is absent."""
     value = table.get(key, False)
     if not isinstance(value, bool):
         raise ConfigError(f"'{key}' is not a switch", where=where, value=repr(value), limit="true or false")
@@ -100,7 +100,7 @@ def get_switch(table: Mapping[str, Any], key: str, *, where: str) -> bool:
 def get_tables(
     content: Mapping[str, Any], key: str, *, where: str, required: bool = False
 ) -> list[tuple[Mapping[str, Any], str]]:
-    """Return the tables ``[[key]]``, each with its place for messages."""
+    """Return the tables ``[[key]]``, each with its location for messages."""
     items = content.get(key, ())
     if not isinstance(items, Sequence) or isinstance(items, str) or (required and not items):
         kind = "is not a list of tables" if key in content else "is absent"

@@ -1,4 +1,4 @@
-"""Figures of matplotlib as files: in the format that the suffix says, the same bytes for the same figure."""
+"""Figures of matplotlib as files: format by suffix, identical bytes for identical figures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNDATED: Final = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {"Software": None}}
-"""What matplotlib would write about itself and the day, by format."""
+"""Metadata on matplotlib and the date that are left out, by format."""
 
 
 def write_figure(path: Path, figure: Figure, **options: Any) -> None:

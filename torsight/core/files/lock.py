@@ -1,4 +1,4 @@
-"""One writer at a time: a folder of results is filled by one process, however many are started on it."""
+"""A lock on folders of results: only one process at a time fills a folder."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _NAME: Final = ".lock"
 
 @contextlib.contextmanager
 def only_writer(folder: Path, *, patience_s: float = 10.0) -> Iterator[None]:
-    """Be the only process that fills ``folder`` while the block lasts; such blocks may be nested.
+    """Lock ``folder`` for this process within the block; such blocks may be nested.
 
-    The lock ends with the process: one that was killed holds nothing. Another process that holds it is waited for, as
-    long as the workers of a killed campaign may take to end; then this one is refused.
+    The lock ends with the process, also if it is killed. If another process holds the lock, this one waits for
+    ``patience_s``, as long as the workers of a killed campaign may take to end, and then raises OutputError.
     """
     path = folder.resolve() / _NAME
     lock = FileLock(path, is_singleton=True)
@@ -40,7 +40,7 @@ def only_writer(folder: Path, *, patience_s: float = 10.0) -> Iterator[None]:
         yield
     finally:
         if lock.lock_counter == 1:
-            # While it is held: who waits for it notices, and locks a new one. Windows removes no open file.
+            # Removed while it is held: a waiting process notices and locks a new file. Windows removes no open file.
             with contextlib.suppress(PermissionError):
                 path.unlink(missing_ok=True)
         lock.release()

@@ -1,4 +1,4 @@
-"""Where things are: paths that are refused before anything is read or written, and this computer's own address."""
+"""Paths: order, suffixes, checks before reading or writing; and this computer's own address."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from typing import Final
 from torsight.core.errors import ConfigError, InputError, reason_of
 
 AnyPath = str | os.PathLike[str]
-"""A path as people give it: text, or an object."""
+"""A path as a string or a path object."""
 
 LOOPBACK: Final = "127.0.0.1"
-"""Under this address a computer reaches itself, and no other one reaches it: all that is served is served here."""
+"""The address under which a computer reaches itself and no other one reaches it: all servers listen here."""
 
 PICTURE_SUFFIXES: Final = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".webp", ".jp2",
 )  # fmt: skip
-"""Files that are read as pictures; another file is taken as a film, or passed over in a folder."""
+"""Suffixes of files that are read as pictures; another file is taken as a film, or ignored in a folder."""
 
 
 def is_glob(name: AnyPath) -> bool:
-    """Return whether a name stands for all files that match it."""
+    """Return whether a name is a glob pattern."""
     return any(character in str(name) for character in "*?[")
 
 
@@ -38,18 +38,18 @@ def matching(pattern: Path) -> list[Path]:
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:
-    """Return paths by their names, numbers in them by their size: ``img_2`` comes before ``img_10``."""
+    """Return paths sorted by name, with numbers in names sorted by value: ``img_2`` comes before ``img_10``."""
 
     def parts(path: Path) -> list[str | int]:
-        # Text and digits take turns, so that like is compared with like.
+        # Text and digits alternate, so that text is compared with text and numbers with numbers.
         return [int(part) if turn % 2 else part for turn, part in enumerate(re.split(r"([0-9]+)", str(path)))]
 
-    # First by name: what differs in leading zeros alone would come in the order of the disk.
+    # First by name: paths that differ in leading zeros alone would keep the order of the disk.
     return sorted(sorted(paths), key=parts)
 
 
 def missing_file(path: Path) -> InputError:
-    """Return the error for a file that is not there, naming the nearest name in its folder."""
+    """Return the error for a missing file; the message gives the most similar name in its folder."""
     near: list[str] = []
     with contextlib.suppress(OSError):
         names = [item.name for item in path.parent.iterdir() if item.name != path.name]
@@ -61,14 +61,14 @@ def missing_file(path: Path) -> InputError:
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """Return the error for a file that could not be read: it is not there, or why."""
+    """Return the error for a file that could not be read: that it is missing, or the reason."""
     if not path.exists():
         return missing_file(path)
     return InputError(f"cannot be read ({reason_of(error)})", where=str(path))
 
 
 def require_ordinary(path: Path) -> None:
-    """Refuse a pipe, a socket or a device: reading it might never end. Its reader reports a missing one."""
+    """Refuse a pipe, a socket or a device, whose reading might never end; a missing file is left to its reader."""
     try:
         mode = path.stat().st_mode
     except OSError:
@@ -78,11 +78,11 @@ def require_ordinary(path: Path) -> None:
 
 
 _POINTER: Final = b"version https://git-lfs.github.com/spec/"
-"""How a pointer of Git LFS begins: a text of some 130 bytes that stands for a file kept elsewhere."""
+"""Beginning of a Git LFS pointer: a text of some 130 bytes in place of a file that is stored elsewhere."""
 
 
 def require_content(path: Path) -> None:
-    """Refuse a pointer of Git LFS, which has the name of a file but not its content."""
+    """Refuse a Git LFS pointer, which has the name of a file but not its content."""
     try:
         with path.open("rb") as file:
             head = file.read(len(_POINTER))
@@ -98,7 +98,7 @@ def require_content(path: Path) -> None:
 
 
 def require_apart(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:
-    """Refuse to write over a file that is read: an input is never replaced, by whatever name it is reached."""
+    """Refuse to overwrite an input file, under whatever name the output reaches it."""
     read = [path for path in inputs if path is not None and path.exists()]
     for output in outputs:
         if output.exists() and any(output.samefile(path) for path in read):

@@ -1,4 +1,4 @@
-"""Where a result comes from: versions, inputs by hash, configuration as used, seed."""
+"""Provenance of a result: versions, inputs by hash, configuration as used, seed."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def file_hash(path: Path) -> str:
 
 
 def made_now() -> str:
-    """Return the current time in the form used in files that record when they were made."""
+    """Return the current time in the form of the timestamps in files."""
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python, Torsight and the libraries that its numbers rest on."""
+    """Return the versions of Python, Torsight and the libraries that its numbers depend on."""
     found = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:

@@ -1,4 +1,4 @@
-"""The results in a run's folder, read back: tables and JSON, each only where it is there."""
+"""The results in a run's folder, read back: tables and JSON files as far as they exist."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class RunResults(Frozen, Shown):
     Attributes
     ----------
     folder : Path
-        Where they lie.
+        Folder of the files.
     angle, markers, merged, curves, next_experiment : pandas.DataFrame or None
         ``angle.csv``, ``markers.csv``, ``merged.csv``, ``curves.csv``, ``next_experiment.csv``; degrees and
         °C, as in the files.
@@ -62,7 +62,7 @@ class RunResults(Frozen, Shown):
     provenance: Mapping[str, Any] | None = None
 
     def facts(self) -> dict[str, str]:
-        """Return the folder, its files, the friction torque of the best model and the verdict of the discovery."""
+        """Return the folder, its files, the friction torque of the best model and the verdict of discovery."""
         names = [name for name in (*TABLES, *DOCUMENTS) if getattr(self, name) is not None]
         facts = {"folder": str(self.folder), "holds": ", ".join(names)}
         if "tau_c_mnm" in (parameters := self.parameters()):
@@ -72,7 +72,7 @@ class RunResults(Frozen, Shown):
         return facts
 
     def measured_angle_deg(self) -> Floats:
-        """Return the measured angles that are known."""
+        """Return the known measured angles, degrees."""
         table = self.first_of("angle", "merged", "curves")
         if table is None:
             return np.empty(0)
@@ -81,26 +81,26 @@ class RunResults(Frozen, Shown):
         return np.asarray(values[known])
 
     def measured_frames(self) -> Flags:
-        """Return in which frames (n,) the angle is known; none where there is no ``angle.csv``."""
+        """Return the mask (n,) of the frames in which the angle is known; empty without ``angle.csv``."""
         return np.empty(0, np.bool_) if self.angle is None else column(self.angle, "valid") > 0.5
 
     def parameters(self) -> Mapping[str, Any]:
-        """Return the parameters of the discovery, else of the plain fit."""
+        """Return the parameters of discovery, else of the plain fit."""
         documents = (document or {} for document in (self.discovery, self.fit))
         return next((document["parameters"] for document in documents if document.get("parameters")), {})
 
     def first_of(self, *names: str, holding: str = "time_s") -> pd.DataFrame | None:
-        """Return the first of some tables that is there and holds a column."""
+        """Return the first of the named tables that exists and has the column ``holding``; None without one."""
         tables = (getattr(self, name) for name in names)
         return next((table for table in tables if table is not None and holding in table.columns), None)
 
     def _columns(self) -> dict[str, Any]:
-        """Return the widest table that the run left: ``curves.csv``, ``merged.csv`` or ``angle.csv``."""
+        """Return the columns of the first existing table of ``curves.csv``, ``merged.csv`` and ``angle.csv``."""
         table = self.first_of("curves", "merged", "angle")
         return {"time_s": []} if table is None else {str(name): table[name].to_numpy() for name in table.columns}
 
     def _draw(self, axes: Any) -> None:
-        """Draw the measured angle and, where there are models, their angles."""
+        """Draw the measured angle and the angles of the models, if any."""
         draw_models(axes, self._columns())
 
 
@@ -112,7 +112,7 @@ def column(table: pd.DataFrame, name: str) -> Floats:
 
 
 def read_results(folder: AnyPath) -> RunResults:
-    """Read whatever a run left in ``folder``.
+    """Read the results of a run in ``folder``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures as arrays: shrunk to be shown or compared, and as the bytes of a file."""
+"""Pictures as arrays: shrinking for display or comparison, and encoding as the bytes of a file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Pixels = NDArray[np.uint8]
 
 
 def shrunk(pixels: Pixels, longest_px: int) -> Pixels:
-    """Return a picture (h, w, …) whose longer side is so long at most: by means over areas, so that thin marks stay."""
+    """Return a picture (h, w, …) shrunk to at most ``longest_px``, by means over areas, which keep thin marks."""
     scale = longest_px / max(pixels.shape[:2])
     if scale >= 1.0:
         return pixels
@@ -19,7 +19,7 @@ def shrunk(pixels: Pixels, longest_px: int) -> Pixels:
 
 
 def encoded(pixels: Pixels, suffix: str, *, quality: int | None = None) -> bytes:
-    """Return a picture as a file of a kind: ``.png``, or ``.jpg`` or ``.webp`` of a quality up to 100."""
+    """Return a picture encoded as ``.png``, or as ``.jpg`` or ``.webp`` with a quality up to 100."""
     kind = cv2.IMWRITE_WEBP_QUALITY if suffix == ".webp" else cv2.IMWRITE_JPEG_QUALITY
     options = () if quality is None else (kind, quality)
     return bytes(cv2.imencode(suffix, pixels, options)[1].tobytes())

@@ -35,20 +35,20 @@ SCHEMA: Final = 1
 CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
 PARQUET_SUFFIXES: Final = (".parquet", ".pq")
 _CSV_BLOCK: Final = 4096
-"""Rows that are turned into text at a time: lists cost less than single numbers, and memory stays small. Eight columns
-of 120,000 rows take a quarter of a second with 64 rows as with 65,536, which take 40 MB more."""
+"""Rows per block that is converted to text: lists are faster than single numbers, and memory stays small. Eight columns
+of 120,000 rows take a quarter of a second with 64 rows as with 65,536, which need 40 MB more."""
 _PLAIN_CSV: Final = "save it as plain CSV: a header row, commas between columns, '.' as decimal sign, UTF-8"
 _WHOLE_PARQUET: Final = "write it again: it may have been cut off, or be another kind of file"
 
 
 @contextlib.contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """Give a path to write to that becomes ``path`` when the block ends without an error.
+    """Yield a temporary path that is renamed to ``path`` when the block ends without an error.
 
-    Raises OutputError when the folder cannot be made or written, or the disk is full; an older ``path`` stays as it
-    was.
+    Raises OutputError when the folder cannot be made or written, or the disk is full; an older ``path`` is then
+    unchanged.
     """
-    # Hidden, and no longer than a file system allows together with what is added.
+    # Hidden, and short enough for the file system together with the suffixes of a temporary name.
     beginning = f".{path.stem[:40]}."
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        # Else the new name may reach the disk before the content does.
+        # Without this the new name may reach the disk before the content.
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.chmod(0o644)  # a temporary file is its owner's alone
@@ -76,7 +76,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def _sweep(folder: Path, beginning: str, suffix: str) -> None:
-    """Remove what killed processes left of the same file."""
+    """Remove temporary files of killed processes for the same path."""
     for item in folder.iterdir():
         if item.name.startswith(beginning) and item.suffix == suffix:
             process = item.name[len(beginning) :].partition("-")[0]
@@ -107,9 +107,9 @@ def not_written(path: Path, error: OSError) -> OutputError:
 
 
 def require_writable(path: Path, *, folder: bool) -> None:
-    """Refuse a file, or a ``folder`` for files, that cannot be written, before any work; nothing is left there.
+    """Refuse a file, or a ``folder`` for files, that cannot be written, before any work; nothing is created.
 
-    Raises OutputError when the system refuses to make a file there, or in the nearest folder above it that there is.
+    Raises OutputError when the system refuses to create a file there, or in the nearest existing folder above.
     """
     try:
         if not folder and path.is_dir():
@@ -153,7 +153,7 @@ def json_text(content: Mapping[str, Any]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON knows it: arrays as lists, non-finite numbers as null, paths as text."""
+    """Return a value in JSON's types: arrays as lists, non-finite numbers as null, paths as text."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
@@ -197,7 +197,7 @@ def read_text(path: Path) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a whole file, refusing one that is missing, is none, or cannot be read."""
+    """Read a whole file; a missing, unreadable or special file is refused."""
     require_ordinary(path)
     try:
         return path.read_bytes()
@@ -219,7 +219,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) -> None:
-    """Refuse a key that is not known, naming the nearest one that is."""
+    """Refuse an unknown key; the message gives the most similar known one."""
     for key in table:
         if key not in allowed:
             spelled = {name.lower(): name for name in allowed}
@@ -243,7 +243,7 @@ def write_table(path: Path, columns: Mapping[str, Any], *, clock: str = "time_s"
     """Write columns of equal length as CSV or, by suffix, as Parquet.
 
     CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1. The column
-    ``clock`` has as many digits as its rows need to differ, whenever the clock began to count.
+    ``clock`` has enough digits to distinguish its rows, whatever the clock's epoch.
     """
     data = {name: _column(values) for name, values in columns.items()}
     if not is_parquet(path) and _plain_numbers(data):
@@ -264,7 +264,7 @@ def write_table(path: Path, columns: Mapping[str, Any], *, clock: str = "time_s"
 
 
 def _plain_numbers(data: Mapping[str, Any]) -> bool:
-    """Return whether columns can be written without a table library, whose start-up costs as much as a short film."""
+    """Return whether columns can be written without pandas, whose import takes as long as tracking a short film."""
     names_are_plain = all(not set(name) & set(',"\r\n') for name in data)
     arrays = [np.asarray(values) for values in data.values()]
     same = len({array.shape for array in arrays}) == 1
@@ -272,7 +272,7 @@ def _plain_numbers(data: Mapping[str, Any]) -> bool:
 
 
 def _write_numbers(file: TextIO, data: Mapping[str, Any], *, clock: str) -> None:
-    """Write numeric columns as CSV, some rows at a time."""
+    """Write numeric columns as CSV, in blocks of rows."""
     file.write(",".join(data) + "\n")
     arrays = [np.asarray(values) for values in data.values()]
     formats = {kind: "%.10g" if kind == "f" else "%d" for kind in "iuf"}
@@ -287,11 +287,11 @@ def _write_numbers(file: TextIO, data: Mapping[str, Any], *, clock: str) -> None
 
 
 def _clock_format(time: NDArray[Any]) -> str:
-    """Return how times (n,) are written: ten significant digits, and more where these round the shortest step.
+    """Return the format of times (n,): ten significant digits, or more where these round the shortest step.
 
     A step of 0.5 s of a clock that counts from 1970 begins at the eleventh digit. Three digits of the shortest step are
-    written, so that a rate over it is right to a thousandth. Where that takes more digits than every float holds, it is
-    the shortest text that is read as the same float.
+    written, so that a rate over this step is right to a thousandth. Where this needs more digits than every float has,
+    the format is the shortest text that is read as the same float.
     """
     step = np.abs(np.diff(time))
     step = step[step > 0.0]
@@ -310,8 +310,8 @@ def _column(values: Any) -> Any:
 def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     """Read a CSV or Parquet table (by suffix) that Torsight or another lab's script wrote.
 
-    The required columns must be there and hold numbers, NaN for an empty field; they come back as float64. What cannot
-    be used is refused by row and column.
+    The required columns must exist and hold numbers; they are returned as float64, with NaN for an empty field. The
+    message of a refusal gives row and column.
     """
     import pandas as pd
 
@@ -333,7 +333,7 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     table.columns = [str(name).strip() for name in table.columns]
     for name in required:
         if name not in table.columns:
-            # A column that is needed under its own name is none to rename.
+            # Do not suggest renaming a column that is itself required.
             near = difflib.get_close_matches(name, [one for one in table.columns if one not in required], n=1)
             raise InputError(
                 f"has no column '{name}'",
@@ -348,18 +348,18 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def refuse_folder(path: Path) -> None:
-    """Refuse a folder in the place of a table."""
+    """Refuse a folder in place of a table."""
     if path.is_dir():
         raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
 
 
 def empty_table(path: Path) -> InputError:
-    """Return the error for a table's file that holds nothing."""
+    """Return the error for an empty table file."""
     return InputError("is empty", where=str(path), do="record it again, with a header row")
 
 
 def table_without_rows(path: Path) -> InputError:
-    """Return the error for a table that holds its header alone."""
+    """Return the error for a table with a header but no rows."""
     return InputError("has a header but no rows", where=str(path), do="record it again")
 
 
@@ -377,7 +377,8 @@ def _read_csv(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     table = pd.read_csv(path, encoding="utf-8-sig")
-    # Equal names come back as "name" and "name.1". They get one name again, so that a needed column is refused.
+    # pandas reads equal names as "name" and "name.1". Restore the names, so that a required column that is there twice
+    # is refused.
     header = pd.read_csv(path, encoding="utf-8-sig", header=None, nrows=1, dtype=str).iloc[0]
     if len(header) == len(table.columns) and header.notna().all():
         table.columns = pd.Index(header)
@@ -387,9 +388,9 @@ def _read_csv(path: Path) -> pd.DataFrame:
 def first_row(
     wrong: Flags, *, where: str | Path, column: str, lines: Sequence[int] | None = None
 ) -> list[tuple[int, str]]:
-    """Return the first row of a table (n,) that is wrong, and the place to name: file, line and column; [] if none is.
+    """Return the first row that is ``wrong`` (n,), with its file, line and column for messages; [] if none is.
 
-    ``lines`` are the rows' lines in the file; without them row 0 stands on line 2.
+    ``lines`` are the rows' lines in the file; without them row 0 is on line 2.
     """
     rows = np.flatnonzero(wrong)[:1].tolist()
     return [(row, f"{where}, row {row + 2 if lines is None else lines[row]}, column {column}") for row in rows]

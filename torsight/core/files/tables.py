@@ -1,4 +1,4 @@
-"""The tables of the contract: angle, markers, merged; each to and from its record."""
+"""The tables of the contract (angle, markers, merged), each to and from its record."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_FRAMES: Final = 20_000_000
-"""A larger frame number is a damaged one: no film is that long."""
+"""Largest plausible frame number: no film is that long."""
 _ANGLE = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid")
 _MERGED = ("time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c")
 
@@ -32,7 +32,7 @@ def write_angles(path: AnyPath, angles: StickAngles) -> None:
 
 
 def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
-    """Return the column ``frame`` of a table, one row after the other of the film."""
+    """Return the column ``frame`` of a table; numbers that do not increase are refused."""
     frame = table["frame"].to_numpy(np.float64)
     bad = ~((frame >= 0) & (frame <= MOST_FRAMES)) | (frame != np.floor(frame))
     bad[1:] |= ~(frame[1:] > frame[:-1])
@@ -48,7 +48,7 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
 
 
 def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None) -> Flags | None:
-    """Return a column of zeros and ones as flags; None where there is none of that name.
+    """Return a column of zeros and ones as flags; None where the table has no such column.
 
     Raises InputError when a field is no number.
     """
@@ -96,8 +96,8 @@ def require_increasing(
 ) -> None:
     """Refuse times that are not finite, do not increase or are no seconds, naming the row.
 
-    ``column`` is the file's own name of the times. ``lines`` are the rows' lines in the file; without them row 0 stands
-    on line 2.
+    ``column`` is the file's own name of the times. ``lines`` are the rows' lines in the file; without them row 0 is on
+    line 2.
     """
     bad = ~np.isfinite(time_s)
     bad[1:] |= ~(time_s[1:] > time_s[:-1])
@@ -114,7 +114,7 @@ def require_increasing(
 
 
 def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:
-    """Return a table's angles, rad, refusing those that no film can have counted."""
+    """Return a table's angles, rad; implausibly large ones are refused."""
     angle_deg = table["angle_deg"].to_numpy(np.float64)
     for row, place in first_row(np.abs(angle_deg) > MOST_TURNED_DEG, where=path, column="angle_deg"):
         raise InputError(
@@ -140,7 +140,7 @@ def write_merged(path: AnyPath, table: SyncedTable) -> None:
 
 
 def read_merged(path: AnyPath) -> SyncedTable:
-    """Read ``merged.csv``, and from ``sync.json`` beside it how well the clocks are known.
+    """Read ``merged.csv``, and the uncertainty of the clocks from ``sync.json`` beside it.
 
     Unknown columns are kept in ``extra``.
 

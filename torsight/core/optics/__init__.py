@@ -1,1 +1,1 @@
-"""Camera geometry: pixels and a calibration in, rays, planes, circles and axes (m, rad) out."""
+"""Camera geometry: from pixels and a calibration to rays, planes, circles and axes (mm, rad)."""

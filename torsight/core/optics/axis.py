@@ -1,9 +1,10 @@
 """The rotation axis from the paths of the moving stick's markers.
 
-A marker on a turning stick stays at one height along the axis and at one distance from it. Two cameras see both in
-space. In one camera's picture the height is not seen, but two markers that keep their distances from the axis and the
-angle between them say how the axis is tilted: seen along a tilted axis the circles become ellipses, and perspective
-tells the near side from the far side. Both are the same fit, :class:`torsight.core.optics.circles.Circles`.
+A marker on a turning stick keeps its height along the axis and its distance from the axis. Two cameras determine both
+in space. One camera's picture does not show the height, but two markers that keep their distances from the axis and the
+angle between them determine the axis' tilt: seen along a tilted axis the circles become ellipses, and perspective
+distinguishes the near side from the far side. Both cases are the same fit,
+:class:`torsight.core.optics.circles.Circles`.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from torsight.core.optics.sights import Sight
 from torsight.core.units import Floats
 
 _FEWEST_FRAMES: Final = 8
-"""Frames with both moving markers below which no axis is looked for: each gives three equations beside its own angle,
-and nine values are shared, so that eight give more than twice of what is needed ..."""
+"""Number of frames with both moving markers below which no axis is fitted: each gives three equations beyond its own
+angle, and nine values are shared, so that eight frames give more than twice the necessary equations."""
 _SMALLEST_ARC_RAD: Final = np.pi / 6
-"""... and the part of a turn, 30°, that they have to span: a shorter arc lies on circles of many tilts."""
+"""Part of a turn, 30°, that these frames must span: a shorter arc fits circles of many tilts."""
 _TILTS_RAD: Final = np.arange(0.05, 1.2, 0.05)
 _TURNS_RAD: Final = np.arange(0.0, 2.0 * np.pi, np.pi / 12)
-"""Where a fit may begin: how far the axis is tilted, and which way; closer than the fit can find its way from."""
+"""Start values of the axis' tilt and its direction, on a grid within the fit's range of convergence."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,22 +41,22 @@ class Axis:
     ----------
     point_mm : (3,) float64
         A point on the axis, in the plane of the first marker. From one camera lengths are in units of the distance of
-        the moving stick's two markers, until that is known in mm.
+        the moving stick's two markers, until this distance is known in mm.
     direction : (3,) float64
         Unit vector along the axis, towards the camera.
     direction_sigma_rad : float
-        Standard deviation of its tilt, in the direction that is known worst; correlated errors are allowed for.
+        Largest standard deviation of the axis' tilt over all directions; correlated errors are included.
     radius_mm, height_mm : (k,) float64
-        Of each marker's circle: its radius, and its height along ``direction`` above ``point_mm``.
+        Radius of each marker's circle, and its height along ``direction`` above ``point_mm``.
     misfit : float
-        Root of χ² per degree of freedom: 1 where the residuals are as large as the positions' sigmas say.
+        Root of χ² per degree of freedom: 1 where the residuals agree with the positions' sigmas.
     arc_rad : float
-        How much of a turn the paths cover.
+        Part of a turn that the paths cover.
     mirror_gap : float
-        Gain in χ² over the mirror-image tilt, which one camera can tell from the true one by perspective alone;
-        infinite from two cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it).
+        Gain in χ² over the mirror-image tilt, which one camera can distinguish by perspective alone; infinite for two
+        cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it).
     direction_covariance : (3, 3) float64
-        Of ``direction``: errors that follow the stick's direction are allowed for.
+        Covariance of ``direction``, including errors that are correlated with the stick's direction.
     """
 
     point_mm: Floats
@@ -75,11 +76,10 @@ class Axis:
 
 
 def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis, Circles]:
-    """Fit one axis to the circles of the moving stick's markers, inner and outer, as two cameras see them.
+    """Fit one axis to the circles of the moving stick's markers, inner and outer, in the pictures of two cameras.
 
-    The left camera's coordinates count, and the axis is in mm if that is the unit of the cameras' distance.
-    ``noise_px`` is the usual standard deviation of a marker's position. The fit is returned, too, for the angles of all
-    frames.
+    The axis is in the left camera's coordinates, and in mm if the cameras' distance is. ``noise_px`` is the usual
+    standard deviation of a marker's position. The fit is returned, too, for the angles of all frames.
 
     Raises NoResultError when too few positions are known, or the markers turned too little.
     """
@@ -102,8 +102,8 @@ def axis_from_pair(left: Sight, right: Sight, *, noise_px: float) -> tuple[Axis,
 def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Intrinsics) -> Axis:
     """Fit the axis to the paths (n, 2, 2) of the moving stick's inner and outer marker in one camera's picture.
 
-    NaN where a position is not known. The unit of length is the distance of the two markers; they are taken to lie in
-    one plane across the axis.
+    Positions are NaN where not known. The unit of length is the distance of the two markers, which are assumed to lie
+    in one plane across the axis.
 
     Raises NoResultError when too few positions are known, or the markers turned too little.
     """
@@ -130,7 +130,7 @@ def axis_in_picture(position_px: Floats, covariance_px2: Floats, intrinsics: Int
 
 
 def _axis_of(best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0, mirror_gap: float = np.inf) -> Axis:
-    """Return the axis from a fit; ``first`` is the fit that took all errors as independent."""
+    """Return the axis from a fit; ``first`` is the fit with all errors taken as independent."""
     turned = jacobian_of(lambda tilt: tilted(best.frame, tilt), best.values[:2])
     tilt = best.covariance[:2, :2]
     return Axis(
@@ -147,17 +147,16 @@ def _axis_of(best: Circles, first: Circles, *, arc_rad: float, unit: float = 1.0
 
 
 def pose_from_axis(axis: Axis, *, length_mm: float = 1.0, base_z_mm: float = 0.0) -> Pose:
-    """Return the pose of the world whose z axis is the rotation axis, its origin in the moving markers' plane.
+    """Return the pose of the world whose z axis is the rotation axis, with its origin in the moving markers' plane.
 
-    ``length_mm`` is what the axis counts lengths in: the distance of the moving stick's markers where it comes from one
-    picture. The base stick's markers are ``base_z_mm`` above the moving stick's; that matters for positions, not for
-    the angle.
+    ``length_mm`` is the axis' unit of length: for an axis from one camera the distance of the moving stick's markers.
+    The base stick's markers are ``base_z_mm`` above those of the moving stick; this affects positions, not the angle.
     """
     return pose_along(axis.point_mm * length_mm, axis.direction, base_z_mm=base_z_mm, moving_z_mm=0.0)
 
 
 def pose_along(origin_mm: Floats, direction: Floats, *, base_z_mm: float, moving_z_mm: float) -> Pose:
-    """Return the pose of the world whose z axis points along a unit vector from an origin, both the camera's (3,)."""
+    """Return the pose of the world with the given origin and z axis, a unit vector; both (3,) in camera coordinates."""
     u, v = axis_basis(direction)
     return Pose(
         rvec=rotation_vector(np.stack((u, v, direction), axis=1)),
@@ -174,7 +173,10 @@ def tilt_of(point_mm: Floats, direction: Floats) -> float:
 
 
 def _directions_in_space(points: Floats) -> list[Floats]:
-    """Return directions towards the camera across which markers in space (n, 2, 3) go around, or the stick lies."""
+    """Return start directions of the axis, towards the camera, from markers in space (n, 2, 3).
+
+    One is normal to the markers' motion, the other to the stick.
+    """
     middle = points.mean(axis=(0, 1))
     stick = points[:, 1] - points[:, 0]
     away = (points - points.mean(axis=0)).reshape(-1, 3)
@@ -183,7 +185,7 @@ def _directions_in_space(points: Floats) -> list[Floats]:
 
 
 def _start_directions(lines: Floats) -> list[Floats]:
-    """Return the two tilts, mirror images of each other, from which the paths look most like circles."""
+    """Return the axis direction for which the paths are most circular, and its mirror image."""
     toward = -lines.mean(axis=(0, 1))
     toward /= np.linalg.norm(toward)
     u, v = axis_basis(toward)
@@ -198,14 +200,17 @@ def _start_directions(lines: Floats) -> list[Floats]:
 
 
 def _roundness(lines: Floats, directions: Floats, across: tuple[Floats, Floats]) -> Floats:
-    """Return how far from circles paths (n, 2, 3) are about each of some directions (k, 3), and two ways across it."""
+    """Return the relative variance (k,) of the radii of paths (n, 2, 3) about each of the axis directions (k, 3).
+
+    ``across`` are two unit vectors (k, 3) across each direction.
+    """
     through = lines.mean(axis=(0, 1))
     depth = (directions @ through) / (lines @ directions.T)
-    x, y = (depth * (lines @ way.T) for way in across)
-    # The circles' common centre by linear least squares, the markers' own radii already out of it.
+    x, y = (depth * (lines @ vector.T) for vector in across)
+    # The circles' common centre by linear least squares; centring each marker's terms eliminates its radius.
     square = x**2 + y**2
-    left = [part - part.mean(axis=0) for part in (x, y, square)]
-    xx, xy, xs, yy, ys = (np.sum(left[i] * left[j], axis=(0, 1)) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2)))
+    less = [part - part.mean(axis=0) for part in (x, y, square)]
+    xx, xy, xs, yy, ys = (np.sum(less[i] * less[j], axis=(0, 1)) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2)))
     normal = np.stack((xx, xy, xy, yy), axis=-1).reshape(-1, 2, 2)
     centre = 0.5 * np.linalg.pinv(normal, hermitian=True) @ np.stack((xs, ys), axis=-1)[..., None]
     radius = np.hypot(x - centre[:, 0, 0], y - centre[:, 1, 0])
@@ -213,7 +218,7 @@ def _roundness(lines: Floats, directions: Floats, across: tuple[Floats, Floats])
 
 
 def _arc(circles: Circles) -> float:
-    """Return how far the stick turns, and refuse too little."""
+    """Return the range of the stick's angle, rad; a range that is too small is refused."""
     arc_rad = float(np.ptp(np.unwrap(circles.turns().angle_rad)))
     if arc_rad < _SMALLEST_ARC_RAD:
         raise NoResultError(

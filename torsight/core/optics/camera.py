@@ -26,7 +26,7 @@ class Intrinsics:
     Attributes
     ----------
     size_px : (int, int)
-        Width and height of the pictures that it holds for.
+        Width and height of the pictures for which the values hold.
     matrix : (3, 3) float64
         fx, fy, cx, cy in pixels.
     distortion : (5,) float64
@@ -40,7 +40,7 @@ class Intrinsics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Where the rotation axis is: OpenCV's convention, camera from world.
+    """Pose of the rotation axis in OpenCV's convention: the transform from world to camera coordinates.
 
     The world's z axis is the rotation axis and points towards the camera.
 
@@ -49,7 +49,7 @@ class Pose:
     rvec : (3,) float64
         Rotation vector, rad.
     tvec_mm : (3,) float64
-        Position of the world's origin in the camera, mm.
+        Position of the world's origin in camera coordinates, mm.
     base_z_mm, moving_z_mm : float
         Heights of the planes in which the two sticks' markers lie.
     """
@@ -67,11 +67,11 @@ class RightCamera:
     Attributes
     ----------
     intrinsics : Intrinsics
-        Its own lens.
+        Intrinsics of the second camera.
     rvec : (3,) float64
-        Rotation vector right-from-left, rad.
+        Rotation vector from left to right camera coordinates, rad.
     tvec_mm : (3,) float64
-        Translation right-from-left, mm.
+        Translation from left to right camera coordinates, mm.
     """
 
     intrinsics: Intrinsics
@@ -83,7 +83,7 @@ class RightCamera:
 class Camera(Frozen):
     """One calibrated camera, with the pose of the axis (mono) or a second camera (stereo).
 
-    ``extra`` keeps what the calibration says of itself (board, pictures, errors) as it stands in the file.
+    ``extra`` keeps the calibration's description (board, pictures, errors) as in the file.
     """
 
     intrinsics: Intrinsics
@@ -139,7 +139,7 @@ def read_camera(path: AnyPath) -> Camera:
 
 
 def _place(table: Mapping[str, Any], *, where: str) -> dict[str, Floats]:
-    """Return rotation vector (3,), rad, and translation (3,), mm, of a table."""
+    """Return the rotation vector (3,), rad, and the translation (3,), mm, in a table."""
     names = ("rvec", "tvec_mm")
     check_keys(table, names, where=where)
     return {name: np.array(get_numbers(table, name, 3, where=where)) for name in names}
@@ -158,9 +158,9 @@ def require_second(camera: Camera | None, *, where: str) -> RightCamera:
 
 
 def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str, table: str = "intrinsics") -> None:
-    """Refuse a camera file for another picture size; a swap of width and height, or a plain scaling, is named as such.
+    """Refuse a camera file for another picture size; the message names swapped width and height, or a scaling.
 
-    ``where`` is the film or picture that the camera is to serve, ``table`` the table of the file that holds the lens.
+    ``where`` is the film or picture that the camera is used for, ``table`` the table of the file with the intrinsics.
     """
     if size_px == intrinsics.size_px:
         return

@@ -1,14 +1,14 @@
-"""Two markers on one stick that turns about a fixed axis, as one camera or several see them.
+"""Fit of the circles of two markers on one stick that turns about a fixed axis, from one camera or several.
 
-Marker k of the stick goes around a circle: in the first camera's coordinates::
+Marker k of the stick moves on a circle; in the first camera's coordinates::
 
     X_k(θ) = p + h_k d + r_k (cos(θ + b_k) u + sin(θ + b_k) v),    h_1 = b_1 = 0
 
-with d the axis' direction, p where it meets the first marker's plane, and u, v across it (:func:`axis_basis`). All
-frames share d, p, r, h and b; a frame has θ alone. The residuals are those of bundle adjustment (Triggs and others,
-2000), the markers' distances in the pictures from the projections of X_k, each frame's θ at its best for the shared
-values (Golub and Pereyra, 1973). They are taken along rays, with covariances carried through the lens: to first order
-that is the same as in pixels.
+with d the axis' direction, p its intersection with the first marker's plane, and u, v across it (:func:`axis_basis`).
+All frames share d, p, r, h and b; each frame has its own θ. The residuals are those of bundle adjustment (Triggs and
+others, 2000): the markers' distances in the pictures from the projections of X_k, with each frame's θ optimised for the
+shared values (variable projection; Golub and Pereyra, 1973). They are computed in ray coordinates, with covariances
+propagated through the lens: to first order this is the same as in pixels.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from torsight.core.series import BY_CHANCE, robust_sigma
 from torsight.core.units import Flags, Floats
 
 _ENOUGH: Final = 1e-6
-"""Gain of χ² from which a further step is not taken: a thousandth of a standard deviation."""
+"""Gain of χ² below which the fit ends: a thousandth of a standard deviation."""
 _ANGLE_STEPS: Final = 2
-"""Gauss-Newton steps for θ: its first guess is off by the pictures' noise over a radius, and each step leaves about the
-square of it."""
-# Places of the shared values.
+"""Gauss-Newton steps for θ: the error of the first guess is the pictures' noise over a radius, and each step about
+squares it."""
+# Indices of the shared values.
 _TILT, _POINT, _RADII = slice(0, 2), slice(2, 5), slice(5, 7)
 _BETWEEN, _RISE, _VALUES = 7, 8, 9
 
@@ -43,7 +43,7 @@ def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
     An angle that grows from u to v is counter-clockwise as displayed, for a direction towards the camera.
     """
     u = np.array([1.0, 0.0, 0.0]) - direction[0] * direction
-    # Shorter than the root of rounding, its direction would be rounding.
+    # The direction of a vector shorter than the root of the rounding error would be rounding error.
     if u @ u < np.finfo(np.float64).eps:
         u = np.array([0.0, 0.0, 1.0]) - direction[2] * direction
     u /= math.sqrt(u @ u)
@@ -52,10 +52,10 @@ def axis_basis(direction: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turns:
-    """The stick in every frame (n,): θ of the first marker about the axis, from u to v, within a turn.
+    """The stick's angle in every frame (n,): θ of the first marker about the axis, from u to v, within a turn.
 
-    It is NaN where no marker is seen; its variance is that by the pictures' errors alone. With the misfit (χ²) comes
-    how many coordinates are left to misfit.
+    The angle is NaN where no marker is seen; its variance is that due to the pictures' errors alone. ``chi_squared`` is
+    the misfit, ``freedom`` its degrees of freedom.
     """
 
     angle_rad: Floats
@@ -66,12 +66,12 @@ class Turns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Circles:
-    """A fit of both markers' circles to what cameras see of them: one sight of each, with the same frames.
+    """A fit of both markers' circles to the sights of the cameras, one sight per camera, with the same frames.
 
-    ``frame`` (3, 3) is u, v and the direction from which the tilt counts. The values are the tilt (2), the point on the
-    axis in the first marker's plane (3), the radii (2), angle and height of the second marker over the first; ``free``
-    says which of them are fitted: one camera sees no scale, and takes both markers to be in one plane across the axis.
-    ``whiten`` (n, n) takes the rows of residuals to independent ones.
+    ``frame`` (3, 3) holds u, v and the direction to which the tilt is relative. ``values`` are the tilt (2), the point
+    on the axis in the first marker's plane (3), the radii (2), and angle and height of the second marker relative to
+    the first. ``free`` marks those that are fitted: one camera does not determine the scale, and both markers are
+    assumed to lie in one plane across the axis. ``whiten`` (n, n) transforms the rows of residuals to independent ones.
     """
 
     sights: Sequence[Sight]
@@ -84,9 +84,9 @@ class Circles:
 
     @classmethod
     def begun(cls, sights: Sequence[Sight], direction: Floats, points: Floats) -> Circles:
-        """Begin with a direction of the axis and rough positions (n, 2, 3) of some frames in space.
+        """Return the start of a fit from a direction of the axis and approximate positions (n, 2, 3) in space.
 
-        For a single camera these are where its lines of sight meet any plane across the axis.
+        For a single camera these are the intersections of its lines of sight with any plane across the axis.
         """
         single = len(sights) == 1
         point = common_centre(points, direction)
@@ -131,14 +131,15 @@ class Circles:
 
     @property
     def residuals(self) -> int:
-        """How many residuals are independent."""
+        """Number of independent residuals."""
         seen = sum(sight.seen.sum(axis=1) for sight in self.sights)
         return int(np.maximum(2 * seen - 1, 0).sum())
 
     def misfit(self, values: Floats) -> Floats:
-        """Return by how much the markers are seen beside their circles (n, 4 × cameras − 1), in units of white noise.
+        """Return the residuals (n, 4 × cameras − 1) of the markers from their circles, in units of white noise.
 
-        First across each marker's path, then along it, less what the frame's own θ takes up.
+        First those across each marker's path, then those along it, without the component that the frame's own θ takes
+        up.
         """
         across, along, slopes = [], [], []
         points, ways = _on_circles(self.frame, values, self._best_angle(values, self._first_angle(values)))
@@ -156,13 +157,13 @@ class Circles:
             across.append(white[:, :2, 0])
             along.append(white[:, 2:, 0])
             slopes.append(white[:, 2:, 1])
-        left = _without_direction(np.concatenate(along, axis=1), np.concatenate(slopes, axis=1))
-        return np.concatenate((*across, left), axis=1)
+        rest = _without_direction(np.concatenate(along, axis=1), np.concatenate(slopes, axis=1))
+        return np.concatenate((*across, rest), axis=1)
 
     def turns(self, *, values: Floats | None = None, near_rad: Floats | None = None) -> Turns:
-        """Return the stick's angle in every frame, at the fitted values or others.
+        """Return the stick's angle in every frame, for the fitted values or others.
 
-        ``near_rad`` (n,) are angles to begin with, where they are known already.
+        ``near_rad`` (n,) are start values of the angles, if known.
         """
         values = self.values if values is None else values
         angle = self._best_angle(values, self._first_angle(values) if near_rad is None else near_rad)
@@ -174,14 +175,14 @@ class Circles:
         return Turns(np.where(known, angle, np.nan), variance, chi_squared, np.maximum(2.0 * seen - 1.0, 0.0))
 
     def weighed(self, *, usual: float) -> Circles:
-        """Return the fit under the correlation of its residuals; see :mod:`torsight.core.optics.hanging`."""
+        """Return the fit with residuals whitened by their correlation; see :mod:`torsight.core.optics.hanging`."""
         directions, values = self.turns().angle_rad, self.values[self.free]
         return replace(
             self, whiten=whitening(directions, lambda part: self.misfit(self._with(part)), values, usual=usual)
         )
 
     def fitted(self) -> Circles:
-        """Return the best fit."""
+        """Return the least-squares fit."""
 
         def residuals(part: Floats) -> Floats:
             error = self.misfit(self._with(part))
@@ -193,7 +194,7 @@ class Circles:
         return replace(self, values=self._with(part), covariance=covariance, chi_squared=chi_squared)
 
     def without_far(self) -> Circles:
-        """Return the fit without the frames that are far off it."""
+        """Return the fit without outlier frames."""
         rows = near(self.misfit(self.values))
         return replace(self, sights=[sight.rows(rows) for sight in self.sights]).fitted() if not rows.all() else self
 
@@ -203,7 +204,7 @@ class Circles:
         return values
 
     def _first_angle(self, values: Floats) -> Floats:
-        """Return θ (n,) from the points in which the lines of sight meet the circles' planes."""
+        """Return θ (n,) from the intersections of the lines of sight with the circles' planes."""
         direction = tilted(self.frame, values[_TILT])
         u, v = axis_basis(direction)
         across = np.stack((u, v), axis=1)
@@ -215,14 +216,14 @@ class Circles:
                 toward = lines @ direction
                 away = ((middle - eye) @ direction / toward)[..., None] * (lines @ across) - (middle - eye) @ across
                 turn = np.arctan2(away[..., 1], away[..., 0]) - np.array([0.0, values[_BETWEEN]])
-                # A plane that is seen from the side gives little information.
+                # Weight: a plane that is seen nearly edge-on gives little information.
                 facing = np.abs(toward) / np.sqrt(np.sum(lines**2, axis=-1))
                 pointing = facing * np.exp(1j * turn)
             total += np.where(sight.seen & np.isfinite(pointing), pointing, 0.0).sum(axis=1)
         return np.angle(total)
 
     def _best_angle(self, values: Floats, angle: Floats) -> Floats:
-        """Return θ (n,) at its best, from a guess near it."""
+        """Return the least-squares θ (n,), from a guess near it."""
         for _ in range(_ANGLE_STEPS):
             gradient, information = np.zeros((2, len(angle)))
             points, ways = _on_circles(self.frame, values, angle)
@@ -235,7 +236,7 @@ class Circles:
         return angle
 
     def _weighed(self, values: Floats, angle: Floats) -> tuple[Floats, Floats]:
-        """Return the information about θ (n,) at a value of it, and the misfit χ² (n,)."""
+        """Return the Fisher information about θ (n,) at given values of θ, and the misfit χ² (n,)."""
         points, ways = _on_circles(self.frame, values, angle)
         information, chi_squared = np.zeros((2, len(angle)))
         for sight in self.sights:
@@ -246,7 +247,7 @@ class Circles:
 
 
 def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, Floats]:
-    """Return where both markers are (n, 2, 3), and the derivative by θ."""
+    """Return the positions (n, 2, 3) of both markers on their circles, and their derivatives by θ."""
     direction = tilted(frame, values[_TILT])
     u, v = axis_basis(direction)
     turn = angle[:, None] + np.array([0.0, values[_BETWEEN]])
@@ -256,7 +257,7 @@ def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, F
 
 
 def _without_direction(error: Floats, direction: Floats) -> Floats:
-    """Return errors (n, k) less their part along a direction (n, k), as k − 1 coordinates (by Householder)."""
+    """Return errors (n, k) without their component along a direction (n, k), as k − 1 coordinates (Householder)."""
     mirror = direction.copy()
     mirror[:, 0] += np.linalg.norm(direction, axis=1)
     square = np.sum(mirror**2, axis=1, keepdims=True)
@@ -265,13 +266,13 @@ def _without_direction(error: Floats, direction: Floats) -> Floats:
 
 
 def near(misfit: Floats) -> Flags:
-    """Return the frames (n,) whose misfits (n, k) chance can make; beyond, a dot next to another was misread."""
+    """Return the mask (n,) of frames whose misfits (n, k) are within chance; others confused neighbouring dots."""
     off = np.abs(misfit).max(axis=1)
     return np.asarray(off < BY_CHANCE * max(robust_sigma(off), 1e-9))
 
 
 def on_unit_plane(lines: Floats, direction: Floats, through: Floats) -> Floats:
-    """Return where lines of sight meet the plane across a direction through a point."""
+    """Return the intersections of lines of sight with the plane through a point across a direction."""
     return np.asarray(lines * ((through @ direction) / (lines @ direction))[..., None])
 
 
@@ -288,6 +289,6 @@ def common_centre(position: Floats, direction: Floats) -> Floats:
 
 
 def tilted(frame: Floats, tilt: Floats) -> Floats:
-    """Return a direction that is tilted against the third vector of a frame."""
+    """Return the unit vector that is tilted by ``tilt`` (2,) against the third vector of a frame."""
     vector = tilt[0] * frame[0] + tilt[1] * frame[1] + frame[2]
     return np.asarray(vector / math.sqrt(vector @ vector))

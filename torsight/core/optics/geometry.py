@@ -1,12 +1,12 @@
-"""Pixels to rays, planes and points in space: what tracking and calibration both need of a calibrated camera.
+"""Pixels to rays, planes and points in space, for tracking and calibration.
 
 Camera coordinates are OpenCV's: x to the right, y down, z forward, mm. A *ray* here is the pair (X/Z, Y/Z) of an ideal
-camera; the lens maps it to a pixel by (Brown's model, r² = x² + y²)::
+camera; the lens maps a ray to a pixel by (Brown's model, r² = x² + y²)::
 
     x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²),   u = fx x' + cx
     y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y,   v = fy y' + cy
 
-Every function takes arrays with any leading shape; NaN goes in and comes out.
+Every function takes arrays with any leading shape and propagates NaN.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
 from torsight.core.units import Floats
 
 _NEWTON_STEPS: Final = 30
-"""Steps to a ray at most: lenses with k1 from −0.4 to 0.2 take 3 to 9; where the model folds over there is no ray."""
+"""Most Newton steps: lenses with k1 from −0.4 to 0.2 take 3 to 9; where the model folds over there is no ray."""
 _RAY_TOLERANCE: Final = 1e-12
-"""Last step, in units of the focal length: 1e-9 px."""
+"""Size of the last step, in units of the focal length: 1e-9 px."""
 _TRIANGULATION_STEPS: Final = 6
-"""Steps to a point: after five, points at 20 to 150 mm of baseline and noise of 3 px are known to 1e-11 mm."""
+"""Number of steps: after five, points with baselines of 20 to 150 mm and noise of 3 px are known to 1e-11 mm."""
 
 
 def rotation_matrix(rvec: Floats) -> Floats:
@@ -58,7 +58,7 @@ def applied(matrix: Floats, vector: Floats) -> Floats:
 
 
 def distort(ray: Floats, distortion: Floats) -> tuple[Floats, Floats]:
-    """Return rays X/Z, Y/Z (..., 2) as the lens bends them (k1, k2, p1, p2, k3), and the derivative (..., 2, 2)."""
+    """Return rays X/Z, Y/Z (..., 2) distorted by the lens (k1, k2, p1, p2, k3), and the Jacobian (..., 2, 2)."""
     k1, k2, p1, p2, k3 = (float(value) for value in distortion)
     x, y = ray[..., 0], ray[..., 1]
     r2 = x * x + y * y
@@ -86,10 +86,10 @@ def pixel_from_ray(ray: Floats, intrinsics: Intrinsics) -> Floats:
 
 
 def ray_from_pixel(position_px: Floats, intrinsics: Intrinsics) -> tuple[Floats, Floats]:
-    """Take the lens out of pixel positions (..., 2), by Newton's method to the last digits.
+    """Undistort pixel positions (..., 2) by Newton's method, to rounding.
 
-    Returns the rays X/Z, Y/Z (..., 2), NaN where the position is NaN or lies where the lens model folds over and no ray
-    belongs to it, and their derivative with respect to the pixel position (..., 2, 2), 1/px.
+    Returns the rays X/Z, Y/Z (..., 2), NaN where the position is NaN or the lens model folds over and no ray leads to
+    the position, and their Jacobian with respect to the pixel position (..., 2, 2), 1/px.
     """
     bent = (np.asarray(position_px, np.float64) - _centre(intrinsics)) / _focal(intrinsics)
     ray = bent.copy()
@@ -126,11 +126,11 @@ def project(
 
 
 def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: float) -> tuple[Floats, Floats]:
-    """Return where the lines of sight of pixel positions (..., 2) meet the plane of the world at a height.
+    """Return the intersections of the lines of sight of pixel positions (..., 2) with the world's plane at a height.
 
     First the points (..., 3), mm, NaN where the line of sight is parallel to the plane or meets it behind the camera;
-    then the derivative (..., 2, 2) of world x and y with respect to the pixel position, mm/px: a covariance in pixels
-    becomes ``derivative @ covariance_px2 @ derivative.T``.
+    then the Jacobian (..., 2, 2) of world x and y with respect to the pixel position, mm/px: a covariance in pixels
+    becomes ``jacobian @ covariance_px2 @ jacobian.T``.
     """
     ray, ray_derivative = ray_from_pixel(position_px, intrinsics)
     rotation = rotation_matrix(pose.rvec)
@@ -140,7 +140,7 @@ def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: f
         depth = (z_mm - eye[2]) / line[..., 2]
         depth = np.where(depth > 0.0, depth, np.nan)
         point = eye + depth[..., None] * line
-        # d(eye + s·line)/d(ray), with s itself moving as line z does: s·(row_xy − line_xy·row_z / line_z)
+        # d(eye + s·line)/d(ray), where s depends on the line's z: s·(row_xy − line_xy·row_z / line_z)
         rows = rotation[:2, :]
         slide = rows[:, :2] - line[..., None, :2] * rows[:, 2:] / line[..., 2, None, None]
         by_ray = np.swapaxes(depth[..., None, None] * slide, -1, -2)
@@ -152,8 +152,8 @@ def on_plane(position_px: Floats, intrinsics: Intrinsics, *, pose: Pose, z_mm: f
 class SpacePoints:
     """Points in space (..., 3), from both pictures of a stereo pair, with their covariances (..., 3, 3).
 
-    They are in the left camera's coordinates, NaN where one picture has no position. ``chi_squared`` is the misfit of
-    the four picture coordinates over their sigmas; one degree of freedom, so about 1 where all is well.
+    They are in the left camera's coordinates, NaN where a picture has no position. ``chi_squared`` is the misfit of the
+    four picture coordinates relative to their sigmas, with one degree of freedom: about 1 for a consistent pair.
     """
 
     position_mm: Floats
@@ -170,7 +170,7 @@ def triangulate(
     left_covariance_px2: Floats,
     right_covariance_px2: Floats,
 ) -> SpacePoints:
-    """Return the points in space that fit both pictures best (maximum likelihood), with covariance.
+    """Return the maximum-likelihood points in space for both pictures, with covariance.
 
     Positions are (..., 2), of the same points in both pictures, their covariances (..., 2, 2).
     """
@@ -199,7 +199,7 @@ def triangulate(
 
 
 def meeting_point(left: Floats, right: Floats, *, rotation: Floats, shift: Floats) -> Floats:
-    """Return the middle (..., 3) of the shortest way between two lines of sight, in left coordinates.
+    """Return the middle (..., 3) of the shortest connection of two lines of sight, in left coordinates.
 
     The rays (..., 2) are those of the same point; rotation and shift are the right camera's from the left one's.
     """
@@ -237,9 +237,9 @@ def _normal_equations(
 
 
 def epipolar_distance_px(left_px: Floats, right_px: Floats, *, left: Intrinsics, right: RightCamera) -> Floats:
-    """Return how far matching points are off each other's epipolar lines, (..., 2), in the left and the right picture.
+    """Return the distances (..., 2) of matching points from their epipolar lines, in the left and the right picture.
 
-    In px of an undistorted picture of the same focal length.
+    They are in px of an undistorted picture of the same focal length.
     """
     rays = [homogeneous(ray_from_pixel(*seen)[0]) for seen in ((left_px, left), (right_px, right.intrinsics))]
     essential = cross_matrix(right.tvec_mm) @ rotation_matrix(right.rvec)

@@ -1,17 +1,17 @@
 """Correlated errors of markers: the residuals of a fit repeat with the direction of the stick and do not average out.
 
-Compression, the pixels' own pattern, uneven light and the edge of a stick next to a dot shift a marker by a few
-hundredths of a pixel, alike wherever the stick points nearly the same way. A fit that takes them for white noise is
-certain of a tilt that is not there. So the residuals z of a first fit, in units of white noise, are taken as::
+Compression, the pixel pattern, uneven light and the edge of a stick next to a dot shift a marker by a few hundredths of
+a pixel, similarly for all similar directions of the stick. A fit that treats these errors as white noise finds a
+spurious tilt with too small an uncertainty. So the residuals z of a first fit, in units of white noise, are modelled
+as::
 
     cov(z_i, z_j) = a² · (δ_ij + κ² · exp(−|ψ_i − ψ_j| / ℓ) · (1 − p |w_i − w_j| / 2))
 
-with ψ the stick's direction and w, from −1 to 1, which way round it came there: what a codec, or a camera that averages
-noise over frames, leaves of the last picture is not the same both ways (p = 1). κ, ℓ and p (0 or 1) are judged
-by the restricted likelihood (Patterson and Thompson, 1971: what the fit itself took out of the residuals is allowed
-for) under a weak prior of how large such errors usually are. Among the
-values that are about as likely as the best, those with the strongest correlation are taken: short arcs hold few
-independent errors.
+with ψ the stick's direction and w, from −1 to 1, its sense of rotation: the traces of the last picture that a codec, or
+a camera that averages noise over frames, leaves differ between the two senses (p = 1). κ, ℓ and p (0 or 1) are chosen
+by the restricted likelihood (Patterson and Thompson, 1971, which accounts for the degrees of freedom of the fit) under
+a weak prior on the usual size of such errors. Among the values within a 95 % interval of the best, those with the
+strongest correlation are taken, because short arcs contain few independent errors.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from torsight.core.units import Flags, Floats, Ints
 USUAL_PX: Final = 0.02
 """Usual size of a marker's correlated errors, on films from lossless to CRF 30."""
 _LENGTHS_RAD: Final = (0.1, 0.35, 1.2)
-"""From 6° to 70°, each three and a half times the one before: shorter ones are white noise, longer ones an offset."""
+"""Correlation lengths that are tried, 6° to 70°, spaced by a factor of 3.5; shorter: white noise; longer: an offset."""
 _RATIOS: Final = np.geomspace(0.25, 16.0, 7)
-"""Ratios of the size of the correlated errors to the usual one that are tried."""
+"""Ratios of the correlated errors' size to their usual size that are tried."""
 _SPREAD: Final = 1.2
-"""Standard deviation of the logarithm of that ratio: a factor of three."""
+"""Prior standard deviation of the logarithm of this ratio: a factor of three."""
 _AS_LIKELY: Final = 0.5 * REACH**2
-"""By how much the logarithm of the likelihood may be less than the best: the end of a 95 % interval (Wilks, 1938)."""
+"""Difference of log-likelihood from the best at the end of a 95 % interval (Wilks, 1938)."""
 _MOST_ROWS: Final = 160
-"""Rows of which the correlation is estimated: the time goes with their third power (eigenvectors)."""
+"""Largest number of rows for estimating the correlation: the time grows with their third power (eigenvectors)."""
 _BIN_RAD: Final = np.deg2rad(2.0)
-"""A step of directions: a third of the shortest length over which errors hang together here."""
+"""Bin width of directions: a third of the shortest correlation length."""
 
 
 def whitening(
@@ -51,16 +51,16 @@ def whitening(
     usual: float,
     way: Floats | None = None,
 ) -> Floats:
-    """Return the matrix (n, n) that takes a fit's residuals, in units of white noise, to independent ones of unit size.
+    """Return the matrix (n, n) that whitens a fit's residuals: to independent ones of unit variance.
 
-    ``misfit`` gives what values (p,) leave, (n, q), at the stick's directions (n,); ``usual`` is the usual size of
-    correlated errors, both in units of white noise; ``way`` (n,) which way round the stick came, None where it is not
-    asked.
+    ``misfit`` returns the residuals (n, q) for values (p,), at the stick's directions (n,), and ``usual`` is the usual
+    size of correlated errors, both in units of white noise; ``way`` (n,) is the stick's sense of rotation, None if this
+    is not modelled.
     """
     error = misfit(values)
     n, q = error.shape
     slopes = jacobian_of(lambda near: misfit(near).ravel(), values).reshape(n, q, -1)
-    # Columns of equal length: what is fitted may be in any unit.
+    # Columns of equal length: the values may be in any unit.
     slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=(0, 1)), 1e-300)
     apart = np.abs(np.angle(np.exp(1j * (direction_rad[:, None] - direction_rad[None, :]))))
     alike = [np.ones_like(apart)]
@@ -68,7 +68,7 @@ def whitening(
         alike.append(1.0 - 0.5 * np.abs(way[:, None] - way[None, :]))
     found: list[tuple[float, float, Floats]] = []
     for length, part in itertools.product(_LENGTHS_RAD, alike):
-        # In its own directions the covariance is diagonal for every ratio.
+        # In the basis of the eigenvectors the covariance is diagonal for every ratio.
         share, ways = np.linalg.eigh(np.exp(-apart / length) * part)
         error_along, slopes_along = ways.T @ error, (ways.T @ slopes.reshape(n, -1)).reshape(slopes.shape)
         for ratio in _RATIOS:
@@ -79,7 +79,7 @@ def whitening(
             left = flat - basis @ (basis.T @ flat)
             free = max(n * q - columns.shape[1], 1)
             white = max(1.0, float(np.sqrt(left @ left / free)))
-            # The restricted log-likelihood, white noise at its best, and the prior of the ratio.
+            # The restricted log-likelihood, maximised over the white noise, and the prior of the ratio.
             lost = float(np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-12))))
             score = -0.5 * q * float(np.sum(np.log(variance))) - lost - free * np.log(white)
             score -= 0.5 * float(left @ left) / white**2 + 0.5 * (np.log(ratio) / _SPREAD) ** 2
@@ -90,14 +90,14 @@ def whitening(
 
 
 def direction_bins(direction_rad: Floats) -> Ints:
-    """Return the numbers (n,) of the steps of two degrees in which directions lie."""
+    """Return the indices (n,) of the two-degree bins of directions."""
     return np.asarray(np.floor((direction_rad % (2.0 * np.pi)) / _BIN_RAD), dtype=np.int64)
 
 
 def spread_rows(direction_rad: Floats, known: Flags, *, apart: Flags | None = None) -> NDArray[np.intp]:
-    """Return rows that are known, spread evenly over the stick's directions: a rest adds no information.
+    """Return known rows, spread evenly over the stick's directions, because a rest adds no information.
 
-    Rows with another value of ``apart`` (n,) count as another direction.
+    Rows with different values of ``apart`` (n,) count as different directions.
     """
     rows = np.flatnonzero(known)
     if len(rows) <= _MOST_ROWS:
@@ -110,6 +110,6 @@ def spread_rows(direction_rad: Floats, known: Flags, *, apart: Flags | None = No
     count = np.bincount(bins)[bins[order]]
     rank = np.arange(len(rows)) - first
     share = max(1, _MOST_ROWS // len(np.unique(bins)))
-    # Of every bin the same number, evenly over time.
+    # The same number from every bin, evenly over time.
     kept = (rank * share) // count != ((rank - 1) * share) // count
     return np.sort(rows[order[kept]])

@@ -1,4 +1,4 @@
-"""A check of scale: each stick keeps the distance of its two markers, and both sticks must be measured alike."""
+"""A check of scale: each stick's marker distance is constant, and both sticks must give the same scale."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from torsight.core.units import Floats
 
 _STICKS = {"base": (0, 1), "moving": (2, 3)}
 _SIGNIFICANT: Final = NormalDist().inv_cdf(1.0 - 0.5e-4)
-"""Standard deviations from which a difference of lengths is reported: chance reaches them once in 10⁴ sticks."""
+"""Standard deviations from which a difference of lengths is reported: noise exceeds them once in 10⁴ sticks."""
 _BY_HAND_SIGMA_MM: Final = 0.1
 """Standard deviation of a distance that was measured by hand: a caliper is read to 0.05 mm, and the middles of both
 dots are found by eye to about as much, which makes √3 · 0.05 mm."""
@@ -23,11 +23,11 @@ dots are found by eye to about as much, which makes √3 · 0.05 mm."""
 
 @dataclass(frozen=True, slots=True)
 class StickLength:
-    """The measured distance of one stick's markers, and that measured by hand, if any.
+    """The measured distance of one stick's markers, and the distance measured by hand, if any.
 
-    It is the weighted mean over the film; its sigma is widened where the scatter is larger than the positions' sigmas
-    say. ``misfit`` is the root of χ² per degree of freedom of a constant length: about 1, and more where the cameras'
-    geometry is wrong (the length then depends on where the stick points).
+    ``length_mm`` is the weighted mean over the film; its sigma is enlarged where the scatter exceeds the positions'
+    sigmas. ``misfit`` is the root of χ² per degree of freedom of a constant length: about 1, and more where the
+    cameras' geometry is wrong (the length then depends on the stick's direction).
     """
 
     length_mm: float
@@ -37,19 +37,19 @@ class StickLength:
 
     @property
     def ratio(self) -> float:
-        """Measured over known distance; NaN where it is not known."""
+        """Ratio of the measured to the known distance; NaN where it is not known."""
         return self.length_mm / self.known_mm if self.known_mm else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class ScaleCheck(Frozen):
-    """Both sticks' lengths and the scale that follows; ``complaints`` is empty where all agrees."""
+    """Both sticks' lengths; ``complaints`` names disagreements and is empty where there is none."""
 
     sticks: Mapping[str, StickLength]
     complaints: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the form that stands in the JSON outputs."""
+        """Return the form of the check in the JSON outputs."""
         return {
             "sticks": {name: asdict(stick) for name, stick in self.sticks.items()},
             "complaints": list(self.complaints),

@@ -1,4 +1,4 @@
-"""A stick's two markers as one camera sees them: lines of sight, their errors, and how far points in space are off."""
+"""A stick's two markers in one camera's pictures: lines of sight, covariances, and residuals of points in space."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from torsight.core.units import Flags, Floats
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Both markers of a stick as one camera sees them.
+    """Both markers of a stick in the pictures of one camera.
 
-    ``ray`` (n, 2, 2) is X/Z, Y/Z of the inner and the outer marker, NaN where not seen; ``covariance`` (n, 4, 4) that
-    of both together. Rotation and shift are this camera from the first one.
+    ``ray`` (n, 2, 2) is X/Z, Y/Z of the inner and the outer marker, NaN where not seen; ``covariance`` (n, 4, 4) is
+    their joint covariance. Rotation and shift transform the first camera's coordinates to this camera's.
     """
 
     ray: Floats
@@ -39,8 +39,8 @@ class Sight:
     ) -> Sight:
         """Return the sights of a camera at pixel positions (n, 2, 2).
 
-        ``covariance_px2`` (n, 2, 2, 2) is each marker's own; ``shared_px2`` (n,) the variance along each axis of an
-        error that both have in common, such as by a camera that moved.
+        ``covariance_px2`` (n, 2, 2, 2) is each marker's own covariance; ``shared_px2`` (n,) is the variance along each
+        axis of an error that both markers share, such as that of a camera that moved.
         """
         ray, slope = ray_from_pixel(position_px, intrinsics)
         seen = np.asarray(np.isfinite(ray).all(axis=-1))
@@ -49,7 +49,7 @@ class Sight:
         own = slope @ np.where(seen[..., None, None], covariance_px2, 1.0) @ np.swapaxes(slope, -1, -2)
         covariance = np.zeros((len(ray), 4, 4))
         for marker, part in enumerate((slice(0, 2), slice(2, 4))):
-            # Any variance will do where nothing is seen: it is not used.
+            # Where a marker is not seen, the variance is arbitrary: it is not used.
             covariance[:, part, part] = np.where(seen[:, marker, None, None], own[:, marker], np.eye(2))
         if shared_px2 is not None:
             both = slope.reshape(-1, 4, 2)
@@ -60,11 +60,11 @@ class Sight:
 
     @cached_property
     def seen(self) -> Flags:
-        """Where each marker (n, 2) is seen."""
+        """Mask (n, 2) of the markers that are seen."""
         return np.asarray(np.isfinite(self.ray[..., 0]))
 
     def rows(self, rows: NDArray[np.intp] | Flags) -> Sight:
-        """Return some of the frames."""
+        """Return the sight restricted to the given frames."""
         return replace(self, ray=self.ray[rows], covariance=self.covariance[rows])
 
     def without(self, marker: int) -> Sight:
@@ -84,11 +84,11 @@ class Sight:
 
     @cached_property
     def lines(self) -> tuple[Floats, Floats]:
-        """The eye (3,) and the lines of sight (n, 2, 3) in the first camera's coordinates."""
+        """The camera's centre (3,) and the lines of sight (n, 2, 3) in the first camera's coordinates."""
         return -self.rotation.T @ self.shift, homogeneous(self.ray) @ self.rotation
 
     def error(self, points: Floats, along: Floats) -> tuple[Floats, Floats]:
-        """Return by how much points (n, 2, 3) are seen beside the markers (n, 2, 2), and how that goes with ``along``.
+        """Return the residuals (n, 2, 2) of points (n, 2, 3) from the markers, and their derivative along ``along``.
 
         Both are 0 for a marker that is not seen.
         """

@@ -1,4 +1,4 @@
-"""Work at the same time, in threads or in copies of the process: items in, what a function finds of each out.
+"""Parallel work in threads or in copies of the process: a function is applied to each item of a list.
 
-Results depend neither on how many work at once nor on where.
+Results depend neither on the number of workers nor on their kind.
 """

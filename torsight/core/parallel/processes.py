@@ -1,7 +1,8 @@
-"""Work in copies of this process: Python's lock lets only one thread of a process run Python at a time.
+"""Parallel work in copies of this process, because Python's lock lets only one thread of a process run Python.
 
-A copy (``fork``) begins with all that is known here, so nothing has to be sent to it. What it finds comes back; objects
-that were here before come back as themselves. Where a process cannot be copied, threads do the work.
+A copy (``fork``) begins with all objects of this process, so that nothing has to be sent to it. Its results are sent
+back; objects in them that existed before the fork become the original objects. Where a process cannot be copied,
+threads do the work.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ def in_copies(
     step: str = "",
     progress: Progress = silent,
 ) -> list[_R]:
-    """Return ``function`` of each item in order, as :func:`in_parallel` does, worked out in copies of this process.
+    """Return ``function`` of each item in order, as :func:`in_parallel` does, computed in copies of this process.
 
-    What the function keeps or changes beside what it returns is lost. Results are pickled; ``known`` and all that it
-    holds comes back as itself.
+    Side effects of the function are lost. Results are pickled, except that ``known`` and the objects inside it are
+    passed by reference: in the results they are the original objects.
     """
     if min(len(work), threads.WORKERS) < 2 or not _may_copy():
         return in_parallel(work, function, step=step, progress=progress)
@@ -53,14 +54,14 @@ def in_copies(
     with ProcessPoolExecutor(threads.WORKERS, mp_context=context, initializer=_begin, initargs=begin) as pool:
         try:
             with warnings.catch_warnings():
-                # Python warns of threads whose locks a copy would wait for; nothing here asks for one of theirs.
+                # Python warns of threads whose locks a copy would wait for; the copies use no such lock.
                 warnings.simplefilter("ignore", DeprecationWarning)
                 results = pool.map(_work_on, range(len(work)))
             for result in results:
                 found.append(_Reader(result, here).load())
                 progress(step, len(found), len(work))
         except BrokenProcessPool:
-            # The system has ended a copy, as it does where memory runs out.
+            # The system has killed a copy, as it does when memory runs out.
             found += in_parallel(work[len(found) :], function)
         finally:
             over.set()
@@ -68,13 +69,13 @@ def in_copies(
 
 
 def _may_copy() -> bool:
-    """Return whether this process can be copied: macOS's own libraries do not bear it, nor does a copy."""
+    """Return whether this process can be forked: not on macOS, whose libraries do not support it, nor from a copy."""
     able = "fork" in multiprocessing.get_all_start_methods() and sys.platform != "darwin"
     return able and not _COPY and not multiprocessing.current_process().daemon
 
 
 def _within(known: object) -> list[object]:
-    """Return an object and all that it holds, but for what has a name of its own, as types have, or is a number."""
+    """Return an object and all objects that it refers to, except types, modules, strings and numbers."""
     found: dict[int, object] = {}
     left = [known]
     while left:
@@ -86,7 +87,7 @@ def _within(known: object) -> list[object]:
 
 
 class _Copy(NamedTuple):
-    """What a copy works on: a function of items, and at which place every object stands that was known before."""
+    """The work of a copy: function, items, and the index of every object that existed before, by its id."""
 
     function: Callable[[Any], object]
     work: Sequence[object]
@@ -94,14 +95,14 @@ class _Copy(NamedTuple):
 
 
 _COPY: Final[list[_Copy]] = []
-"""What this process works on, where it is a copy."""
+"""The work of this process, if it is a copy."""
 
 
 def _begin(copy: _Copy, *shared: Any) -> None:
-    """Begin as a copy, which ends when the process does of which it is one."""
-    # What was here before stays: to look through it for garbage would also copy it page by page.
+    """Initialise a copy, which ends together with its parent process."""
+    # Objects from before the fork persist: a garbage collection among them would also copy them page by page.
     gc.freeze()
-    # An interrupt is for the process that waits: it lets its copies end.
+    # Only the parent handles an interrupt: it ends its copies.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     share_work(*shared)
@@ -116,7 +117,7 @@ def _end_with_parent() -> None:
 
 
 def _work_on(place: int) -> bytes:
-    """Return what comes of an item, pickled."""
+    """Return the pickled result for the item with an index."""
     copy, into = _COPY[0], io.BytesIO()
     with at_work():
         found = copy.function(copy.work[place])
@@ -125,14 +126,14 @@ def _work_on(place: int) -> bytes:
 
 
 class _Writer(pickle.Pickler):
-    """Pickles what was known before by its place."""
+    """Pickles objects that existed before the fork by their index."""
 
     def __init__(self, into: io.BytesIO, places: Mapping[int, int]) -> None:
         super().__init__(into, pickle.HIGHEST_PROTOCOL)
         self._places = places
 
     def persistent_id(self, obj: object) -> int | None:
-        """Return the place of an object that was known before."""
+        """Return the index of an object that existed before the fork; None for others."""
         return self._places.get(id(obj))
 
 
@@ -144,5 +145,5 @@ class _Reader(pickle.Unpickler):
         self._here = here
 
     def persistent_load(self, pid: int) -> object:
-        """Return the object at a place."""
+        """Return the object with an index."""
         return self._here[pid]

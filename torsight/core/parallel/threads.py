@@ -19,10 +19,10 @@ from threadpoolctl import ThreadpoolController
 from torsight.core.progress import Progress, silent
 
 VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""What the libraries of linear algebra read when they are loaded."""
+"""Environment variables that the libraries of linear algebra read when they are loaded."""
 
 WORKERS: Final = 2
-"""Workers of one search: results do not depend on their number, and the times in docs/ are those of two. A choice."""
+"""Number of workers of one search, a choice: results do not depend on it; the times in docs/ are those of two."""
 _T = TypeVar("_T")
 _R = TypeVar("_R")
 
@@ -31,17 +31,17 @@ _alone: ContextVar[bool] = ContextVar("_alone", default=False)
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Give a context, or decorate a function, in which linear algebra and OpenCV use one thread.
+    """Context manager, and decorator of functions, in which linear algebra and OpenCV use one thread.
 
-    Several add up in another order: the last digits differ, and a search that decides by them may end elsewhere. The
-    matrices and pictures here are small; what runs in parallel are whole fits and whole records.
+    Several threads add in a different order: the last digits differ, and a search that depends on them may end
+    elsewhere. The matrices and pictures here are small; whole fits and whole records run in parallel instead.
     """
     if _alone.get():
         yield
         return
     inside = _alone.set(True)
     try:
-        # The limit holds for what is loaded, the variables for what is loaded within.
+        # The limit holds for libraries that are loaded already, the variables for those that are loaded within.
         pools = _pools(len(sys.modules))
         with _in_environment(dict.fromkeys(VARIABLES, "1")), pools.limit(limits=1, user_api="blas"), _opencv():
             yield
@@ -51,7 +51,7 @@ def one_thread() -> Iterator[None]:
 
 @functools.lru_cache(maxsize=1)
 def _pools(modules: int) -> ThreadpoolController:
-    """Return the libraries that are loaded; to look for them takes milliseconds, and they come with new ``modules``."""
+    """Return the loaded libraries; the search takes milliseconds and is repeated when the number of modules changes."""
     del modules
     return ThreadpoolController()
 
@@ -93,8 +93,8 @@ def in_parallel(
 ) -> list[_R]:
     """Return ``function`` of each item in order; results do not depend on the number of workers.
 
-    ``progress`` is told after every item, under the name ``step``. Where the caller is asked to end, work that is
-    under way ends at its next step (:func:`go_on`).
+    ``progress`` is called after every item, with the name ``step``. If the caller is interrupted, running work ends at
+    its next step (:func:`go_on`).
     """
     found: list[_R] = []
     progress(step, 0, len(work))
@@ -115,9 +115,9 @@ def in_parallel(
 
 
 def with_help(work: Sequence[_T], function: Callable[[_T], _R]) -> list[_R]:
-    """Return ``function`` of each item in order, half of them worked out beside the others where a worker is idle.
+    """Return ``function`` of each item in order, the second half in another thread if a worker is idle.
 
-    For many short pieces of one fit, which may be the last that runs, or the only one.
+    For many short parts of one fit, which may be the last of several fits, or the only one.
     """
     half = len(work) // 2
     if not half or not _ask_for_help():
@@ -131,14 +131,14 @@ def with_help(work: Sequence[_T], function: Callable[[_T], _R]) -> list[_R]:
 
 
 class Event(Protocol):
-    """Something that happens once, as ``threading.Event`` and that of ``multiprocessing``."""
+    """An event that is set once, as those of ``threading`` and ``multiprocessing``."""
 
     def is_set(self) -> bool:
-        """Return whether it has happened."""
+        """Return whether the event is set."""
 
 
 class _Thread(threading.local):
-    """What a worker knows of its work: an event that is set once nobody waits for it, and whether it is counted."""
+    """State of a worker thread: an event that is set when nobody waits for its result, and whether it is counted."""
 
     over: Event | None = None
     counted: bool = False
@@ -149,13 +149,13 @@ _THREAD: Final = _Thread()
 
 @dataclass(slots=True)
 class _AtWork:
-    """How many threads work now, of all processes that share the work; those apart that no one has counted."""
+    """Number of working threads of all processes that share the work, except threads that are not counted."""
 
     lock: AbstractContextManager[Any]
     count: MutableSequence[int]
 
     def add(self, more: int) -> None:
-        """Count so many more."""
+        """Add ``more`` to the count."""
         with self.lock:
             self.count[0] += more
 
@@ -164,13 +164,13 @@ _AT_WORK: Final = _AtWork(threading.Lock(), [0])
 
 
 def share_work(over: Event, lock: AbstractContextManager[Any], count: MutableSequence[int]) -> None:
-    """Let this process, a copy of another, share its work: until it is over, and with one count of who works."""
+    """Let this process, a copy of another, share the other's event of the end of the work and its count of workers."""
     _THREAD.over, _AT_WORK.lock, _AT_WORK.count = over, lock, count
 
 
 @contextlib.contextmanager
 def at_work() -> Iterator[None]:
-    """Count this thread as one that works."""
+    """Count this thread as working within the block."""
     _AT_WORK.add(1)
     _THREAD.counted = True
     try:
@@ -181,7 +181,7 @@ def at_work() -> Iterator[None]:
 
 
 def _ask_for_help() -> bool:
-    """Return whether one more thread may work beside this one; then it is counted."""
+    """Return whether one more thread may work beside this one; if so, it is counted."""
     with _AT_WORK.lock:
         free = _AT_WORK.count[0] + (not _THREAD.counted) < WORKERS
         _AT_WORK.count[0] += free
@@ -189,11 +189,11 @@ def _ask_for_help() -> bool:
 
 
 def _end_with(over: Event) -> None:
-    """Let the work of this thread end once nobody waits for it."""
+    """Set the event after which nobody waits for the work of this thread."""
     _THREAD.over = over
 
 
 def go_on() -> None:
-    """End this thread's work where nobody waits for it: called by long work at every step."""
+    """Raise CancelledError if nobody waits for this thread's work; long computations call this at every step."""
     if _THREAD.over is not None and _THREAD.over.is_set():
         raise CancelledError

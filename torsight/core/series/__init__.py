@@ -1,7 +1,7 @@
-"""What is read off a series of samples, whatever they measure.
+"""Statistics of series of samples of any kind.
 
-In: arrays (n,) of samples or flags. Out: runs as pairs of indices (begin, end exclusive), the noise of one sample in
-the samples' unit, the correlation time in samples, indices of extremes, the usual step of times.
+Input: arrays (n,) of samples or flags. Output: runs as pairs of indices (begin, end exclusive), the noise of one sample
+in the samples' unit, the correlation time in samples, indices of extremes, the usual step of times.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from torsight.core.units import Flags, Floats, Ints
 
 BY_CHANCE: Final = NormalDist().inv_cdf(1.0 - 1e-9)
-"""Standard deviations that chance reaches once in 10⁹ samples, which are a year of film: beyond is another cause."""
+"""Standard deviations that normal noise exceeds once in 10⁹ samples, a year of film: more has another cause."""
 APART: Final = math.sqrt(2.0) * BY_CHANCE
-"""The same of one sample's, for the difference of two."""
+"""The same limit for the difference of two samples, in standard deviations of one sample."""
 NORMAL_MEDIAN: Final = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
 ORDER: Final = 3
@@ -34,26 +34,26 @@ def runs(flag: Flags) -> list[tuple[int, int]]:
 
 
 def constant_runs(value: NDArray[Any]) -> list[tuple[int, int]]:
-    """Return begin and end (exclusive) of every run of one value; together they cover the series."""
+    """Return begin and end (exclusive) of every run of equal values; together the runs cover the series."""
     return list(pairwise([0, *changes(value).tolist(), len(value)])) if len(value) else []
 
 
 def changes(value: NDArray[Any]) -> Ints:
-    """Return the places at which a series has another value than just before."""
+    """Return the indices at which a series differs from its sample before."""
     return np.flatnonzero(value[1:] != value[:-1]) + 1
 
 
 def usual_step(times: Floats) -> float:
-    """Return the median of the steps forward between neighbours (n,); 0 where there is none."""
+    """Return the median of the positive steps between neighbours (n,); 0 where there is none."""
     step = np.diff(times)
     step = step[step > 0.0]
     return float(np.median(step)) if len(step) else 0.0
 
 
 def extent(values: Floats) -> tuple[float, float]:
-    """Return the range of 99 % of the known values, so that a wrong one in 200 does not widen it.
+    """Return the range of the central 99 % of the known values, which one wrong value in 200 does not widen.
 
-    Half and twice that share move the ends by what the slowest motion passes in as many samples.
+    Half and twice the excluded share move the ends by as much as the slowest motion covers in so many samples.
     """
     low, high = np.nanquantile(values, [0.005, 0.995])
     return float(low), float(high)
@@ -68,11 +68,12 @@ def block_means(values: Floats, every: int) -> Floats:
 
 
 def pair_means(time_s: Floats, values: Floats, sigma: Floats, rows: Ints, half: Ints) -> tuple[Floats, Floats]:
-    """Return the mean over as many neighbours on either side of some rows as ``half`` (m,) says, and its sigma (m,).
+    """Return the means (m,) over ``half`` (m,) neighbours on either side of the given rows, and their sigmas (m,).
 
-    Neighbours count in pairs: those of one side alone would stand for another instant, beside a gap for one seconds
-    away. The middle of a pair lies within half a step of the row, or a tenth of how far the pair is away. NaN in values
-    (n,) counts as missing, in their standard deviations as none; NaN where neither the row nor a pair is known.
+    Neighbours count in pairs, because neighbours on one side alone would give the mean at another instant, beside a gap
+    at one seconds away. The middle of a pair lies within half a step of the row, or within a tenth of the pair's
+    distance. NaN in values (n,) counts as missing, in their standard deviations as zero; the result is NaN where
+    neither the row nor a pair is known.
     """
     step = np.arange(-int(half.max(initial=0)), int(half.max(initial=0)) + 1)
     at = rows[:, None] + step
@@ -90,11 +91,11 @@ def pair_means(time_s: Floats, values: Floats, sigma: Floats, rows: Ints, half: 
 def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
     """Return the indices of extremes of a finite series (n,) that differ from the next by at least the threshold (> 0).
 
-    Minima and maxima alternate. The first and the last extreme lie wherever the series begins and ends. Only every
-    ``stride``-th sample is looked at.
+    Minima and maxima alternate. The first index is 0; the last is the extreme after the last turn. Only every
+    ``stride``-th sample is used.
     """
     looked_at = value[::stride]
-    # Only where a series turns can it be extreme: a smooth one has few such places.
+    # Extremes are turns of the series, and a smooth series has few of them.
     places = np.flatnonzero(np.diff(looked_at, prepend=np.nan))
     rises = np.diff(looked_at[places]) > 0.0
     corner = np.ones(len(places), bool)
@@ -120,39 +121,40 @@ def extremes(value: Floats, threshold: float, *, stride: int = 1) -> list[int]:
 
 
 def rms(values: ArrayLike) -> float:
-    """Return the root of the mean square of values (n,)."""
+    """Return the root mean square of values (n,)."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def robust_sigma(deviation: Floats) -> float:
-    """Return the standard deviation of normal deviations (n,) from their median size: outliers hardly move it."""
+    """Return the standard deviation of normal deviations (n,) from their median absolute value, robust to outliers."""
     return float(np.median(np.abs(deviation))) / NORMAL_MEDIAN
 
 
 def scatter(*pieces: Floats, stride: int = 1, order: int = ORDER) -> float:
     """Return the standard deviation of one reading of evenly sampled pieces, one of them longer than three strides.
 
-    Differences of that order, of samples that are ``stride`` apart, leave almost nothing of a slow trend, and their
-    median is blind to the odd outlier. Those of white noise have the variance of one sample times the sum of the
-    squared binomial coefficients, which is C(2 order, order): 6 for the second difference, 20 for the third.
+    Differences of the given order, of samples that are ``stride`` apart, remove a slow trend almost completely, and
+    their median is robust to single outliers. The variance of the differences of white noise is that of one sample
+    times the sum of the squared binomial coefficients, C(2 order, order): 6 for the second difference, 20 for the
+    third.
     """
     found = np.concatenate([differences(piece, stride, order) for piece in pieces])
     return robust_sigma(found) / difference_gain(order)
 
 
 def difference_gain(order: int = ORDER) -> float:
-    """Return the standard deviation of a difference of white noise, in those of a sample."""
+    """Return the standard deviation of a difference of white noise, in standard deviations of a sample."""
     return math.sqrt(float(math.comb(2 * order, order)))
 
 
 def share_explained(measured: Floats, fitted: Floats) -> float:
-    """Return R², 1 less the residual's share of the variance; NaN where what was measured does not vary."""
+    """Return R², 1 minus the residual's share of the variance; NaN where the measured values are constant."""
     total = float(np.sum((measured - measured.mean()) ** 2))
     return 1.0 - float(np.sum((measured - fitted) ** 2)) / total if total > 0.0 else float("nan")
 
 
 def differences(piece: Floats, stride: int, order: int = ORDER) -> Floats:
-    """Return the differences of that order of a piece (n,), or of every one of many (m, n)."""
+    """Return the differences of the given order of a piece (n,), or of each of several pieces (m, n)."""
     count = max(0, piece.shape[-1] - order * stride)
     total = np.zeros((*piece.shape[:-1], count))
     for step in range(order, -1, -1):
@@ -164,9 +166,9 @@ def differences(piece: Floats, stride: int, order: int = ORDER) -> Floats:
 def correlation_time(pieces: Sequence[Floats]) -> float:
     """Return the integrated correlation time τ = 1 + 2 Σ ρ_k of a residual, in samples (at least 1: independent).
 
-    The autocorrelation is pooled over the pieces (each recorded in one go) and taken about zero, since a model's error
-    has no business having a mean; the sum is cut at the first window that is five times its own result (Sokal's rule,
-    in Functional Integration, NATO ASI B 361 (1997) 131). Pieces of fewer than four samples do not count.
+    The autocorrelation is pooled over the pieces (each a continuous recording) and taken about zero, so that the mean
+    of a model's error counts as error; the sum is cut at the first window that is five times its own result (Sokal's
+    rule, in Functional Integration, NATO ASI B 361 (1997) 131). Pieces of fewer than four samples do not count.
     """
     used = [piece for piece in pieces if len(piece) >= 4]
     if not used:

@@ -1,1 +1,1 @@
-"""How results are said and shown: values in the units of the files in, words, tables and colours out."""
+"""Presentation of results: words, tables, plots and colours for values in the units of the files."""

@@ -1,6 +1,6 @@
 """Colours by their meaning, the same in the report, the viewer, on the page for picking markers, and in pictures.
 
-The seven of the report that carry a meaning stay apart for people who see fewer colours
+The seven meaningful colours of the report are distinguishable for people with colour blindness
 (``tests/report/plots/test_colours.py``).
 """
 
@@ -27,7 +27,7 @@ LIGHT: Final = {
     "alarm": "#a33d00",
     "quiet": "#b4bcc6",
 }
-"""Colours by their meaning; every value is used once, so that a colour tells its meaning."""
+"""Colours by their meaning; every value occurs once, so that a colour has one meaning."""
 
 DARK: Final = {
     "paper": "#14171b",
@@ -57,7 +57,7 @@ def rgb(colour: str) -> Colour:
 BASE_COLOUR: Final = rgb(DARK["spring-b"])
 MOVING_COLOUR: Final = rgb(DARK["after"])
 GIVEN_COLOUR: Final[Colour] = (240, 228, 66)
-"""Of what was given or is measured, beside the sticks."""
+"""Colour of given and of measured quantities, beside those of the sticks."""
 
 
 def hex_of(colour: Colour) -> str:

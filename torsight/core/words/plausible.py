@@ -1,7 +1,7 @@
-"""Checks for numbers in another unit than their column's, by values that no rig can have.
+"""Checks for values in another unit than their column's, which no rig could have.
 
-Every function raises an :class:`~torsight.core.errors.InputError` that names the column, what it looks like and what to
-give.
+Every function raises an :class:`~torsight.core.errors.InputError` that names the column, the finding and the expected
+unit.
 """
 
 from __future__ import annotations
@@ -15,32 +15,33 @@ from torsight.core.errors import InputError
 from torsight.core.units import DEG, Floats
 
 LATEST_S: Final = 1e11
-"""A larger timestamp is no number of seconds: milliseconds of the calendar have 13 digits."""
+"""Largest timestamp in seconds: milliseconds of the calendar have 13 digits."""
 FINEST_S: Final = 1e-6
-"""No camera and no logger of temperatures is faster than this."""
+"""Shortest interval of rows: no camera and no temperature logger is faster."""
 MOST_ROWS_APART_S: Final = 1e8
-"""No record lasts for three years."""
+"""Longest duration: no record lasts for three years."""
 MOST_TURNED_DEG: Final = 1e6
-"""2,800 turns: springs are wound by one and a half."""
+"""Largest angle, 2,800 turns: springs are wound by one and a half."""
 _SLOWEST_HALF_S: Final = 7200.0
-"""Half of a heating takes minutes; the same record in milliseconds takes a thousand times as long."""
+"""Longest time for half of a heating, which takes minutes; a record in milliseconds seems a thousand times longer."""
 _SHORTEST_S: Final = 2.0
-"""A heating and a cooling take minutes; the same record in minutes or hours is 60 or 3,600 times shorter."""
+"""Shortest record: a heating and a cooling take minutes; in minutes or hours a record seems 60 or 3,600 times shorter."""
 SPRING_C: Final = (-273.15, 250.0)
-"""From absolute zero up to where a log's readings count as the instrument's (sync.log.outliers); a room has 290 K."""
+"""Range of a spring's temperature: absolute zero to the limit of readings of a working instrument (sync.log.outliers);
+a room in kelvin has 290."""
 HEATED_C: Final = 12.0
-"""A smaller rise moves no spring: the reference rig's transformation takes 18 °C of heating and 14 °C of cooling."""
+"""Smallest rise that moves a spring: the reference rig's transformation takes 18 °C on heating, 14 °C on cooling."""
 _WARMEST_REST_C: Final = 55.0
-"""A room is colder in °C; in °F it has 60 and more, in kelvin 290."""
+"""Highest temperature at rest: a room is colder in °C; in °F it has 60 and more, in kelvin 290."""
 _COLDEST_C: Final = -100.0
-"""No rig is colder; °C that are taken for kelvin come out at −250 °C in a room."""
+"""Lowest temperature of a rig: in a room, °C taken for kelvin are converted to −250 °C."""
 _LOOKED_AT: Final = 1000
-"""Rows that are compared in pairs: a million comparisons, in some milliseconds."""
+"""Number of rows that are compared in pairs: a million comparisons, in some milliseconds."""
 _SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
 
 
 def require_timestamps(time_s: Floats, *, where: str) -> None:
-    """Refuse timestamps (n,) that are no seconds by their size or their steps; ``where`` names file and column."""
+    """Refuse timestamps (n,) whose size or steps are implausible for seconds; ``where`` names file and column."""
     if len(time_s) < 2:
         return
     largest = float(np.abs(time_s).max())
@@ -55,9 +56,9 @@ def require_timestamps(time_s: Floats, *, where: str) -> None:
 
 
 def require_turns(angle_rad: Floats, time_s: Floats, *, where: str) -> None:
-    """Refuse angles (n,), rad, that are folded into one turn; NaN where one, or its whole turn, is not known.
+    """Refuse angles (n,), rad, that are folded into one turn; NaN where an angle, or its whole turn, is not known.
 
-    Between two rows, with none lost, no disk turns by more than half a turn and stays within one.
+    A disk whose angles span at most one turn does not turn by more than half a turn between two successive rows.
     """
     known = angle_rad[np.isfinite(angle_rad)]
     steps = np.nan_to_num(np.abs(np.diff(angle_rad)))
@@ -75,10 +76,10 @@ def require_turns(angle_rad: Floats, time_s: Floats, *, where: str) -> None:
 def require_units(time_s: Floats, temps_c: Mapping[str, Floats], *, where: str, time_name: str = "time_s") -> None:
     """Refuse a log of heated springs whose times are not seconds, or whose temperatures are not °C.
 
-    A spring's wire is thin: it changes by half its range within minutes, never within hours, and it is cold before it
-    is heated. Logs in which nothing is heated pass: the stages that need a heating refuse them.
-    ``time_s`` (n,) increases, ``temps_c`` holds temperatures (n,) by column; NaN where not known. ``time_name`` is the
-    column of times.
+    A spring's wire is thin: its temperature changes by half its range within minutes, never within hours, and the wire
+    is cold before it is heated. Logs without a heating pass: the stages that need a heating refuse them. ``time_s``
+    (n,) increases, ``temps_c`` holds temperatures (n,) by column; NaN where not known. ``time_name`` is the column of
+    times.
     """
     in_time = f"{where}, column {time_name}"
     require_timestamps(time_s, where=in_time)
@@ -123,7 +124,7 @@ def _require_pace(time_s: Floats, temp_c: Floats, *, where: str) -> None:
     every = -(-len(time_s) // _LOOKED_AT)
     time_s, temp_c = time_s[::every], temp_c[::every]
     half_c = 0.5 * np.ptp(temp_c)
-    # Of nearly every log some pairs of rows show that it is quick enough; all pairs take a hundred times as long.
+    # In nearly every log a few pairs of rows show that it is fast enough; all pairs take a hundred times as long.
     for apart in 1 << np.arange(len(temp_c).bit_length() - 1):
         quick = time_s[apart:] - time_s[:-apart] <= _SLOWEST_HALF_S
         if (quick & (np.abs(temp_c[apart:] - temp_c[:-apart]) >= half_c)).any():

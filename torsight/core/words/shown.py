@@ -1,7 +1,7 @@
-"""How results show themselves: one line as text, a small table in a notebook, a table of their rows, a plot.
+"""Presentation of result objects: one line of text, a small table in a notebook, a data frame, a plot.
 
-A result says its facts; everything else follows from them. Columns and axes are in the units of files and reports:
-degrees, °C, mN·m.
+A result defines its facts, columns and drawing; all presentations follow from these. Columns and axes are in the units
+of files and reports: degrees, °C, mN·m.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _FOR_FILES: Final = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
-"""Backends of matplotlib that have no window."""
+"""Backends of matplotlib without a window."""
 
 
 class Shown:
@@ -35,7 +35,7 @@ class Shown:
         refuse_plainly(cls)
 
     def facts(self) -> dict[str, str]:
-        """Return what a person should see first: name and value, in words, most important first."""
+        """Return the main facts of the result: name and value, in words, most important first."""
         raise NotImplementedError
 
     def _columns(self) -> Mapping[str, Any]:
@@ -62,7 +62,7 @@ class Shown:
         return f"<table><caption>{type(self).__name__}</caption><tbody>{rows}</tbody></table>"
 
     def to_frame(self) -> pd.DataFrame:
-        """Return a table: one row per instant, with ``time_s``, where the result is a series, else per value."""
+        """Return a data frame: one row per instant, with ``time_s``, if the result is a series, else one per value."""
         import pandas as pd
 
         return pd.DataFrame(dict(self._columns()))
@@ -73,7 +73,7 @@ class Shown:
         Parameters
         ----------
         axes : matplotlib.axes.Axes, optional
-            Where to draw; a figure of its own otherwise.
+            Axes to draw into; a new figure's axes if not given.
 
         Returns
         -------
@@ -83,7 +83,7 @@ class Shown:
         Raises
         ------
         ConfigError
-            When no axes are given and the backend that matplotlib is told to use is not there.
+            When no axes are given and matplotlib's configured backend is not installed.
         """
         if axes is None:
             axes = _own_axes()
@@ -93,7 +93,7 @@ class Shown:
 
 
 def _own_axes() -> Any:
-    """Return the axes of a new figure, shown by the backend that matplotlib is set to."""
+    """Return the axes of a new figure of matplotlib's configured backend."""
     try:
         from matplotlib import pyplot as plt
 
@@ -107,7 +107,7 @@ def _own_axes() -> Any:
 
 
 def _warn_of_a_notebook_that_shows_nothing() -> None:
-    """Warn where a notebook's cell will show no picture, since matplotlib was told to draw for files alone."""
+    """Warn where a notebook's cell will show no picture, because matplotlib's backend draws to files only."""
     import matplotlib as mpl
 
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
@@ -120,7 +120,7 @@ def _warn_of_a_notebook_that_shows_nothing() -> None:
 
 
 def span(values: Any, unit: str) -> str:
-    """Return ``23.1 to 78.4 °C`` for the known ones of some values."""
+    """Return the range of the finite values in words: ``23.1 to 78.4 °C``."""
     known = np.asarray(values, np.float64)
     known = known[np.isfinite(known)]
     if not len(known):
@@ -129,13 +129,13 @@ def span(values: Any, unit: str) -> str:
 
 
 def share(flags: Any) -> str:
-    """Return ``99.2 %`` for how many of some flags are set; empty series have none."""
+    """Return the share of true flags in words: ``99.2 %``; 0 % for an empty series."""
     values = np.asarray(flags, np.bool_)
     return f"{100.0 * float(values.mean()) if values.size else 0.0:.1f} %"
 
 
 def draw_series(axes: Any, time_s: Any, lines: Mapping[str, Any], *, label: str) -> None:
-    """Draw series against time, with names where there is more than one."""
+    """Draw series against time, with a legend if there is more than one."""
     for name, values in lines.items():
         axes.plot(time_s, values, label=name, linewidth=1.0)
     axes.set_xlabel("time, s")
@@ -145,7 +145,7 @@ def draw_series(axes: Any, time_s: Any, lines: Mapping[str, Any], *, label: str)
 
 
 def draw_models(axes: Any, columns: Mapping[str, Any]) -> None:
-    """Draw the measured angle against time and, where there are any, the models' angles: columns of ``curves.csv``."""
+    """Draw the measured angle against time, and the models' angles, if any, from the columns of ``curves.csv``."""
     names = {"angle_deg": "measured", "plain_deg": "plain model", "extended_deg": "extended model"}
     lines = {words: columns[name] for name, words in names.items() if name in columns}
     draw_series(axes, columns["time_s"], lines, label="angle, °")

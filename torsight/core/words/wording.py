@@ -1,4 +1,4 @@
-"""How results are said in plain words; the report and the viewer say them alike."""
+"""Results in plain words, shared by the report, the viewer and the terminal."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ VARIABLES: Final = {
     "winding_deg": "the winding of the spring",
     "spring": "the spring",
 }
-"""What a missing effect can depend on, in words."""
+"""Drivers on which a missing effect can depend, in words."""
 
 
 _NAMES: Final = {"r_phase": "R-phase", "end_stop": "one end stop", "end_stops": "two end stops"}
-"""Effects whose id does not read as words."""
+"""Names of effects whose id does not read as words."""
 
 
 def variable_name(identifier: str) -> str:
@@ -40,14 +40,14 @@ def effect_name(identifier: str) -> str:
 
 
 def case_words(case: str) -> str:
-    """Return the paper's case of a cooling, ``a`` or ``b``, as what the actuator does in it."""
+    """Return the actuator's behaviour in the paper's case of a cooling, ``a`` or ``b``, in words."""
     return {"a": "the actuator moves back while it cools", "b": "the actuator stands still while it cools"}.get(
         case, "–"
     )
 
 
 def capital(words: str) -> str:
-    """Return words as a sentence begins."""
+    """Return words with a capital first letter."""
     return f"{words[:1].upper()}{words[1:]}"
 
 
@@ -69,7 +69,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def decimals_for(sigma: float | None) -> int | None:
-    """Return how many decimals show two digits of an uncertainty; None where there is none."""
+    """Return the number of decimals that show two digits of an uncertainty; None without an uncertainty."""
     if sigma is None or not math.isfinite(sigma) or sigma <= 0.0:
         return None
     return min(max(0, 1 - math.floor(math.log10(sigma))), 6)
@@ -87,16 +87,16 @@ def estimate(parameter: Mapping[str, Any]) -> str:
 
 
 def fixed(value: float | None, decimals: int | None) -> str:
-    """Return a number with a count of decimals, or with three digits where the count is None."""
+    """Return a number with the given number of decimals, or with three digits where ``decimals`` is None."""
     if decimals is None or value is None or not math.isfinite(value):
         return number(value)
     return f"{value:.{decimals}f}".replace("-", "−")
 
 
 def explanations(discovery: Mapping[str, Any]) -> list[str]:
-    """Return the explanations of an ambiguous answer as words, the accepted one first, each once.
+    """Return the explanations of an ambiguous answer in words, the accepted one first, without duplicates.
 
-    One that is a part of another is that part alone.
+    An explanation that is a subset of another one is marked with "alone".
     """
     accepted = [str(effect["id"]) for effect in discovery.get("effects") or []]
     accepted += [str(law["law"]) for law in discovery.get("laws") or [] if law.get("law") and law["effect"] is None]
@@ -116,17 +116,17 @@ def error_words(value_deg: float | None) -> str:
 
 
 EXPLAINED: Final = 2.0
-"""How many noise floors the residual may be: up to that, it is the floor and the uncertainty of the fit."""
+"""Residual in noise floors up to which a record is explained: noise and the uncertainty of the fit make that much."""
 
 
 def held_out_errors(discovery: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    """Return the errors on held-out half-cycles, before and after, degrees rms."""
+    """Return the errors on held-out half-cycles of the plain and of the extended model, degrees rms."""
     before, after = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
     return before, after
 
 
 def clock_words(sync: Mapping[str, Any], *, unknown: str) -> list[tuple[str, str]]:
-    """Return offset and drift of a ``sync.json`` with their intervals, or what to say where one is not known."""
+    """Return offset and drift of a ``sync.json`` with their intervals; ``unknown`` replaces a missing interval."""
     lines = []
     for name, label, unit in (("offset_s", "offset", "s"), ("drift_ppm", "drift", "ppm")):
         part = sync.get(name) or {}
@@ -137,7 +137,7 @@ def clock_words(sync: Mapping[str, Any], *, unknown: str) -> list[tuple[str, str
 
 
 def error_left(discovery: Mapping[str, Any]) -> float | None:
-    """Return what the model of a ``discovery.json`` leaves, deg rms: on held-out half-cycles where there are any."""
+    """Return the residual of the model of a ``discovery.json``, deg rms, on held-out half-cycles if there are any."""
     after = discovery.get("after") or {}
     left = after.get("rmse_held_out_deg")
     found = after.get("rmse_train_deg") if left is None else left
@@ -145,11 +145,11 @@ def error_left(discovery: Mapping[str, Any]) -> float | None:
 
 
 def times_floor(discovery: Mapping[str, Any]) -> float | None:
-    """Return what the answer leaves, in noise floors: the one measure of whether a record is explained.
+    """Return the residual of the answer in noise floors, the only measure of whether a record is explained.
 
-    The engine's own (``over_floor_after``): a rest counts as one reading, neighbours that are correlated as one, and
-    the temperature at which an incomplete heating ends is as uncertain as its readings. The error on held-out
-    half-cycles is another thing: it holds how well the values are known, too. It stands in where a file has no other.
+    It is the engine's own (``over_floor_after``): a rest counts as one reading, correlated neighbours as one, and the
+    temperature at which an incomplete heating ends is as uncertain as its readings. The error on held-out half-cycles
+    also contains the uncertainty of the values; it is used only where a file has no other measure.
     """
     times = (discovery.get("evidence") or {}).get("over_floor_after")
     if times is not None:
@@ -159,7 +159,7 @@ def times_floor(discovery: Mapping[str, Any]) -> float | None:
 
 
 def unexplained(times: float) -> str:
-    """Return the sentence that says so where the residual is more than twice the noise floor; else nothing."""
+    """Return the sentence on a residual of more than twice the noise floor; else an empty string."""
     if times <= EXPLAINED:
         return ""
     return f"This record is not explained: what is left is {number(times)} times the noise floor."
@@ -172,10 +172,10 @@ def not_explained(discovery: Mapping[str, Any]) -> str:
 
 
 def not_fixed(discovery: Mapping[str, Any]) -> str:
-    """Return the sentence that says so where parts of a record that is explained do not predict each other.
+    """Return the sentence on an explained record whose parts do not predict each other; else an empty string.
 
-    The error on held-out half-cycles holds how well the others fix the model's values, which says nothing
-    about what the model lacks.
+    The error on held-out half-cycles contains the uncertainty of the values from the other half-cycles, which does not
+    show that the model lacks anything.
     """
     left, floor = held_out_errors(discovery)[1], discovery.get("noise_floor_deg")
     if not_explained(discovery) or left is None or not floor or left <= EXPLAINED * float(floor):
@@ -187,12 +187,13 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
 
 
 CONTRADICTED_SIGMAS: Final = 4.0
-"""A characterised value that the record moves by more is named, on the page, too: chance does that to one value in
-16,000, so to one actuator of ten values in 1,600; by three standard deviations it would be one in 37."""
+"""Standard deviations by which an estimate must differ from a characterised value to be named (in the report, too):
+chance reaches this for one value in 16,000, so for one actuator of ten values in 1,600; three standard deviations for
+one in 37."""
 
 
 def contradicted(pulls: Iterable[Mapping[str, Any]]) -> str:
-    """Return the sentence that names the characterised values that a fit has pulled too far; else nothing.
+    """Return the sentence on characterised values that the record contradicts; else an empty string.
 
     ``pulls`` are those of a ``discovery.json``.
     """
@@ -204,35 +205,31 @@ def contradicted(pulls: Iterable[Mapping[str, Any]]) -> str:
 
 
 def is_plain_answer(discovery: Mapping[str, Any]) -> bool:
-    """Return whether the model of a ``discovery.json`` is the plain one: no effect and no law was added to it."""
+    """Return whether the model of a ``discovery.json`` is the plain one, without an effect or a law."""
     return not (discovery.get("effects") or discovery.get("drivers"))
 
 
 def has_unnamed_law(discovery: Mapping[str, Any]) -> bool:
-    """Return whether a measured law without a name is in the answer of a ``discovery.json``."""
+    """Return whether the answer of a ``discovery.json`` contains a measured law without a name."""
     return discovery.get("verdict") == "unknown" and bool(discovery.get("drivers"))
 
 
 def doubt_of(discovery: Mapping[str, Any]) -> str:
-    """Return what has to be said of an answer before it.
+    """Return the sentences that qualify an answer and precede it.
 
-    That the record is not explained, or its values not fixed; that it contradicts what is known of the actuator.
+    They state that the record is not explained or its values not determined, and that it contradicts the actuator file.
     """
     explained = not_explained(discovery) or not_fixed(discovery)
     return f"{explained} {contradicted(discovery.get('pulls') or [])}".strip()
 
 
 def verdict_sentence(discovery: Mapping[str, Any]) -> str:
-    """Return the verdict of ``discovery.json`` in plain words.
-
-    One sentence; where what was named does not explain the record, leaves its values open or goes against what is known
-    of the actuator, what says so comes before it.
-    """
+    """Return the verdict of ``discovery.json`` in plain words: one sentence, preceded by those of :func:`doubt_of`."""
     return f"{doubt_of(discovery)} {named(discovery)}".strip()
 
 
 def named(discovery: Mapping[str, Any]) -> str:
-    """Return what a ``discovery.json`` names, as one sentence, whether it explains the record or not."""
+    """Return the finding of a ``discovery.json`` as one sentence, whether it explains the record or not."""
     verdict = discovery.get("verdict")
     names = [effect_name(str(effect["id"])) for effect in discovery.get("effects") or []]
     if verdict == "none":
