@@ -44,7 +44,7 @@ COMMANDS: Final = (
 
 
 _PARSERS: Final[dict[str, type[TyperCommand]]] = {"calibrate": TakesRows}
-"""Commands whose words are not taken as typer takes them."""
+"""Commands with a parser of their own."""
 
 app = typer.Typer(
     name="torsight",
@@ -73,7 +73,7 @@ def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """From a film of two sticks to a trusted model of the torsion actuator."""
-    # The version is shown by its callback; --debug is looked at before the parser is.
+    # The version is shown by its callback; --debug is handled before the parser runs.
     del version, debug
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
@@ -125,7 +125,7 @@ def _tell(error: Exception, *, debug: bool) -> None:
 
 def _other(error: Exception, *, debug: bool) -> int:
     """Report wrong usage (exit 2) in the words of typer's parser, anything else as a defect; return the exit code."""
-    # The class of typer's usage errors is private, and another one in other versions: its method tells them.
+    # The class of typer's usage errors is private and differs between versions; its method ``show`` identifies them.
     show = getattr(error, "show", None)
     if callable(show):
         show()
