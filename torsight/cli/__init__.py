@@ -2,6 +2,6 @@
 
 import os
 
-# Sums over several threads differ in their last digits (torsight.core.parallel.threads), and results depend on the
-# input alone. Set before anything loads the libraries that read it; processes that a command starts take it over.
+# Sums over several threads differ in their last digits (torsight.core.parallel.threads), but results must depend on the
+# input alone. Set before the libraries that read these variables are loaded; child processes inherit them.
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))

@@ -1,7 +1,7 @@
-"""What all commands have in common: places to write are refused before any work, and ``--json`` answers a script.
+"""Common wrapper of all commands: it checks that outputs can be written before any work, and adds ``--json``.
 
-A command returns an :class:`Answer`; :func:`answering` gives it the option ``--json``. With it standard output holds
-one JSON object and nothing else, whether the command succeeds or fails; everything for people goes to standard error.
+A command returns an :class:`Answer`; :func:`answering` adds the option ``--json``. With this option standard output
+holds one JSON object and nothing else, whether the command succeeds or fails; text for people goes to standard error.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from torsight.core.errors import TorsightError
 from torsight.core.files.storage import SCHEMA, json_text, require_writable
 
 _WRITTEN: Final = ("out", "export_effect", "preview", "pictures")
-"""Parameters of commands that name what is written."""
+"""Parameters of commands that name an output."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A command's answer to a script: its result (that of the JSON file, where it writes one), and the files written.
+    """A command's answer to a script: its result (the content of its JSON file, if any), and the files written.
 
-    ``exit_code`` is 0, or one of the contract's where the command has an answer all the same.
+    ``exit_code`` is 0, or another exit code of the contract where the command fails but still has an answer.
     """
 
     result: Mapping[str, Any]
@@ -39,7 +39,7 @@ class Answer:
 def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[..., int]:
     """Return the command, with the option ``--json`` where it returns an :class:`Answer`.
 
-    Where it cannot write it ends before its work, which may take minutes.
+    The command ends before its work, which may take minutes, where its outputs cannot be written.
     """
     signature = inspect.signature(command, eval_str=True)
     run = _writable_first(own_packages()(command), signature)
@@ -81,7 +81,7 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
 def _writable_first(
     command: Callable[..., Answer | None], signature: inspect.Signature
 ) -> Callable[..., Answer | None]:
-    """Return the command that refuses a place it could not write to: a file where the metavar has a suffix."""
+    """Return the command preceded by a check that its outputs can be written: files where the metavar has a suffix."""
     written = {
         name: "." not in (parameter.annotation.__metadata__[0].metavar or "")
         for name, parameter in signature.parameters.items()

@@ -1,4 +1,4 @@
-"""Progress bars for a terminal: the step, the time taken, and the time left at the pace so far."""
+"""Progress bars for a terminal: the step, the elapsed time, and the time left at the mean pace."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _UNKNOWN = "-:--:-- left"
 
 
 class LeftColumn(ProgressColumn):
-    """The time left from the mean pace since the step began: steps of a minute each give no other."""
+    """The time left, from the mean pace since the step began: rich's own estimate fails for updates a minute apart."""
 
     def render(self, task: Task) -> Text:
-        """Return hours, minutes and seconds; they go down between one report and the next; a finished step has none."""
+        """Return hours, minutes and seconds, counting down between two reports; empty for a finished step."""
         if task.finished:
             return Text("")
         now_s, total = task.elapsed, task.total
@@ -43,6 +43,6 @@ class Bars:
         place = self._tasks[step]
         task = next(one for one in self.shown.tasks if one.id == place)
         if done < task.completed:
-            # The same kind of work begins once more: its time left starts anew, too.
+            # The same kind of work begins again: the estimate of its time left starts anew, too.
             self.shown.reset(place)
         self.shown.update(place, completed=done, total=total, reported_s=task.elapsed or 0.0)

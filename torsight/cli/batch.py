@@ -30,8 +30,8 @@ def batch(
 ) -> Answer:
     """Run many experiments and put their results into one table and one page of small pictures.
 
-    A second call does only what is missing or has changed. Experiments of one actuator file that say
-    ``together = true`` in their table ``[discover]`` are explained together as well, in the folder ``together``.
+    A second call runs only experiments that are missing or have changed. Experiments of one actuator file that have
+    ``together = true`` in their table ``[discover]`` are also explained together, in the folder ``together``.
 
     Example: torsight batch campaign/ --out results
     """

@@ -41,7 +41,7 @@ def board(
     """Make a board to print for 'torsight calibrate', with a bar to check the printer's scale.
 
     Without a BOARD.toml one is written beside the board: measure a square on the print and put its true size there.
-    With --tags a pair of tags is made, one for each stick, and beside it the file for 'torsight track --markers'.
+    With --tags a pair of tags is made, one for each stick, together with the file for 'torsight track --markers'.
 
     Example: torsight board board.toml --out board.pdf
 
@@ -89,7 +89,7 @@ def board(
 
 
 def _write(out: Path, drawing: Drawing, *, dpi: float, toml: str) -> list[Path]:
-    """Write a page, its picture, and what describes it; return the files."""
+    """Write a page, its picture, and its description in TOML; return the files."""
     from calibration.boards.printing import write_board
 
     write_board(out, drawing, dpi=dpi)

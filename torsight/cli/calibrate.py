@@ -26,7 +26,7 @@ _WHERE = "torsight calibrate"
 
 
 class TakesRows(TyperCommand):
-    """Lets ``--right`` and ``--pose`` take several files in a row, as a shell's wildcard gives them."""
+    """Parser that lets ``--right`` and ``--pose`` take several files in a row, as a shell expands a wildcard."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Repeat the option before every file that follows it."""
@@ -118,7 +118,7 @@ def calibrate(
 
 
 def _coverage_of(out: Path) -> Path:
-    """Return where the picture of the coverage lies beside a camera file."""
+    """Return the path of the picture of the coverage, beside a camera file."""
     return out.with_suffix(".coverage.png")
 
 
@@ -133,9 +133,9 @@ def _calibrate_to_file(
     out: Path,
     progress: Progress,
 ) -> list[str]:
-    """Write the camera file and the picture of the coverage; return what there is to say.
+    """Write the camera file and the picture of the coverage; return the lines for the terminal.
 
-    ``heights_mm`` are those of the base and the moving stick's markers above a board on the disk.
+    ``heights_mm`` are the heights of the base and the moving stick's markers above a board on the disk.
     """
     from calibration.boards.board_file import read_board
     from calibration.quality.camera_report import account, summary
@@ -173,7 +173,7 @@ def _write_camera(out: Path, camera: Camera, account: Mapping[str, Any]) -> None
 def _add_circles(
     tracks: Path, camera: Path | None, *, stick_mm: float | None, heights_mm: tuple[float, float], out: Path
 ) -> list[str]:
-    """Write the known camera with the pose that the markers' circles show; return what there is to say."""
+    """Write the known camera with the pose estimated from the markers' circles; return the lines for the terminal."""
     from calibration.axis.marker_circles import pose_from_tracks
 
     if camera is None:

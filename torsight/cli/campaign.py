@@ -1,7 +1,7 @@
 """Many experiments: the same run for each, one table of results, one page of small pictures.
 
 A campaign is a set of independent tasks: one experiment in, one folder and one row of the table out. A task that fails
-leaves a row that says why; a task whose results are there and whose inputs have not changed since is not done again.
+gives a row with the reason; a task whose results exist and whose inputs have not changed since is not repeated.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ RESULT_COLUMNS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One experiment file, the folder for its results, and how long it may take, s (None: as long as it does)."""
+    """One experiment file, the folder for its results, and the time limit, s (None: no limit)."""
 
     name: str
     experiment: Path
@@ -78,7 +78,7 @@ def find_experiments(sources: Iterable[str]) -> list[Path]:
 
 
 def tasks(experiments: Sequence[Path], out: Path, *, limit_s: float | None = None) -> list[Task]:
-    """Return one task per experiment with names that are short, readable and different."""
+    """Return one task per experiment, with short, readable and unique names."""
     stems = [_name(path) for path in experiments]
     alone = {stem for stem in stems if stems.count(stem) == 1}
     numbered = {stem: _numbered(stem, alone) for stem in stems}
@@ -96,7 +96,7 @@ def _name(path: Path) -> str:
 
 
 def run_task(task: Task) -> dict[str, Any]:
-    """Do one experiment, or read its results where they stand; what goes wrong becomes a row that says so."""
+    """Run one experiment, or read its results where they are current; return the row, also of one that failed."""
     from torsight.cli.summary import result_row
 
     try:
@@ -111,13 +111,13 @@ def run_task(task: Task) -> dict[str, Any]:
         message = str(error)
     except OSError as error:
         message = str(refused_by_system(error))
-    except Exception as error:  # noqa: BLE001 - one record's trouble, of whatever kind, must not stop the others
+    except Exception as error:  # noqa: BLE001 - a failure of one record, of whatever kind, must not stop the others
         message = f"internal error, {type(error).__name__}: {error}; run it alone with --debug"
     return {"name": task.name, "status": "failed", "message": message, "folder": str(task.folder)}
 
 
 def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
-    """Return whether the folder holds a whole run of exactly these inputs and settings."""
+    """Return whether the folder holds a complete run of exactly these inputs and settings."""
     path = task.folder / "provenance.json"
     if not path.exists() or not (task.folder / "report.html").exists() or (task.folder / UNFINISHED).exists():
         return False
@@ -133,7 +133,7 @@ def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]
 def explain_campaign(
     todo: Sequence[Task], rows: Sequence[dict[str, Any]], out: Path, *, progress: Progress
 ) -> list[Path]:
-    """Explain the records of each rig together whose experiments ask for it; return the folders of the results.
+    """Explain the records of each rig together where their experiments ask for it; return the folders of the results.
 
     Raises
     ------
@@ -155,9 +155,9 @@ def explain_campaign(
 def run_campaign(
     todo: Sequence[Task], *, jobs: int = -1, scheduler: str | None = None, progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Do every task and return the rows in the order of the tasks; ``progress`` is called after each.
+    """Run every task and return the rows in the order of the tasks; ``progress`` is called after each.
 
-    They run in ``jobs`` processes on this machine (-1: one per core), or on the Dask scheduler at an address.
+    The tasks run in ``jobs`` processes on this machine (-1: one per core), or on the Dask scheduler at an address.
     """
     from torsight.cli import workers
 

@@ -1,4 +1,4 @@
-"""What the terminal shows: progress bars with the time left where someone watches, a line now and then where not."""
+"""Output for people: progress bars with the time left on a terminal, occasional lines of progress elsewhere."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing import Final
 from torsight.core.progress import ATTENTION_S, Progress
 
 PATIENCE_S: Final = ATTENTION_S
-"""A file gets a line of progress so often: the minutes of a demo are a dozen lines."""
+"""Interval between lines of progress in a file or pipe, s: a demo of some minutes gives a dozen lines."""
 
 
 class Lines:
-    """Progress as lines of a file or a pipe: what takes no longer than :data:`PATIENCE_S` writes none."""
+    """Progress as lines in a file or a pipe: work that takes no longer than :data:`PATIENCE_S` writes none."""
 
     def __init__(self, *, now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
         self._began_s = self._said_s = now()
 
     def report(self, step: str, done: float, total: float | None) -> None:
-        """Say how far a step is, where nothing has been said for a while."""
+        """Print the progress of a step, where nothing has been printed for :data:`PATIENCE_S`."""
         now_s = self._now()
         if now_s - self._said_s < PATIENCE_S:
             return

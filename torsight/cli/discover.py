@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from torsight.discovery.report import DiscoveryReport
 
 FILES: Final = ("discovery.json", "model.json", "curves.csv", "report.html")
-"""What the command writes."""
+"""Files that the command writes."""
 _MADE: Final = (*FILES, "next_experiment.csv")
 
 
@@ -45,8 +45,8 @@ def discover(
 ) -> Answer:
     """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.
 
-    Several records of one rig are explained together, by one answer: the springs' values, effects and laws are shared,
-    the start, the sticks' zero and the clocks of each record its own.
+    Several records of one rig get one joint answer: the springs' values, effects and laws are shared, while each record
+    has its own start, zero of the sticks, and clocks.
 
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
     """
@@ -78,7 +78,7 @@ def discover(
 
 
 def nothing_found(discovery: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return an error where ``discovery.json`` has a model worse than a constant on held-out half-cycles."""
+    """Return an error where the model of ``discovery.json`` is no better than a constant on held-out half-cycles."""
     from torsight.actuator.fit_result import nothing_explained
 
     r2 = discovery["after"]["r2_held_out"]
@@ -89,19 +89,19 @@ def nothing_found(discovery: Mapping[str, Any], *, where: str) -> NoResultError 
 
 
 def curves_name(record: int) -> str:
-    """Return the name of the curves of a record, from 0."""
+    """Return the file name of the curves of a record, counted from 0."""
     return "curves.csv" if record == 0 else f"curves_{record + 1}.csv"
 
 
 def discover_to_folder(
     merged: Sequence[Path], actuator: Path, *, out: Path, seed: int, progress: Progress
 ) -> DiscoveryReport:
-    """Discover on one record or on several of one rig, and write what was found.
+    """Discover on one record or on several of one rig, and write the results.
 
-    ``discovery.json``, ``model.json`` and ``curves.csv``; every law as ``law_<port>_<driver>.csv``, and as a picture of
-    that name; for an ambiguous answer ``next_experiment.csv``, the programme that would distinguish the alternatives.
-    For several records ``curves.csv`` holds the first one's curves, ``curves_2.csv`` … those of the others, and
-    ``model.json`` goes on from the last.
+    Written are ``discovery.json``, ``model.json`` and ``curves.csv``; every law as ``law_<port>_<driver>.csv`` and as a
+    picture of that name; for an ambiguous answer ``next_experiment.csv``, the programme that would distinguish the
+    alternatives. For several records ``curves.csv`` holds the curves of the first, ``curves_2.csv`` … those of the
+    others, and ``model.json`` continues from the end of the last.
     """
     from torsight.actuator import read_actuator
     from torsight.discovery.discover import discover as find
@@ -126,8 +126,8 @@ def discover_to_folder(
 def require_one_rig(records: Sequence[Path]) -> None:
     """Refuse a record that is given twice, and records whose runs used different actuator files.
 
-    Which file a run used stands in the ``provenance.json`` beside its table, with the file's hash. Records without one
-    are taken as they are. One file that all runs have used may have been edited since.
+    The ``provenance.json`` beside a record's table names the actuator file of its run, with the file's hash. Records
+    without a ``provenance.json`` are accepted. A file that all runs have used may have been edited since.
     """
     seen: dict[str, Path] = {}
     for path in records:
@@ -154,7 +154,7 @@ def require_one_rig(records: Sequence[Path]) -> None:
 
 
 def _actuator_of(record: Path) -> tuple[str, str] | None:
-    """Return name and hash of the actuator file that a record's run has used; None where nothing says it."""
+    """Return name and hash of the actuator file that a record's run has used; None where they are not recorded."""
     path = record.parent / "provenance.json"
     if not path.is_file():
         return None
@@ -168,7 +168,7 @@ def _actuator_of(record: Path) -> tuple[str, str] | None:
 
 
 def explain_together(merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress) -> None:
-    """Discover on several records of one rig and write results and report, unless they are newer than the records."""
+    """Discover on several records of one rig and write results and report, unless the report is newer than them."""
     last = out / "report.html"
     inputs = [*merged, actuator]
     if last.exists() and all(path.stat().st_mtime <= last.stat().st_mtime for path in inputs):
@@ -178,14 +178,14 @@ def explain_together(merged: Sequence[Path], actuator: Path, *, out: Path, seed:
 
 
 def _write_report(out: Path, *, progress: Progress) -> None:
-    """Write the report; what draws it is loaded when there is something to draw."""
+    """Write the report; the plotting modules are imported only here, because they are slow to load."""
     from torsight.report import write_report
 
     write_report(out, progress=progress)
 
 
 def _write(report: DiscoveryReport, out: Path) -> None:
-    """Write what was found; of further records an earlier discovery may have left curves: they go."""
+    """Write the results, and delete curves of further records that an earlier discovery may have left."""
     from torsight.actuator.fitted import write_model
     from torsight.report.figures.law_plots import write_laws
 

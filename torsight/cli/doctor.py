@@ -28,8 +28,8 @@ def doctor(
 ) -> Answer:
     """Check film, log and configuration before the long run, and say what will limit the result.
 
-    A stretch of the film is tracked, the log drives the model. The verdict is good, usable or do again; below it stand
-    the reasons, what limits most first. With do again the exit code is the one that a run would end with.
+    A stretch of the film is tracked, and the log drives the model. The verdict is good, usable or do again, followed by
+    the reasons, the strongest limitation first. With do again the exit code is that with which a run would end.
 
     Example: torsight doctor experiment.toml
     """
@@ -49,7 +49,7 @@ def doctor(
 
 
 def verdict_lines(findings: list[Finding]) -> list[str]:
-    """Return the verdict and why, in lines for a person."""
+    """Return the verdict and its reasons as lines for the terminal."""
     lines = [f"Verdict           {verdict(findings)}"]
     for item in findings:
         lines.append(f"{item.level:<10}{item.about:<14}{item.text}")

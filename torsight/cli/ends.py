@@ -1,4 +1,4 @@
-"""Requests to end that reach a command from outside: Ctrl-C, SIGTERM, and SIGHUP when its terminal is closed."""
+"""Requests from outside to end a command: Ctrl-C, SIGTERM, and SIGHUP when its terminal is closed."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from typing import Final
 from torsight.core.progress import AT_ONCE_S
 
 _ASKED_AGAIN_S: Final = 0.5 * AT_ONCE_S
-"""How often a process asks itself to end: a person does not notice the wait."""
+"""Interval at which a process repeats a request to end, s: too short for a person to notice."""
 
 
 class Ended(BaseException):
-    """Someone asked the process to end (Ctrl-C, SIGTERM, a closed terminal): open files are closed as it unwinds.
+    """A request to end the process (Ctrl-C, SIGTERM, a closed terminal), raised so that open files are closed.
 
-    It is ``usual`` where the command has nothing left to do but to wait for it. A command that catches it passes it on:
-    the process is asked again until it has come through, and what comes after it was caught would be interrupted.
+    The request is ``usual`` where the command only waits for it. A command that catches it must raise it again: the
+    request is repeated until it has left the command, and would interrupt any code after the ``except``.
     """
 
     def __init__(self, number: int) -> None:
@@ -50,13 +50,12 @@ def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], N
 
 @contextlib.contextmanager
 def asked_to_end() -> Iterator[None]:
-    """Let a request to end unwind the command, so that it leaves no half-written file behind.
+    """Let a request to end unwind the command as an exception, so that no half-written file remains.
 
-    An exception that is raised while compiled code calls back into Python is lost there, and what the code goes on with
-    then may be nothing: the compiler's is not interrupted (:func:`_compiling`). The process asks itself again until the
-    request has come through. While the process unwinds, further requests change nothing. Objects that it left half made
-    may fail as they are thrown away: that follows from the request and says nothing new, so they are thrown away here,
-    in silence.
+    An exception that is raised while compiled code calls back into Python is lost there, and the code may continue with
+    a null result: the compiler is therefore not interrupted (:func:`_compiling`), and the request is repeated until it
+    arrives. While the process unwinds, further requests are ignored. Incomplete objects may fail when they are deleted;
+    these errors only follow from the request, so the objects are deleted here and the errors are not reported.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -88,7 +87,7 @@ def asked_to_end() -> Iterator[None]:
 
 
 def _ask_again(number: int, asking: dict[int, threading.Thread], ended: threading.Event) -> None:
-    """Let this thread be asked again and again until it has ended; ``asking`` holds who asks, if anyone does."""
+    """Repeat a signal to this thread until ``ended`` is set; ``asking`` holds the thread that repeats it, if any."""
     if asking:
         return
     asked = threading.get_ident()
@@ -103,9 +102,9 @@ def _ask_again(number: int, asking: dict[int, threading.Thread], ended: threadin
 
 @contextlib.contextmanager
 def _thrown_away(asking: Collection[int]) -> Iterator[None]:
-    """Release the objects of the frames that a request to end went through; ``asking`` says whether there was one.
+    """Delete the objects of the frames that a request to end has left; ``asking`` is empty where there was no request.
 
-    An error that came after a request that was lost is the request.
+    An error that follows a lost request is replaced by this request.
     """
     try:
         yield
@@ -120,14 +119,14 @@ def _thrown_away(asking: Collection[int]) -> Iterator[None]:
 
 
 def _unwinding(error: BaseException | None) -> bool:
-    """Return whether an error is a request to end on its way up, or came of what puts things away then."""
+    """Return whether an error is a request to end, or was raised by clean-up code during such a request."""
     while error is not None and not isinstance(error, Ended):
         error = error.__context__
     return error is not None
 
 
 def _compiling(frame: FrameType | None) -> bool:
-    """Return whether the compiler is at work below a frame; it calls back to keep code and to fetch what was kept."""
+    """Return whether the compiler is running below a frame; it calls back into Python to cache code and to load it."""
     while frame is not None:
         if frame.f_globals.get("__name__", "").startswith("llvmlite."):
             return True

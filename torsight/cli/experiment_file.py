@@ -31,14 +31,14 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
 class Experiment(Frozen):
     """One experiment with every path resolved.
 
-    A film, folder or glob of pictures is the left one of a stereo pair where there is a right one. Where ``angle``
-    names angles that are there already, as those of a live record, nothing is tracked, and the film, if any, is only
-    shown. ``fps`` is the rate of a folder of pictures, or that at which a slow-motion film was captured; ``markers``
-    are positions given in the experiment itself, ``columns`` and ``units`` what the temperature log's header does not
-    say.
+    ``video`` is a film, folder or glob of pictures, the left one of a stereo pair where ``video_right`` is given. Where
+    ``angle`` names an existing table of angles, such as that of a live record, nothing is tracked, and the film, if
+    given, is only shown. ``fps`` is the rate of a folder of pictures, or of the capture of a slow-motion film;
+    ``markers`` are positions given in the experiment itself; ``columns`` and ``units`` describe the temperature log
+    where its header does not.
 
-    ``together`` are merged tables of earlier records of this rig that are explained together with this one; True: with
-    the others of a campaign that say so.
+    ``together`` are merged tables of earlier records of this rig that are explained together with this record; True:
+    together with the other experiments of a campaign that have this setting.
     """
 
     video: str | None
@@ -105,7 +105,7 @@ class Experiment(Frozen):
 def read_experiment(path: Path, *, absent: list[InputError] | None = None) -> Experiment:
     """Read ``EXPERIMENT.toml``, or that of a folder; relative paths are relative to it.
 
-    With ``absent``, files that are missing are no error: each goes there, to be reported with all others.
+    With ``absent``, missing files are no error: each is appended to this list, so that all can be reported together.
 
     Raises
     ------
@@ -119,14 +119,14 @@ def read_experiment(path: Path, *, absent: list[InputError] | None = None) -> Ex
 
 
 def experiment_file(path: Path) -> Path:
-    """Return the ``experiment.toml`` of a folder that has one, as ``torsight init`` leaves it; else the path."""
+    """Return the ``experiment.toml`` in a folder, where ``torsight init`` writes it; any other path unchanged."""
     inside = path / "experiment.toml"
     return inside if inside.is_file() else path
 
 
 @dataclass(frozen=True, slots=True)
 class _Files:
-    """Files that an experiment names, relative to its folder; one that is missing goes to ``absent``, or is refused."""
+    """Files that an experiment names, relative to its folder; missing files go to ``absent``, or are refused."""
 
     folder: Path
     absent: list[InputError] | None
@@ -225,7 +225,7 @@ def _require_one_of_each(markers: Mapping[str, Any], *, where: str) -> None:
 
 
 def _together(table: Mapping[str, Any], files: _Files, *, where: str) -> bool | tuple[Path, ...]:
-    """Return whether, or with which other records, the rig is explained."""
+    """Return whether the record is explained together with others of a campaign, or the other records."""
     value = table.get("together", False)
     if isinstance(value, bool):
         return value

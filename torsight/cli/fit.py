@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def _effect_ids(begun: str) -> list[str]:
-    """Return the effects' ids for a shell's completion: the names of their files, which need not be imported for it."""
+    """Return the effects' ids for a shell's completion, from their file names, so that nothing need be imported."""
     folder = Path(__file__).parents[1] / "actuator" / "effects"
     return sorted(path.stem for path in folder.glob(f"{begun}*.py") if not path.stem.startswith("_"))
 
@@ -67,7 +67,7 @@ def fit(
 
 
 def _held(path: Path) -> list[str]:
-    """Return the effects and laws of a model file, those apart that every fit has; [] where there is no model."""
+    """Return the effects and laws of a model file without those that every fit has; [] where there is no model."""
     from torsight.actuator.effects import always_fitted
     from torsight.actuator.fitted import read_model
 
@@ -82,7 +82,7 @@ def _held(path: Path) -> list[str]:
 def fit_to_folder(
     merged: Path, actuator: Path, *, out: Path, effects: tuple[str, ...] = (), progress: Progress = silent
 ) -> FitResult:
-    """Fit a merged record and write ``fit.json`` and ``model.json``; say where the fit explains nothing."""
+    """Fit a merged record, write ``fit.json`` and ``model.json``, and report a fit that explains nothing."""
     from torsight.actuator.fit_result import nothing_explained, turns
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel

@@ -1,7 +1,7 @@
-"""What a film's angles rest on: how many frames have one, and how sure it is that the markers are the markers.
+"""Reliability of a film's angles: the share of frames with an angle, and the probability of the chosen markers.
 
-There is a warning below nine tenths of the frames, and no result below a half, or where other dots may as well be the
-markers.
+Below nine tenths of the frames there is a warning. Below a half, or where other dots may equally be the markers, there
+is no result.
 """
 
 from __future__ import annotations
@@ -70,28 +70,28 @@ def unsure_markers(account: Mapping[str, Any], *, where: str) -> NoResultError |
 
 
 def gap_words(account: Mapping[str, Any]) -> str:
-    """Return what to do about frames without an angle, from the advice of ``track.json``; doubts come first."""
+    """Return the advice on frames without an angle from ``track.json``; doubts about the track come first."""
     advice = [str(words) for words in account.get("advice") or []]
     about = next((words for words in advice if "frames have no angle" in words), "")
-    # What makes a track doubtful stands before its gaps, and is their cause: sticks exchanged, a damaged file.
+    # A doubt about the track is listed before its gaps and is their cause: sticks exchanged, a damaged file.
     first = advice[0] if advice and about != advice[0] and about in advice[1:2] else about.partition(": ")[2]
     return (first or next(iter(advice), "")).rstrip(".")
 
 
 def is_no_result(account: Mapping[str, Any]) -> bool:
-    """Return whether a command ends without a result (exit code 4), as little as the angles rest on."""
+    """Return whether a command ends without a result (exit code 4), because its angles are not reliable enough."""
     return _share(account) < LEAST or _sure(account) < LEAST_SURE
 
 
 def _sure(account: Mapping[str, Any]) -> float:
-    """Return how probable it is that a film's markers, or those of both films, are the right ones."""
+    """Return the probability that the chosen markers of a film, or of both films, are the right ones."""
     films = (account, account.get("right_film") or {})
     return math.prod(float((film.get("markers") or {}).get("probability", 1.0)) for film in films)
 
 
 def _share(account: Mapping[str, Any]) -> float:
     frames = account.get("frames") or {}
-    # A table of angles that was taken over may come with another program's account of it.
+    # An existing table of angles may come with another program's track.json.
     if not frames.get("total") or "with_angle" not in frames:
         return 1.0
     return float(frames["with_angle"]) / int(frames["total"])

@@ -16,7 +16,7 @@ from torsight.core.files.storage import write_text
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder for the two files.")] = Path(),
     *,
-    force: Annotated[bool, typer.Option("--force", help="Write over files that are there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
 ) -> Answer:
     """Write an experiment.toml and an actuator.toml with comments to start from.
 

@@ -1,4 +1,4 @@
-"""One experiment of a campaign with a limit of time: a run in a process of its own, which can be ended."""
+"""One experiment of a campaign with a time limit: a run in a separate process, which can be killed."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ running: Final[set[int]] = set()
 
 
 def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
-    """Do ``torsight run`` on an experiment; one that takes longer than the limit, s, is ended without a result.
+    """Run ``torsight run`` on an experiment; a run that takes longer than the limit, s, is ended without a result.
 
-    Its finished stages stay, and the next call continues from there.
+    Its finished stages are kept, and the next call continues after them.
     """
     words = [*COMMAND, "run", str(experiment), "--out", str(out), "--resume", "--json"]
-    # A session of its own: whatever the run has started ends with it.
+    # A separate session, so that every process that the run starts can be ended with it.
     child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     running.add(child.pid)
     try:
@@ -34,14 +34,14 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
             "takes longer than it may",
             where=str(experiment),
             limit=f"{limit_s:g} s",
-            do="run it alone, or give more --timeout; a second call goes on with it",
+            do="run it alone, or give a longer --timeout; a second call continues it",
         ) from error
     finally:
         end(child.pid)
         child.communicate()
         running.discard(child.pid)
     if child.returncode != 0:
-        # Where it has no words for it, the end of its traceback says most.
+        # Without a message, the end of the traceback is the most informative part.
         raise NoResultError(_message(answer) or f"ended with {child.returncode}: {errors.strip()[-300:]}")
 
 

@@ -1,4 +1,4 @@
-"""``torsight live``: a rig on the bench, seen in Rerun while it moves."""
+"""``torsight live``: track a rig while it moves, and show it in Rerun."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from torsight.viewer.live.screen.feed import Feed
 
 FILES: Final = ("angle.csv", "markers.csv", "temps.csv", "events.csv", "track.json", "live.json", "experiment.toml")
-"""What a live record leaves in its folder."""
+"""Files of a live record."""
 
 WINDOW_MEMORY: Final = "1GB"
-"""What the window keeps of a record; the oldest goes first."""
+"""Memory of the window; the oldest data are dropped first."""
 
 
 def live(
@@ -47,13 +47,13 @@ def live(
         Path | None, typer.Option(metavar="MARKERS.toml", help="Marker positions in the first frame.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the record; one named by the time of day otherwise.")
+        Path | None, typer.Option(help="Folder for the record; by default one named after date and time.")
     ] = None,
     speed: Annotated[float, typer.Option(help="How much faster than its own pace a film plays.")] = 1.0,
     grows: Annotated[bool, typer.Option("--grows", help="The film is still being written: wait for more.")] = False,
     fps: Fps = None,
     offset_s: Annotated[
-        float | None, typer.Option(help="Log's time minus film's time; by default from when rows arrive.")
+        float | None, typer.Option(help="Log's time minus film's time; by default from the arrival of rows.")
     ] = None,
     columns: Columns = None,
     units: Units = None,
@@ -64,7 +64,7 @@ def live(
     ] = None,
     web_port: WebPort = None,
 ) -> Answer:
-    """Track while it happens: record to disk, show in Rerun; Ctrl-C ends it with everything kept.
+    """Track a camera or a growing film, record to disk, show in Rerun; Ctrl-C ends and keeps the record.
 
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
@@ -88,7 +88,7 @@ def live(
     ports = chosen_port(port, 9876, option="--port"), chosen_port(web_port, 9090, option="--web-port")
     pictures = open_pictures(source, speed=speed, fps=fps, grows=grows)
     stop = threading.Event()
-    # Ctrl-C and other requests to end let the record be made whole.
+    # After Ctrl-C and other requests to end, the record is completed.
     ended = handled(asks(), lambda *_: stop.set())
     with ended, _model(spec) as model, contextlib.closing(Feed(ports[0])) as feed:
         session = Session(
@@ -114,7 +114,7 @@ def live(
 
 @contextlib.contextmanager
 def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
-    """Give the model beside the record, where its values are known; it ends with the block."""
+    """Run the plain model beside the record, where the actuator's values are given; it ends with the block."""
     if spec is None:
         yield None
         return
@@ -125,7 +125,7 @@ def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
 
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
-    """Return the lines that end a live record."""
+    """Return the summary of a live record, line by line."""
     share = 100.0 * outcome.measured / max(outcome.frames, 1)
     lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
     lines = [
@@ -150,7 +150,7 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
 
 @contextlib.contextmanager
 def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[None]:
-    """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open after it."""
+    """Start the viewer's window, or its page for a browser, while the block lasts; a window stays open afterwards."""
     from torsight.viewer.program import Viewer, browser_address, free_port, has_display
 
     screens: list[Viewer] = []

@@ -41,7 +41,7 @@ COMMANDS: Final = (
 
 
 _PARSERS: Final = {"calibrate": "TakesRows"}
-"""Commands whose words are not taken as typer takes them, and the class in their module that takes them."""
+"""Commands with a parser of their own: the name of its class in the command's module."""
 
 
 def _version(value: bool) -> None:
@@ -61,7 +61,7 @@ def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """From a film of two sticks to a trusted model of the torsion actuator."""
-    # The version is shown by its callback; --debug is looked at before the parser is.
+    # The version is shown by its callback; --debug is handled before the parser runs.
     del version, debug
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
@@ -95,7 +95,7 @@ def _parser(names: tuple[str, ...]) -> Callable[..., object]:
 
 
 def _named(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the commands that words are about: one, none for the version, or all, to list them."""
+    """Return the commands needed for these words: the one that is named, none for ``--version``, else all."""
     first = words[0] if words else ""
     return (first,) if first in COMMANDS else () if first == "--version" else COMMANDS
 
@@ -134,7 +134,7 @@ def _tell(error: Exception, *, debug: bool) -> None:
 
 def _other(error: Exception, *, debug: bool) -> int:
     """Report wrong usage (exit 2) in the words of typer's parser, anything else as a defect; return the exit code."""
-    # The class of typer's usage errors is private, and another one in other versions: its method tells them.
+    # The class of typer's usage errors is private and differs between versions; its method ``show`` identifies them.
     show = getattr(error, "show", None)
     if callable(show):
         show()

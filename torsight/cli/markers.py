@@ -39,8 +39,8 @@ def markers(
 ) -> Answer:
     """Pick the four markers on a page in the browser, check them, and write markers.toml.
 
-    The page is served to this computer only and ends with its being closed. Markers that are found by themselves
-    are shown at once; others take four clicks. The check follows them through the first seconds of the film.
+    The page is served to this computer only; closing it ends the command. Markers that are found automatically are
+    already shown; others take four clicks. The check follows the markers through the first seconds of the film.
 
     Example: torsight markers film.mp4 --out markers.toml
     """
@@ -70,7 +70,7 @@ def _page(source: FilmSource | PictureSource, out: Path, *, port: int, wait_s: f
 
     def tell(address: str) -> None:
         say(f"In a browser  {address}  (Ctrl-C ends it)")
-        # Without a display the browsers that are left are those of the terminal, which cannot show the page.
+        # Without a display only text browsers remain, which cannot show the page.
         if not no_open and has_display():
             webbrowser.open(address)
 

@@ -15,7 +15,7 @@ from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import write_json, write_table, write_text
 
 FAILURES: Final = "model_errors.txt"
-"""Where the tracebacks of a model go that failed in the middle of a fit."""
+"""File for the tracebacks of a model that failed during a fit."""
 
 
 def missing(
@@ -27,9 +27,9 @@ def missing(
 ) -> Answer:
     """Find what a model of your own lacks: the missing effect, the error before and after, a better model.
 
-    MODEL.py defines predict(p, record), which gives the output for every row of a record; parameters, the ones that
-    the fit may change; output, the column that was measured; and, if wanted, candidates (effects that may be missing),
-    laws, initial, blocks, sigma, resolution, rest, drivers, time. Or it defines problem(records). A small one:
+    MODEL.py defines predict(p, record), which gives the output for every row of a record; parameters, which the fit may
+    change; output, the measured column; and, optionally, candidates (effects that may be missing), laws, initial,
+    blocks, sigma, resolution, rest, drivers, time. Or it defines problem(records). A small model file:
 
     \b
     import numpy as np

@@ -15,7 +15,7 @@ Fps = Annotated[
 ]
 OpenView = Annotated[bool, typer.Option("--view", help="Open the recording in Rerun at the end.")]
 Seed = Annotated[int, typer.Option(help="Seed of every random draw.", min=0)]
-Serve = Annotated[bool, typer.Option("--serve", help="Show it in a browser on this computer.")]
+Serve = Annotated[bool, typer.Option("--serve", help="Show the recording in a browser on this computer.")]
 WebPort = Annotated[
     int | None, typer.Option(min=0, max=65535, help="Port for the browser; 9090 where it is free, 0 takes any.")
 ]
@@ -30,12 +30,12 @@ Columns = Annotated[
 ]
 Units = Annotated[
     str | None,
-    typer.Option("--units", metavar="KEY=UNIT,…", help='Units that the log does not say: "time=ms,a=°F,b=°F".'),
+    typer.Option("--units", metavar="KEY=UNIT,…", help='Units that the log does not state: "time=ms,a=°F,b=°F".'),
 ]
 
 
 class Said(TypedDict):
-    """What the options say, as the readers of logs take it."""
+    """Values of the options ``--columns`` and ``--units``, as the readers of logs take them."""
 
     columns: dict[str, str]
     units: dict[str, str]

@@ -14,9 +14,9 @@ from torsight.cli.console import progress_bar, say
 def paper(
     *,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the figures.")],
-    seed: Annotated[int, typer.Option(help="Of the scatter in figures 9 to 12.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the scatter in figures 9 to 12.")] = 0,
 ) -> Answer:
-    """Draw every figure of the paper that the model makes, its numbers beside ours.
+    """Draw every figure of the paper that the model can reproduce, with the paper's numbers beside the model's.
 
     Example: torsight paper --out paper
     """

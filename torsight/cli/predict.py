@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from torsight.actuator.model import ActuatorModel
 
 _MOST_NAMED: Final = 3
-"""Other explanations that a line holds."""
+"""Largest number of other explanations named in the note."""
 
 
 def predict(
@@ -35,16 +35,16 @@ def predict(
     ] = None,
     initial: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="How the record begins (models of one's own only); may be repeated."),
+        typer.Option(metavar="NAME=VALUE", help="Initial state of the record (own models only); may be repeated."),
     ] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="Table to write (.csv or .parquet).")],
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
-    """Predict the angle, and how sure it is, at every instant of a later temperature log, in the log's order and clock.
+    """Predict the angle and its standard deviation at every instant of a later temperature log, on the log's clock.
 
-    The model of 'torsight missing' predicts its outputs for another record in the same way, without --start-angle. How
-    the record begins is fitted to its first rows where they hold the outputs; else it is given by --initial.
+    The model of 'torsight missing' predicts its outputs for another record in the same way, without --start-angle. The
+    initial state of the record is fitted to its first rows where they hold the outputs; else give it with --initial.
 
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
     """
@@ -71,7 +71,7 @@ def predict(
     alternatives = [(other.model, share) for other, share in fitted.alternatives()]
     always = _in_all([fitted.model, *(model for model, _ in alternatives)])
     own = _acting(fitted.model, always)
-    # The same law by other means is no other explanation to people.
+    # An effect and the law of which it is a form are the same explanation to people.
     others = [
         (acting, share) for other, share in alternatives if (acting := _acting(other, always)).keys() ^ own.keys()
     ]
@@ -87,7 +87,7 @@ def predict(
 
 
 def _in_all(models: Sequence[ActuatorModel]) -> list[Effect]:
-    """Return what every fit has: of the record, if its clocks were put together, their offset as well."""
+    """Return the effects that every fit has, and those of the clocks if all models have them."""
     from torsight.actuator.effects import always_fitted
 
     clocks = (effect for effect in models[0].chosen if effect.is_clock)
@@ -95,7 +95,7 @@ def _in_all(models: Sequence[ActuatorModel]) -> list[Effect]:
 
 
 def _acting(model: ActuatorModel, always: Sequence[Effect]) -> dict[str, str]:
-    """Return by their law what acts in a model, beside what every fit has: the ids of its effects and laws."""
+    """Return the ids of a model's effects and laws by their law, without the effects that every fit has."""
     own = (effect for effect in model.chosen if effect not in always)
     return {(*effect.laws, effect.id)[0]: effect.id for effect in own} | {form.id: form.id for form in model.laws}
 

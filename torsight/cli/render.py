@@ -1,4 +1,4 @@
-"""``torsight render``."""
+"""``torsight render``: film a synthetic rig with known angles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from torsight.core.files.storage import read_toml
 
 
 def render(
-    scene: Annotated[Path, typer.Argument(help="Scene file; what it leaves out is the reference rig's.")],
+    scene: Annotated[Path, typer.Argument(help="Scene file; keys that it leaves out have the reference rig's values.")],
     out: Annotated[Path, typer.Option(help="Folder for film, log and truth.")],
     *,
     seed: Annotated[int | None, typer.Option(min=0, help="Replaces the scene's seed.")] = None,

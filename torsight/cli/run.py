@@ -35,12 +35,12 @@ def run(
     *,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,
     view: OpenView = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was interrupted.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
     from_: Annotated[
-        Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Do a finished run again.")
+        Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Repeat a finished run.")
     ] = None,
 ) -> Answer:
-    """Track, synchronise, fit, discover; leave a report and a recording.
+    """Track, synchronise, fit, discover; write a report and a recording.
 
     Example: torsight run experiment.toml --out results
     """
@@ -97,7 +97,7 @@ def again(path: Path) -> Experiment:
 
 
 def other_versions(path: Path) -> list[str]:
-    """Return what to say where a ``provenance.json`` names other versions than are installed: numbers may differ."""
+    """Return a note where a ``provenance.json`` names other versions than the installed ones: numbers may differ."""
     recorded = read_json(path).get("versions")
     recorded = recorded if isinstance(recorded, dict) else {}
     changed = [
@@ -113,8 +113,8 @@ def run_experiment(
 ) -> Path:
     """Run every stage of one experiment and return the folder of the results.
 
-    With ``resume`` the stages that an interrupted run of the same inputs had finished are not done again, and an
-    unfinished track goes on from its last checkpoint.
+    With ``resume`` the stages that an interrupted run of the same inputs had finished are not repeated, and an
+    unfinished track continues from its last checkpoint.
     """
     from torsight.core.files.lock import only_writer
 
@@ -137,7 +137,7 @@ def run_experiment(
 
 
 def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
-    """Refuse results of files that were written to while they were read: their hashes would be wrong."""
+    """Refuse results from inputs that have changed during the run: their hashes would be wrong."""
     for name, before in inputs.items():
         if file_hash(Path(name)) != before:
             state.close()
@@ -150,7 +150,7 @@ def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
 
 
 def _check(experiment: Experiment) -> None:
-    """Refuse whatever cannot be used, a log, settings, an actuator, before the film is tracked, not after."""
+    """Refuse unusable inputs (log, settings, actuator, …) before the film is tracked, not after."""
     from sync import read_temperature_log
     from torsight.actuator.spec import read_actuator
     from tracker.detect.marker_file import read_markers
@@ -201,7 +201,7 @@ def _stages(
 
 
 def _together(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
-    """Explain the record together with those that the experiment names, in a folder of its own."""
+    """Explain the record together with the records that the experiment names, in a separate folder."""
     from torsight.cli.discover import explain_together
 
     if isinstance(experiment.together, tuple):
@@ -210,7 +210,7 @@ def _together(experiment: Experiment, folder: Path, *, progress: Progress) -> No
 
 
 def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Progress) -> None:
-    """Track the film, or take over angles that are there already."""
+    """Track the film, or copy an existing table of angles."""
     if experiment.angle is not None:
         take_over(experiment.angle, out=folder)
     elif experiment.video is not None:
@@ -228,9 +228,9 @@ def _angles(experiment: Experiment, folder: Path, *, resume: bool, progress: Pro
 
 
 def take_over(angle: Path, *, out: Path) -> None:
-    """Bring ``angle.csv``, and ``markers.csv`` and ``track.json`` where they lie beside it, into a run's folder.
+    """Copy ``angle.csv``, and ``markers.csv`` and ``track.json`` where they exist beside it, into a run's folder.
 
-    That may be the folder in which the angles lie.
+    The run's folder may be the one that already holds them.
     """
     if angle.resolve() != (out / "angle.csv").resolve():
         write_angles(out / "angle.csv", read_angles(angle))
@@ -255,13 +255,13 @@ _MADE: Final = (
     *("provenance.json", "recording.rrd", "report.html"),
 )
 TOGETHER: Final = "together"
-"""Folder, in that of the results, of what several records of one rig say together."""
+"""Subfolder of the results for the joint answer of several records of one rig."""
 UNFINISHED: Final = ".run.json"
-"""Lies in a run's folder while the run lasts, or was interrupted: which stages are finished."""
+"""File with the finished stages; it exists in a run's folder while the run lasts or after it was interrupted."""
 
 
 class _State:
-    """Which stages of a run are finished, kept in the folder while the run lasts."""
+    """The finished stages of a run, saved in its folder while the run lasts."""
 
     def __init__(self, folder: Path, *, origin: dict[str, Any], resume: bool) -> None:
         import json

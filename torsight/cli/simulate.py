@@ -48,7 +48,7 @@ def simulate(
 def write_angles_of(
     out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: Floats, sigma_rad: Floats | None = None
 ) -> Answer:
-    """Write the angles at a log's instants, NaN as empty fields; return rows, ranges and file."""
+    """Write the angles at a log's instants, NaN as empty fields; return the number of rows, the range and the file."""
     write_table(
         out,
         {

@@ -1,4 +1,4 @@
-"""What a finished run has found, read from the files that it left: in words for a person, as a row for a table."""
+"""Summary of a finished run from its files: lines for the terminal, and a row for a campaign's table."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from torsight.core.words.wording import doubt_of, effect_name, error_words, esti
 def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
     """Return the content of a ``discovery.json`` in lines: what is missing, laws, error before and after, next step."""
     effects = [
-        # The values that are made for people, where there are any.
+        # Values meant for people, where the effect has any.
         f"  {effect_name(str(effect['id']))}: {effect_values(effect)}"
         for effect in discovery.get("effects") or []
     ]

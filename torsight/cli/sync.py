@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 class Settings:
     """Table ``[sync]``, checked; None for keys that are absent.
 
-    Known offset and drift of the log's clock, the longest gap in the log that is bridged, the film times of an LED,
-    and where in the picture one is looked for, px.
+    Known offset and drift of the log's clock, the longest gap in the log that is bridged, the film times of an LED's
+    changes, and the position of an LED in the picture, px.
     """
 
     offset_s: float | None
@@ -55,7 +55,7 @@ def sync(
         Path | None, typer.Option(metavar="EVENTS.csv", help="Film times at which an LED showed the heating switch.")
     ] = None,
     led: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="X Y", help="Where in the film such an LED is seen, px.")
+        tuple[float, float] | None, typer.Option(metavar="X Y", help="Position of such an LED in the film, px.")
     ] = None,
     film: Annotated[str | None, typer.Option(metavar="FILM", help="The film of the angles, for --led.")] = None,
     timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
@@ -108,8 +108,8 @@ def sync_to_folder(
 ) -> SyncedTable:
     """Read both files, find the clock, write ``merged.csv``, ``sync.json`` (for an LED ``led_events.csv``).
 
-    ``settings`` is the table ``[sync]`` of the experiment; ``film``, ``timestamps`` and ``fps`` are those of the film
-    that the angles come from, needed for ``led`` alone. ``table`` is another place for the merged table.
+    ``settings`` is the table ``[sync]`` of the experiment; ``film``, ``timestamps`` and ``fps`` describe the film of
+    the angles and are needed only for ``led``. ``table`` is a second file for the merged table.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def sync_to_folder(
     InputError
         When a file cannot be used, or film and log do not overlap.
     NoResultError
-        When the offset is neither given nor to be found.
+        When the offset is not given and cannot be found.
     """
     from sync import find_clock, merge, read_temperature_log
     from sync.log.timestamps import longest_gap_s
@@ -167,7 +167,7 @@ def _led_changes(
     out: Path,
     progress: Progress,
 ) -> LightEvents:
-    """Return when the LED at a place of the film changed, and leave a table of it."""
+    """Return the instants at which the LED at a position in the film changed, and write them to a table."""
     from sync import film_light_events
 
     if film is None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 TRACK_PICTURE: Final = "track.png"
 FILES: Final = ("angle.csv", "markers.csv", "track.json", TRACK_PICTURE)
-"""What the command writes."""
+"""Files that the command writes."""
 _PAIR_REMARK: Final = (
     "The camera file is of a stereo pair, and one film was given: it is taken for the left camera's and tracked "
     "with that lens alone, without positions in space; name the right film after it to use both."
@@ -45,18 +45,18 @@ def track(
     camera: CameraFile = None,
     markers: Annotated[
         Path | None,
-        typer.Option(metavar="MARKERS.toml", help="What the markers are: positions in the first frame, or tags."),
+        typer.Option(metavar="MARKERS.toml", help="The markers: positions in the first frame, or tags."),
     ] = None,
     timestamps: Annotated[
         Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
     ] = None,
     fps: Fps = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a track that was interrupted.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted track.")] = False,
 ) -> Answer:
     """Follow the markers through a film and give the angle of every frame.
 
     Ends with exit code 4 where less than half of the frames have an angle, or where nothing shows which dots are the
-    markers; what there is is written all the same.
+    markers; the files are still written.
 
     Example: torsight track film.mp4 --out out
     """
@@ -92,8 +92,8 @@ def track_to_folder(
 ) -> StickAngles:
     """Track a film (or a stereo pair) and write ``angle.csv``, ``markers.csv``, ``track.json`` and ``track.png``.
 
-    The options are those of :func:`track`; ``markers`` may be the content of ``MARKERS.toml``, too. Returns the angles
-    as they stand in ``angle.csv``.
+    The options are those of :func:`track`; ``markers`` may also be the content of ``MARKERS.toml``. Returns the angles
+    of ``angle.csv``.
     """
     from torsight.core.files.lock import only_writer
     from torsight.markers.track_picture import keep_pictures, write_track_picture
@@ -154,7 +154,7 @@ def track_to_folder(
 def _tracked(
     source: FilmSource | PictureSource, hints: MarkerHints | None, *, out: Path, resume: bool, progress: Progress
 ) -> TrackResult:
-    """Follow the markers; where that fails, leave a picture of what was considered and why it was refused."""
+    """Follow the markers; where that fails, write a picture of all candidates with the reasons for rejecting them."""
     from tracker.track import track_film
 
     try:
@@ -181,7 +181,7 @@ def _tracked(
 def _sources(
     video: str | Path, right: str | Path | None, lens: Camera | None, *, fps: float | None, timestamps: Path | None
 ) -> tuple[FilmSource | PictureSource, FilmSource | PictureSource | None]:
-    """Open one film or two, and refuse those that are not of the camera's size before anything is tracked."""
+    """Open one film or two, and refuse films of another size than the camera's before anything is tracked."""
     from tracker.frames.source import open_source
 
     source = open_source(video, fps=fps, timestamps=timestamps)

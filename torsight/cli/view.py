@@ -79,7 +79,7 @@ def view(
 
 
 def _require_within(at: float | None, folder: Path) -> None:
-    """Refuse a time outside the record that lies beside a recording; without a record any time passes."""
+    """Refuse a time outside the record in the recording's folder; without a record any time is accepted."""
     tables = [folder / name for name in ("angle.csv", "merged.csv") if (folder / name).is_file()]
     if at is None or not tables:
         return
@@ -94,7 +94,7 @@ def _require_within(at: float | None, folder: Path) -> None:
 
 
 def recording_of(folder: Path) -> Path:
-    """Return the recording of a run; that of a live record, or of a run that was interrupted, is made first."""
+    """Return the recording of a run; for a live record or an interrupted run it is made first."""
     if folder.is_file():
         return folder
     if (folder / "recording.rrd").is_file():
@@ -112,7 +112,7 @@ def recording_of(folder: Path) -> Path:
 
 
 def _film_of(folder: Path) -> Path | None:
-    """Return the film of a live record, where it still is where it was."""
+    """Return the film of a live record, if the file still exists."""
     if not (folder / "experiment.toml").is_file():
         return None
     film = read_toml(folder / "experiment.toml").get("angle", {}).get("film")

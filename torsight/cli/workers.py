@@ -1,4 +1,4 @@
-"""Workers of a campaign: its tasks on the processes of this machine (joblib), or on a Dask cluster that is there."""
+"""Workers of a campaign: its tasks run in processes of this machine (joblib), or on an existing Dask cluster."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Task = TypeVar("Task")
 Row = TypeVar("Row")
 
 PATIENCE = "10s"
-"""How long a Dask scheduler has to answer."""
+"""Timeout for the answer of a Dask scheduler."""
 _MOST_PER_CORE: Final = 4
 """Processes per core at most: more only take memory from each other. A choice; one per core is the default."""
 _WATCH: Final = "end with the campaign"
@@ -30,7 +30,7 @@ def on_this_machine(do: Callable[[Task], Row], todo: Sequence[Task], jobs: int) 
 
 
 def processes(jobs: int, *, tasks: int) -> int:
-    """Return how many processes are started for ``--jobs``: never more than there are tasks."""
+    """Return the number of processes for ``--jobs``: never more than there are tasks."""
     from joblib import cpu_count
 
     cores = cpu_count()
@@ -46,7 +46,7 @@ def processes(jobs: int, *, tasks: int) -> int:
 
 
 def _for(parent: int, do: Callable[[Task], Row], task: Task) -> Row:
-    """Do one task in a process that ends with the campaign, even with one that was killed."""
+    """Run one task in a process that ends when the campaign ends, even when the campaign is killed."""
     if os.getpid() != parent and not any(thread.name == _WATCH for thread in threading.enumerate()):
         threading.Thread(target=_end_with, args=(parent,), name=_WATCH, daemon=True).start()
     return do(task)

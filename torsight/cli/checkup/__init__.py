@@ -1,1 +1,1 @@
-"""What ``torsight doctor`` looks at: film, log, actuator and what they allow together, each as findings."""
+"""Checks of ``torsight doctor``: the film, the log, the actuator, and all of them together, each giving findings."""

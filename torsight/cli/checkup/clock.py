@@ -1,8 +1,8 @@
-"""How well a run will know the offset between the film's clock and the log's, before there is a film.
+"""Interval of the offset between the film's clock and the log's that a run will give, before there is a film.
 
-The film is synthetic (the model's angles for this log, with the camera's noise at the film's rate), or the angles that
-are there already. ``sync`` is run on it, so that heating rates, the log's noise and step, the sensor's lag and a shared
-event have the same effect as in a run.
+``sync`` is run on a synthetic film (the model's angles for this log, with the camera's noise at the film's rate), or on
+an existing table of angles, so that heating rates, the log's noise and step, the sensor's lag and a shared event have
+the same effect as in a run.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from torsight.core.words.wording import number
 
 @dataclass(frozen=True, slots=True)
 class Filming:
-    """What is known of the film: rate, length (0: as long as the log) and standard deviation of the angle.
+    """Properties of the film: rate, length (0: as long as the log) and standard deviation of the angle.
 
-    Without a film it is an ordinary one: thirty frames a second, and an angle to a twentieth of a degree, which round
-    dots of a few pixels give.
+    Without a film an ordinary film is assumed: thirty frames a second, and a standard deviation of a twentieth of a
+    degree, as round dots of a few pixels give.
     """
 
     rate_fps: float = 30.0
@@ -50,10 +50,10 @@ def predict_clock(
     angles: StickAngles | None = None,
     filming: Filming,
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Return what will be known of the clock, as findings and as figures.
+    """Return the expected intervals of offset and drift, as findings and as figures.
 
-    ``settings`` is the table ``[sync]`` of the experiment. Without ``angles`` those of the actuator are filmed, as
-    ``filming`` says.
+    ``settings`` is the table ``[sync]`` of the experiment. Without ``angles`` a film of the model's angles is
+    simulated, with the properties of ``filming``.
     """
     offset_s, drift_ppm = settings.get("offset_s"), settings.get("drift_ppm")
     if offset_s is not None:
@@ -82,7 +82,7 @@ def predict_clock(
 
 
 def _said(clock: ClockMap, half_s: float, half_ppm: float) -> Finding:
-    """Return the finding of a clock's intervals, which are so wide to either side."""
+    """Return the finding on a clock whose intervals have these half-widths, s and ppm."""
     text = (
         f"the offset between film and log would be known to ±{number(half_s, 2)} s, their drift to "
         f"±{number(half_ppm, 2)} ppm (95 %), from {clock.method.partition(':')[0]}."
@@ -92,7 +92,7 @@ def _said(clock: ClockMap, half_s: float, half_ppm: float) -> Finding:
 
 
 def made_up_film(drive: Drive, spec: ActuatorSpec, filming: Filming) -> StickAngles:
-    """Return the angles of a film of the model, as long as the log, or of its middle where the film is shorter."""
+    """Return the angles of a simulated film of the model: of the whole log, or of its middle if the film is shorter."""
     angle_rad = ActuatorModel(spec).simulate(drive).angle_rad
     first_s, last_s = float(drive.time_s[0]), float(drive.time_s[-1])
     spare_s = max(0.0, last_s - first_s - filming.duration_s) if filming.duration_s else 0.0

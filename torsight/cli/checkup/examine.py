@@ -1,4 +1,4 @@
-"""Which files belong together, and the findings on each of them and on all of them together."""
+"""The doctor's input files, and the findings on each file and on all of them together."""
 
 from __future__ import annotations
 
@@ -39,12 +39,11 @@ _TOML_KINDS: Final = {
 
 @dataclass(slots=True)
 class Inputs:
-    """Files that belong together; None where one is not given.
+    """Files of one experiment; None for a file that is not given.
 
-    One film, two of a stereo pair, or none where ``angle`` holds angles that are there already. Markers are a file or
-    the table of their positions; ``fps`` is the rate of pictures, ``settings`` the experiment's table ``[sync]``,
-    ``columns`` and ``units`` are those of the log. ``absent`` are files that the experiment names and that are not
-    there.
+    There is one film, two films of a stereo pair, or none where ``angle`` names an existing table of angles. Markers
+    are a file or the table of their positions; ``fps`` is the rate of pictures, ``settings`` the experiment's table
+    ``[sync]``, ``columns`` and ``units`` are those of the log. ``absent`` are missing files that the experiment names.
     """
 
     films: list[str] = field(default_factory=list)
@@ -129,7 +128,7 @@ def _of_experiment(path: Path) -> Inputs:
 
 
 def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Finding], dict[str, Any]]:
-    """Look at everything that is given; return the findings and the measured figures."""
+    """Check every input that is given; return the findings and the measured figures."""
     findings: list[Finding] = [refusal("experiment", error) for error in inputs.absent]
     content: dict[str, Any] = {}
     camera = _read(findings, "camera", inputs.camera, read_camera)
@@ -186,7 +185,7 @@ def _filming(film: Mapping[str, Any]) -> Filming:
 
 
 def _read(findings: list[Finding], about: str, source: Any, reader: Any) -> Any:
-    """Read a file; a refusal becomes a finding, so that the others are looked at all the same."""
+    """Read a file; a refusal becomes a finding, so that the other files are still checked."""
     if source is None:
         return None
     try:
@@ -197,7 +196,7 @@ def _read(findings: list[Finding], about: str, source: Any, reader: Any) -> Any:
 
 
 def _look_at_angles(angles: StickAngles) -> list[Finding]:
-    """Say how many frames have an angle, and how well it is known."""
+    """Report the share of frames with an angle, and the angle's standard deviation."""
     if not angles.valid.any():
         return [Finding("angle", "stops", "no frame has an angle.", "track the film again")]
     sigma_deg = float(np.median(angles.sigma_rad[angles.valid])) / DEG
@@ -207,7 +206,7 @@ def _look_at_angles(angles: StickAngles) -> list[Finding]:
 
 
 def _look_at_priors(spec: ActuatorSpec) -> list[Finding]:
-    """Say which values count as exact."""
+    """Report the values that count as exact."""
     if not spec.exact:
         return []
     level = "note" if spec.uncertainty else "limits"

@@ -1,4 +1,4 @@
-"""A film before it is tracked: stretches of it are tracked, the rest is only sampled."""
+"""Check of a film before the run: stretches of the film are tracked, the rest is only sampled."""
 
 from __future__ import annotations
 
@@ -27,10 +27,9 @@ from tracker.initialise import Start, find_start
 Picture = NDArray[np.uint8]
 
 PLACES: Final = 17
-"""Frames over the whole film that are looked at for motion: the ends of sixteen parts, of which one is halved and
-halved again."""
+"""Frames over the whole film compared to find motion: the ends of sixteen parts, of which one is halved twice."""
 _LOOKED_AT: Final = range(4, PLACES, 4)
-"""Those of them in which the markers are looked for, which costs as much as tracking a thousand frames."""
+"""Those of these frames in which the markers are searched for, which takes as long as tracking a thousand frames."""
 _SMALL_PX: Final = 160
 """Longer side to which a frame is shrunk before it is compared with another: a quarter of VGA's, so that sixteen pixels
 are one and single ones no longer count."""
@@ -48,7 +47,7 @@ def check_film(
     camera: Camera | None = None,
     progress: Progress = silent,
 ) -> Check:
-    """Look at a film: times, markers in frames over its whole length, and a tracked stretch of its motion."""
+    """Check a film: its times, the markers in frames over its whole length, and a tracked stretch with motion."""
     check = Check()
     try:
         source = open_source(video, fps=fps, timestamps=timestamps)
@@ -73,7 +72,7 @@ def check_film(
 
 
 def _look_at_times(check: Check, about: str, timestamps: Timestamps, *, tick_s: float, given: object) -> None:
-    """Say how many frames there are, and whether their rate varies or stops."""
+    """Report the number of frames, and a frame rate that varies or a film that stands still."""
     rate = timing(timestamps.time_s, tick_s=tick_s)
     if rate.step_s is None or rate.shortest_s is None or rate.longest_s is None:
         return
@@ -100,7 +99,7 @@ def _look_at_times(check: Check, about: str, timestamps: Timestamps, *, tick_s: 
 
 
 def _look_at_file(check: Check, about: str, source: Any, timestamps: Timestamps) -> None:
-    """Say what the source noted of the file: damage, fields, further streams, slow motion."""
+    """Report the properties of the file that the source has found: damage, fields, further streams, slow motion."""
     entries = source.damage.entries
     for entry in entries:
         if entry["kind"] != "damage":
@@ -127,9 +126,9 @@ def _stretches(
     about: str,
     progress: Progress,
 ) -> list[int]:
-    """Return where the tracked stretches begin: where a run would begin, and where most is seen to move.
+    """Return the first frames of the tracked stretches: the start of a run, and the stretch with the largest motion.
 
-    Positions that were given hold in the first frame alone; points without a dot cannot be found again in a later one.
+    Given positions hold in the first frame only, and points without a dot cannot be found again in a later frame.
     """
     begin = 0 if hints is not None else start.frame
     if len(timestamps) <= CLIP:
@@ -144,9 +143,9 @@ def _stretches(
 def _liveliest(
     source: Any, timestamps: Timestamps, check: Check, about: str, progress: Progress, *, begin: int, sought: bool
 ) -> int:
-    """Return where a stretch begins that lies around the largest change between two sampled frames.
+    """Return the first frame of a stretch around the largest change between two sampled frames.
 
-    ``begin`` is where a run begins; ``sought``: whether the markers are looked for in some of the frames on the way.
+    ``begin`` is the first frame of a run; ``sought``: whether the markers are searched for in some sampled frames.
     """
     count = len(timestamps)
     places = np.linspace(begin, count - 1, PLACES).astype(int).tolist()
@@ -186,5 +185,5 @@ def _luma_at(source: Any, timestamps: Timestamps, place: int) -> Picture | None:
 
 
 def _changed(one: Picture, other: Picture) -> float:
-    """Return the share of the picture in which the brightness differs by more than noise and light make it."""
+    """Return the share of the picture in which the brightness differs by more than noise and flicker explain."""
     return float(np.mean(cv2.absdiff(one, other) > _STEP_GREY))

@@ -1,4 +1,4 @@
-"""One thing that was found, and the verdict over all of them."""
+"""A finding of the doctor, and the verdict over all findings."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from torsight.core.errors import TorsightError
 from torsight.core.tracks import USUAL_SHARE
 
 LEVELS: Final = ("fine", "note", "limits", "stops")
-"""How much a finding matters: not at all, worth knowing, limits the result, there will be no result."""
+"""Severity of a finding: harmless, worth knowing, limits the result, prevents a result."""
 FEW: Final = (1.0 - USUAL_SHARE) / 5.0
-"""Share of a film's frames, or of its time, that is not worth a word: a fifth of what a track may lack without a
+"""Share of a film's frames, or of its time, that is not reported: a fifth of the share that a track may lack without a
 warning."""
 RESIDUAL_DEG: Final = 0.3
-"""What the plain model leaves on a good record: an angle that is known better than this limits nothing. Of a synthetic
-rig that lacks nothing it leaves 0.1°; no real rig is without a remainder."""
+"""Residual of the plain model on a good record, degrees: an angle that is known better than this limits nothing. On a
+synthetic rig without a missing effect the residual is 0.1°; on a real rig it is always larger."""
 _VERDICTS: Final = {"fine": "good", "note": "good", "limits": "usable", "stops": "do again"}
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was found, as a sentence, and what to do about it, if anything.
+    """A finding as a sentence, with advice where there is any.
 
-    It is about the film, the right film, the log, the actuator, the camera, the clock, the experiment, the record or
-    the installation; its level is one of :data:`LEVELS`. ``angle_deg`` is the error of the angle that it makes, where
-    that is known: the larger ones come first. ``error`` is the refusal that ``torsight run`` would end with.
+    A finding is about the film, the right film, the log, the actuator, the camera, the clock, the experiment, the
+    record or the installation; its level is one of :data:`LEVELS`. ``angle_deg`` is the resulting error of the angle,
+    where this is known: larger errors come first. ``error`` is the error with which ``torsight run`` would end.
     """
 
     about: str
@@ -44,7 +44,7 @@ class Finding:
 
 @dataclass(slots=True)
 class Check:
-    """What was found about one film or log: findings, measured figures for a script, and its length (0: not known)."""
+    """Result of checking one film or log: findings, measured figures for a script, and its length (0: not known)."""
 
     findings: list[Finding] = field(default_factory=list)
     content: dict[str, Any] = field(default_factory=dict)
@@ -52,12 +52,12 @@ class Check:
 
 
 def refusal(about: str, error: TorsightError) -> Finding:
-    """Return an error that was met as a finding that stops the run."""
+    """Return an error as a finding that prevents the run."""
     return Finding(about, "stops", str(error), error=error)
 
 
 def ordered(findings: Iterable[Finding]) -> list[Finding]:
-    """Return findings by how much they matter: level first, then the error of the angle; else as found."""
+    """Return the findings by severity: level first, then the error of the angle, then in their order."""
     return sorted(findings, key=lambda item: (-LEVELS.index(item.level), -(item.angle_deg or 0.0)))
 
 
@@ -68,7 +68,7 @@ def verdict(findings: Sequence[Finding]) -> str:
 
 
 def exit_code(findings: Sequence[Finding]) -> int:
-    """Return the code that a run would end with: of the first refusal, 4 where nothing could come out, else 0."""
+    """Return the exit code of a run: that of the first refusal, 4 where no result is possible, else 0."""
     stopping = [item for item in findings if item.level == "stops"]
     if not stopping:
         return 0

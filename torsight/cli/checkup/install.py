@@ -1,4 +1,4 @@
-"""Whether another distribution has written into the packages that Torsight installs under plain names."""
+"""Check whether another distribution has written into the packages that Torsight installs under common names."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from torsight.core.words.wording import listed
 OWN: Final = "torsight"
 """Name of this distribution."""
 NAMES: Final = ("tracker", "calibration", "sync")
-"""Top-level packages of it whose names others may use, too."""
+"""Its top-level packages whose names other distributions may use, too."""
 
 
 def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[Finding]:
-    """Look for other distributions with a top-level package of one of :data:`NAMES`.
+    """Return findings on other distributions that have a top-level package with a name in :data:`NAMES`.
 
-    Two of them in one environment write into one folder: which files are whose depends on what was installed last, and
-    removing one takes files of the other. ``packages`` are the distributions by top-level name; those installed
-    otherwise.
+    Two such distributions in one environment write into one folder: the last one installed overwrites files of the
+    other, and removing one deletes files of the other. ``packages`` are the distributions by top-level name; by default
+    the installed ones.
     """
     if packages is None:
         from importlib.metadata import packages_distributions
@@ -43,12 +43,12 @@ def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[F
 
 @contextmanager
 def own_packages() -> Iterator[None]:
-    """Turn a failed import into an error that names the distribution whose package replaces ours, if there is one.
+    """Turn a failed import into an error that names the distribution whose package replaces Torsight's, if any.
 
     Raises
     ------
     InputError
-        For an ``ImportError`` where another distribution has a package of ours.
+        For an ``ImportError`` where another distribution has a package of the same name.
     """
     try:
         yield

@@ -29,16 +29,16 @@ from torsight.core.units import DEG
 from torsight.core.words.wording import counted, effect_name, listed, number
 
 _NOISY_C: Final = 0.3
-"""Noise of a reading from which the sensors should be shielded: more than that for which it is known what the
-preparation of a log leaves of it (0.02 to 0.25 °C, benchmarks/actuator/log_constants.py)."""
+"""Noise of a reading above which the sensors should be shielded, °C: up to this noise the error that remains after the
+conditioning of a log was measured (0.02 to 0.25 °C, benchmarks/actuator/log_constants.py)."""
 _FEW: Final = 4
-"""Half-cycles with motion that a record needs: either spring heated at either of two rates. With fewer, what is held
-out has nothing like it in the fit."""
+"""Half-cycles with motion that a record needs: either spring heated at either of two rates. With fewer, a held-out
+half-cycle has no similar one in the fit."""
 
 
 @dataclass(slots=True)
 class LogCheck(Check):
-    """What was found about a log, and what was read of it."""
+    """Result of checking a log, and the log as read."""
 
     reading: LogReading | None = None
 
@@ -46,7 +46,7 @@ class LogCheck(Check):
 def check_log(
     path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> LogCheck:
-    """Check a log on its own: rate, gaps, repairs, ranges, noise."""
+    """Check a log alone: rate, gaps, repairs, ranges, noise."""
     check = LogCheck()
     try:
         check.reading = read_temperature_log(path, columns=columns, units=units)
@@ -171,7 +171,7 @@ def driven_by(reading: LogReading, spec: ActuatorSpec, limits: Limits, *, where:
 
 
 def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding]:
-    """Say whether the springs heat and cool as far as the model needs, and how many half-cycles there are."""
+    """Report incomplete heatings and coolings of the springs, and the number of half-cycles."""
     findings: list[Finding] = []
     moving = [cycle for cycle in cycles if cycle.peak_c > limits.onset_c]
     peaks = ", ".join(f"{cycle.peak_c:.1f} °C ({cycle.spring.upper()})" for cycle in cycles)
@@ -207,7 +207,7 @@ def _look_at_cycles(cycles: Sequence[HalfCycle], limits: Limits) -> list[Finding
 
 
 def _look_at_separable(found: Separable, cycles: Sequence[HalfCycle]) -> list[Finding]:
-    """Say in words what discovery will and will not be able to find, and why."""
+    """Report which effects discovery will and will not be able to find, and why."""
     rates = distinct_rates(cycles)
     visible = listed([effect_name(name) for name in found.visible]) or "no effect"
     level = "fine" if found.visible else "limits"

@@ -1,10 +1,10 @@
-"""Whether the readings of a spring ripple while it is heated: a heater that is switched on and off within seconds.
+"""Ripple of a spring's readings while it is heated, from a heater that is switched on and off within seconds.
 
-The wire's transformation only advances while it is heated, so it follows the peaks of such a ripple. How high they are
-the preparation of a log knows to half of it only (:mod:`torsight.actuator.record.ripple`), unless there are many
-readings to a pulse. What a reading differs from its neighbours by is compared between heatings and rests: noise and the
-last digit are the same in both. Where the temperature merely bends, differences of readings that are further apart are
-larger; those of pulses go up and down.
+The wire's transformation only advances while it is heated, so it follows the peaks of such a ripple. The conditioning
+of a log knows the height of the peaks only to half of it (:mod:`torsight.actuator.record.ripple`), unless there are
+many readings per pulse. Differences between neighbouring readings are compared between heatings and rests: noise and
+the last digit are the same in both. Where the temperature is merely curved, these differences grow with the distance
+between the readings; with pulses they rise and fall.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from torsight.core.series import rms, runs
 from torsight.core.units import Flags, Floats
 
 PLENTY: Final = 20
-"""Readings to a pulse from which it is seen as it is (benchmarks/actuator/pulsed_heaters.py)."""
+"""Readings per pulse that resolve its shape (benchmarks/actuator/pulsed_heaters.py)."""
 _MATTERS_C: Final = 0.1
-"""Sensors are read to this; it moves the reference rig by 2° where it is steepest."""
+"""Usual resolution of sensors, °C; such a change moves the reference rig by 2° where the angle is steepest."""
 _SLOW_SHARE: Final = 0.95
-"""Corners of the temperature are the largest of the differences, and few."""
+"""Quantile at which differences are clipped: corners of the temperature cause the largest differences, but few."""
 
 
 def ripple_c(reading: LogReading) -> dict[Spring, float]:
-    """Return by how much, °C, the readings of a spring scatter in its most restless heating beyond those at rest.
+    """Return the scatter of a spring's readings beyond that at rest, °C, in the heating in which it is largest.
 
-    Only springs of which that is more than all the rest of the scatter, and matters. Timestamps that are cut off to
-    whole steps, and readings that are held for several rows, show no ripple.
+    Only springs are included whose ripple exceeds the remaining scatter and :data:`_MATTERS_C`. Timestamps that are
+    truncated to whole steps, and readings that are held for several rows, show no ripple.
     """
     log = reading.log
     found: dict[Spring, float] = {}
@@ -55,14 +55,14 @@ def _most_restless(time_s: Floats, temp_c: Floats, segments: list[HeatingSegment
     if not heated:
         return 0.0
     still = _sizes(time_s, temp_c, ~np.logical_or.reduce(inside))
-    # A reading that stands still at rest has the error of its last digit while it moves.
+    # Readings that do not change at rest have the error of the last digit when the temperature changes.
     still = np.maximum(still, last_digit(temp_c) ** 2 / 12.0)
     changing = [rows for rows in heated if 2 * np.count_nonzero(np.diff(temp_c[rows])) >= np.count_nonzero(rows)]
     return max((_beyond(_sizes(time_s, temp_c, rows), still) for rows in changing), default=0.0)
 
 
 def _beyond(driven: Floats, still: Floats) -> float:
-    """Return the scatter of a heating beyond that at rest, from both variances by stride; 0 where none is of pulses."""
+    """Return the scatter of a heating beyond that at rest, from both variances by stride; 0 without pulses."""
     count = min(len(driven), len(still))
     if count == 0:
         return 0.0
@@ -74,14 +74,14 @@ def _beyond(driven: Floats, still: Floats) -> float:
 
 
 def _sizes(time_s: Floats, temp_c: Floats, rows: Flags) -> Floats:
-    """Return the variance of one reading by stride, for the strides of which there are enough differences."""
+    """Return the variance of one reading by stride, for the strides with enough differences."""
     longest = max((end - begin for begin, end in runs(rows)), default=0)
     strides = range(1, min(PLENTY // 2, (longest - SHORTEST) // 3) + 1)
     return np.square([_scatter(time_s, temp_c, rows, stride) for stride in strides])
 
 
 def _scatter(time_s: Floats, temp_c: Floats, rows: Flags, stride: int) -> float:
-    """Return the standard deviation of one reading, from third divided differences: they see no line or parabola."""
+    """Return the standard deviation of one reading, from third divided differences, in which parabolas vanish."""
     found = [np.zeros(0)]
     for begin, end in runs(rows):
         count = end - begin - 3 * stride

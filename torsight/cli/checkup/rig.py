@@ -1,4 +1,4 @@
-"""A temperature log against the actuator that it drives: does it heat fully, at which rates, with which holds."""
+"""Check of a temperature log against the actuator that it drives: complete heatings, heating rates, holds."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.core.units import DEG, Floats
 
 _RATE_RATIO: Final = 1.3
-"""Heating rates closer than this count as one: a choice, which decides over a half-sentence of a finding alone."""
+"""Heating rates closer than this ratio count as equal: a choice, which affects only half a sentence of a finding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
     """Temperatures at which a complete, stable cycle of this actuator moves, °C; angles in degrees.
 
-    Where motion begins while heating, where the transformation is complete, and where the cooled spring is martensite
-    again, so that the next half-cycle starts as the model takes it; the range of motion, and the angle before A is
-    heated: before B it is the negative.
+    The temperatures are those at which motion begins while heating, at which the transformation is complete, and at
+    which the cooled spring is martensite again, as the model assumes at the start of a half-cycle. The angles are the
+    range of motion, and the angle before A is heated (before B is heated it is the negative).
     """
 
     onset_c: float
@@ -36,7 +36,7 @@ class Limits:
 
 
 def limits_of(spec: ActuatorSpec) -> Limits | None:
-    """Return where an actuator moves, by the closed forms; None where it never does."""
+    """Return the temperatures and angles of an actuator's motion, by the closed forms; None where it never moves."""
     rig = Rig.from_values(spec.values)
     cycle = stable_cycle(rig)
     if math.isnan(cycle.xi_12) or cycle.theta_1_rad - cycle.theta_2_rad < DEG:
@@ -61,7 +61,8 @@ def limits_of(spec: ActuatorSpec) -> Limits | None:
 class HalfCycle:
     """One heating and cooling of a spring (``a`` or ``b``) as the log shows it.
 
-    Its temperature at the top, and lowest after it, and the median rate of its heating within the range of motion.
+    It holds the peak temperature, the lowest temperature after it, and the median heating rate within the range of
+    motion.
     """
 
     spring: str
@@ -93,7 +94,7 @@ def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
 
 
 def distinct_rates(cycles: Sequence[HalfCycle]) -> list[float]:
-    """Return heating rates that differ from each other, °C/s."""
+    """Return the distinct heating rates, °C/s."""
     kept: list[float] = []
     for rate in sorted(cycle.rate_c_s for cycle in cycles if cycle.rate_c_s > 0.0):
         if not kept or rate > _RATE_RATIO * kept[-1]:
@@ -102,9 +103,9 @@ def distinct_rates(cycles: Sequence[HalfCycle]) -> list[float]:
 
 
 def steepest_deg_per_c(angle_deg: Floats, temp_c: Floats) -> float:
-    """Return by how much the angle moves per °C where it is steepest."""
+    """Return the steepest slope of the angle over the temperature, °/°C."""
     step_c = np.diff(temp_c)
-    # Where the temperature stands still, noise over noise would be the steepest.
+    # Where the temperature is constant, a ratio of noise to noise would be the steepest.
     moving = np.abs(step_c) > 1e-3
     if not moving.any():
         return 0.0

@@ -1,9 +1,9 @@
-"""Which effects discovery will be able to find under a temperature programme, before anything is filmed.
+"""Effects that discovery will be able to find under a temperature programme, before anything is filmed.
 
-Every effect of the library is put into the model at its usual size; the plain model, and the model with every other
-effect, take up what they can with their free parameters and those of the effects that every fit has, within the priors
-(linear in the parameters). What is left is weighed as the engine weighs it: the gain, against what it asks for to
-accept an effect and to separate two.
+Every effect of the library is put into the model at its usual size. The plain model, and the model with every other
+effect, are then fitted to these angles with their free parameters and those of the effects that every fit has, within
+the priors (linear in the parameters). The gain from the residual is compared with the gains that the engine requires
+for accepting an effect and for separating two.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
 
 _CORRELATION_S: Final = 10.0
-"""Correlation time of what a good record leaves: a sample counts as its interval over this. A choice."""
+"""Correlation time of the residual of a good record, s: a sample counts as its interval over this. A choice."""
 _SPREAD: Final = 2.0 * NormalDist().inv_cdf(19.0 / 20.0)
-"""A gain scatters by twice its root (a noncentral χ²): what is called visible is found nineteen times in twenty."""
+"""A gain scatters by twice its root (a noncentral χ²): an effect called visible is found nineteen times in twenty."""
 
 
 @dataclass(frozen=True, slots=True)
 class Separable:
     """Effects that the record will show: those that the plain model cannot absorb are visible, the others are hidden.
 
-    ``alike`` are pairs of visible effects that take each other up, ``left_deg`` is what the plain model leaves of each
-    effect at its usual size, degrees rms.
+    ``alike`` are pairs of visible effects that absorb each other; ``left_deg`` is the residual of the plain model for
+    each effect at its usual size, degrees rms.
     """
 
     visible: tuple[str, ...]
@@ -49,7 +49,7 @@ class Separable:
 
 
 def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separable:
-    """Return which effects a record driven like this would show, and which of them it would keep apart."""
+    """Return which effects a record with this drive would show, and which of them it could distinguish."""
     effects = [effect for effect in load_effects().values() if effect.propose is None and _at_usual_size(effect)]
     weight = np.gradient(drive.time_s) / _CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
     always = tuple(effect.id for effect in always_fitted())
@@ -70,7 +70,7 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separa
     gains = linear_gains(predict, explanations, Weight.of(weight))
     progress("what discovery can tell", needed, needed)
     names = [effect.id for effect in effects]
-    # The first row and column are the plain model's; the rows are what is taken as true.
+    # The first row and column belong to the plain model; the row is the model taken as true.
     left = dict(zip(names, np.maximum(gains[1:, 0], 0.0).tolist(), strict=True))
     settings = Settings()
     least = 2.0 * settings.price(len(names)) + settings.surely
@@ -88,5 +88,5 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separa
 
 
 def _at_usual_size(effect: Effect) -> bool:
-    """Return whether the effect's own start is a size at which it does something."""
+    """Return whether the effect changes the model at its start values."""
     return any(p.null is not None and p.value != p.null for p in effect.parameters)

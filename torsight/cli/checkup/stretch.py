@@ -1,4 +1,4 @@
-"""Stretches of a film, tracked as a run would: how many frames have an angle, how well it is known, how fast it is."""
+"""Stretches of a film, tracked as in a run: the share of frames with an angle, its uncertainty, and the speed."""
 
 from __future__ import annotations
 
@@ -27,14 +27,13 @@ from tracker.quality.track_warnings import doubts
 from tracker.track import TrackResult, track_film
 
 CLIP: Final = 400
-"""Frames of a stretch: the share of them that has an angle is known to √(0.9 · 0.1 / 400) = 1.5 % then, where it is
-nine tenths."""
+"""Frames of a stretch: a share of nine tenths with an angle is then known to √(0.9 · 0.1 / 400) = 1.5 %."""
 _FAST_DEG: Final = 5.0
 """Motion from frame to frame up to which the markers are surely followed: a marker 100 px from the axis moves by 9 px,
 by less than half of what is followed on films of benchmarks/tracking/hardships.py (20 px, smeared)."""
 _SMEAR_PX: Final = 0.5
-"""Motion of a marker while the shutter is open from which its smear is worth a word: it adds 0.5² / 12 to the square of
-an edge's blur, 4 % where that is the 0.7 px of an ordinary lens."""
+"""Motion of a marker while the shutter is open above which the smear is reported, px: it adds 0.5² / 12 to the square
+of an edge's blur, 4 % for the 0.7 px of an ordinary lens."""
 
 
 def track_stretches(
@@ -47,10 +46,10 @@ def track_stretches(
     camera: Camera | None,
     progress: Progress,
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Track stretches of a film of ``total`` frames and return the results, as findings about it and as figures.
+    """Track stretches of a film of ``total`` frames and return the results, as findings and as figures.
 
-    The first clip is where a run begins, with the markers as it finds them; in the last one most moves. ``hints`` hold
-    for the film's first frame.
+    The first clip begins where a run begins, with the markers that a run would find; the last clip has the largest
+    motion. ``hints`` hold for the film's first frame.
     """
     tracked: list[tuple[Clip, TrackResult, Orientation]] = []
     errors: list[NoResultError] = []
@@ -72,7 +71,7 @@ def track_stretches(
     if start.doubtful:
         findings.append(_faint(start, about))
     where = clips[0].name.rpartition(", ")[0]
-    # What a person has to read is whole sentences, of the first stretch that says so.
+    # People get complete sentences, each from the first stretch that gives it.
     said = {words: Finding(about, "limits", words) for _, result, _ in tracked for words in doubts(result)}
     unsure = [lacking for one in accounts if (lacking := unsure_markers(one, where=where)) is not None]
     findings += [*said.values(), *(refusal(about, lacking) for lacking in unsure[:1])]
@@ -110,7 +109,7 @@ def _look_at_coverage(
     known = sum(one["frames"]["with_angle"] for one in accounts)
     before = 0 if given else start.frame
     if len(clips) == 1 and clips[0].first == 0 and frames >= before:
-        # What comes before the markers are seen was tracked along.
+        # Frames before the markers are visible were tracked as well.
         share = known / frames if frames else 0.0
     else:
         share = known / frames * (total - before) / total
@@ -158,7 +157,7 @@ def _look_at_account(accounts: Sequence[Mapping[str, Any]], about: str) -> list[
     seen: set[str] = set()
     for words in (words for one in reversed(accounts) for words in one["advice"]):
         text, _, advice = words.partition(": ")
-        # Two stretches say the same with other figures: those of the one where most moves stand for both.
+        # Two stretches give the same advice with other figures: those of the stretch with the largest motion are used.
         same = re.sub(r"[\d.]+", "", text)
         if same in seen:
             continue
@@ -192,7 +191,7 @@ def _look_at_tilt(summary: Mapping[str, Any], about: str, camera: Camera | None)
 def _look_at_speed(
     about: str, result: TrackResult, orientation: Orientation, shutter: float
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Say how far things move from frame to frame and while the shutter is open."""
+    """Report the motion from frame to frame and while the shutter is open."""
     angles = orientation.angles
     known = angles.valid & angles.branch_certain
     time_s, angle_deg = angles.time_s[known], angles.angle_rad[known] / DEG
