@@ -417,7 +417,7 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
     ),
     # a model that is linear in its parameters
     "linear: a column of another length": (
-        "linear_problem, 'gain': is not of the length of what was measured",
+        "linear_problem, 'gain': has another length than the measured values",
         lambda: straight(base={"gain": RECORD["u"][1:]}),
     ),
     "linear: a column with a gap": (
@@ -434,12 +434,12 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
         lambda: straight(candidates={"bow": {"gain": RECORD["u"] ** 2}}),
     ),
     "linear: a driver of another length": (
-        "linear_problem, 'u': is not of the length of what was measured",
+        "linear_problem, 'u': has another length than the measured values",
         lambda: straight(drivers={"u": RECORD["u"][1:]}),
     ),
     "linear: negative noise": (r"LinearProblem\.sigma: is no noise", lambda: straight(sigma=-1.0)),
     "linear: blocks of another length": (
-        "linear_problem, 'block': is not of the length of what was measured",
+        "linear_problem, 'block': has another length than the measured values",
         lambda: straight(block=np.zeros(9, int)),
     ),
 }

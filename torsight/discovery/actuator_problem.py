@@ -34,21 +34,21 @@ from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 RESOLUTION_DEG: Final = 0.1
-"""A difference that nobody would miss: 0.02 % of the stroke."""
+"""A difference that does not matter: 0.02 % of the stroke."""
 _NOISE_DRAWS: Final = 6
-"""Draws of the temperatures' noise: a sample's standard deviation is known to three parts in ten from them (1/√12), the
-mean over a record to a few hundredths (benchmarks/discovery/tops.py, --constants)."""
+"""Number of draws of the temperatures' noise: they give a sample's standard deviation to three parts in ten (1/√12),
+and its mean over a record to a few hundredths (benchmarks/discovery/tops.py, --constants)."""
 _SAMPLES: Final = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
 _OF_THE_RECORD: Final = (*_SAMPLES, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_thinned")
-"""What depends on the record alone, and is not worked out again where other laws are tried on it."""
+"""Members that depend on the record alone, and are not computed again where other laws are tried on it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ActuatorProblem(OptionalMembers):
     """One prepared record with the plain model and every effect as a candidate.
 
-    The model is stepped through few rows only (:func:`kept_rows`): those between which angle and temperatures change
-    little carry nothing. What takes temperatures from other times takes them from all rows.
+    The model is stepped through few rows only (:func:`kept_rows`): rows between which angle and temperatures change
+    little carry no information. Effects that need temperatures of other times take them from all rows.
 
     Attributes
     ----------
@@ -57,15 +57,15 @@ class ActuatorProblem(OptionalMembers):
     spec : ActuatorSpec
         Characterised values with their uncertainties.
     seed : int
-        Of the temperature noise that is drawn to see what it does to the angle.
+        Seed of the temperature noise that is drawn and driven through the model.
     resolution : float
-        In degrees.
+        Size of a difference that does not matter, degrees.
     forms : tuple of LawForm
         Measured laws that are candidates, too.
     history : History
-        What earlier records of the same springs left behind.
+        State of the springs after their earlier records.
     phase_law, theta_l_deg
-        As of :class:`~torsight.actuator.model.ActuatorModel`.
+        As in :class:`~torsight.actuator.model.ActuatorModel`.
     """
 
     in_copies: ClassVar[bool] = True
@@ -87,7 +87,7 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def _way(self) -> Floats:
-        """How far every row of the drive has come since the first, in steps of angle, temperatures or time."""
+        """Path length from the first row to every row of the drive, in steps of angle, temperatures or time."""
         return way_of(self.drive)
 
     @cached_property
@@ -98,26 +98,26 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The plain model's free parameters, and those of what is always fitted beside them."""
+        """The plain model's free parameters, and those of the effects that are always fitted beside them."""
         return tuple(self._clock_known(parameter) for parameter in self.model().parameters)
 
     def _clock_known(self, parameter: Parameter) -> Parameter:
-        """Return the clocks' offset with its prior: none, to within what is known of it."""
+        """Return a parameter; that of the clocks' offset with its prior, zero with the clocks' standard deviation."""
         if parameter.name != CLOCK_OFFSET.parameters[0].name:
             return parameter
         return replace(parameter, value=0.0, sigma=self.drive.clock_sigma_s)
 
     @cached_property
     def always(self) -> tuple[Effect, ...]:
-        """What every fit of this record has beside the characterised values.
+        """Effects that every fit of this record has beside the characterised values.
 
-        Where it is known how well the clocks were put together, their offset is no effect that may be missing.
+        Where the uncertainty of the clocks' synchronisation is known, their offset is no effect that may be missing.
         """
         return (*always_fitted(), *(() if self.drive.clock_sigma_s is None else (CLOCK_OFFSET,)))
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Every effect file as a candidate, but for what is always fitted; then the measured laws."""
+        """Every effect file as a candidate, except those that are always fitted; then the measured laws."""
         effects = [effect for effect in load_effects().values() if effect not in self.always]
         measured = self.drive.angle_rad
         named = [_candidate(effect, measured) for effect in effects]
@@ -127,7 +127,7 @@ class ActuatorProblem(OptionalMembers):
     def laws(self) -> tuple[Law, ...]:
         """Places and variables at which a law may be missing."""
         found = laws_of(self.drive, self.model().nominal()["tau_c_mnm"])
-        # Where the clocks were put together beforehand, their course is no open question.
+        # Where the clocks were synchronised beforehand, a law of their lead over time is no candidate.
         return found if self.drive.clock_sigma_s is None else tuple(law for law in found if law.id != "clock_time_s")
 
     def with_laws(self, forms: Sequence[LawForm]) -> ActuatorProblem:
@@ -137,38 +137,38 @@ class ActuatorProblem(OptionalMembers):
         return other
 
     def get_ready(self) -> None:
-        """Find the wires behind slow sensors."""
+        """Compute the wires' temperatures behind slow sensors."""
         self.drive.sensors.get_ready()
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy of the process sends back: all but candidates, which hold functions, and models."""
+        """Return the state of a copy of the process, without models and without candidates, which hold functions."""
         return known_of(self, (*(one.name for one in fields(self)), *_OF_THE_RECORD)) | {"_models": {}}
 
     @cached_property
     def once(self) -> tuple[str, ...]:
-        """Names of the values that say what came before the record."""
+        """Names of the values that describe the state before the record."""
         return tuple(p.name for effect in always_fitted() if effect.family == "start" for p in effect.parameters)
 
     @property
     def opening_blocks(self) -> tuple[int, ...]:
-        """The half-cycle with which the record opens, where it is not known how the springs were wound before."""
+        """The first half-cycle of the record, where the springs' winding before the record is not known."""
         return (int(self.block[0]),) if self.history.unwound_rad is None else ()
 
     @cached_property
     def elsewhere(self) -> tuple[Mapping[str, float], ...]:
-        """Starts of what is always fitted, and the sticks' zero in the middle of what was read."""
+        """Starts of the effects that are always fitted, and the sticks' zero in the middle of the measured angles."""
         starts = tuple(start for effect in always_fitted() for start in effect.starts)
         zero = ({"zero_deg": middle_deg(self.drive)},) if any(p.name == "zero_deg" for p in self.parameters) else ()
         return (*starts, *zero)
 
     @cached_property
     def share(self) -> Floats:
-        """Share of a step along the record's way that every kept row stands for, one at most."""
+        """Share of a step along the record's path that every kept row represents, one at most."""
         return np.minimum(np.gradient(self._way[self.rows]), 1.0)
 
     @cached_property
     def over_floor(self) -> float:
-        """Noise floors that are left from which something is missing although nothing known explains it."""
+        """Ratio of residual to noise floor above which something is missing, even if no known effect explains it."""
         return EXPLAINED
 
     @cached_property
@@ -182,7 +182,7 @@ class ActuatorProblem(OptionalMembers):
 
     @property
     def observed(self) -> Floats:
-        """Measured angle in degrees, mean over the rows around each kept one."""
+        """Measured angle in degrees, mean over the rows around each kept row."""
         return self._means[0]
 
     @property
@@ -213,7 +213,7 @@ class ActuatorProblem(OptionalMembers):
         return actuator_drivers(self.drive, self.rows, self.observed, self.rest)
 
     def model(self, effects: Sequence[str] = ()) -> ActuatorModel:
-        """Return the model with these effects and what is always fitted."""
+        """Return the model with these effects and those that are always fitted."""
         chosen = tuple(effects)
         if chosen not in self._models:
             always = (effect.id for effect in self.always)
@@ -232,27 +232,27 @@ class ActuatorProblem(OptionalMembers):
         return self._predict(self.drive, values, effects)
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
-        """Return what noise left in the temperatures does to the angle, the tops of half-cycles apart.
+        """Return the standard deviation of the angle due to residual noise of the temperatures, except that of tops.
 
-        Errors of the size that the conditioning gives are drawn and driven through the model. Where a disk that had
-        rested lets go, nobody knows between two rows, either.
+        Errors of the size that the conditioning gives are drawn and driven through the model. The unknown instant
+        between two rows at which a disk breaks loose after a rest is added.
         """
         clean, jumps = self._seen(self.drive, values, effects)
         found = self._off_by(self._smooth_drives, clean, values, effects)
         return np.sqrt(np.mean(found**2, axis=1) + jumps**2) if found.shape[1] else jumps
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
-        """Return what one standard deviation of each error that many samples share does to the angle (n, k), degrees.
+        """Return the change of the angle (n, k), degrees, by one standard deviation of each error that samples share.
 
-        At a top an incomplete transformation ends: its error stays in the angle until the next heating. The height of a
-        ripple's peaks is one for all heatings. Errors that move the angle nowhere by a tenth of the resolution are left
-        out: those of the tops of complete heatings.
+        At a top an incomplete transformation ends: the error of the top stays in the angle until the next heating. The
+        height of a ripple's peaks is one error for all heatings. Errors that change the angle by less than a tenth of
+        the resolution everywhere are left out, such as those of the tops of complete heatings.
         """
         found = self._off_by(self._lasting_drives, self.predict(values, effects), values, effects)
         return found[:, np.max(np.abs(found), axis=0, initial=0.0) > 0.1 * self.resolution]
 
     def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
-        """Return the law's values on its nodes at which it does what an effect does, where the family can read them."""
+        """Return the values on a law's nodes with which it acts as the effect, where the law's family gives them."""
         read, own = FAMILIES[law.id].read, load_effects().get(effect)
         if read is None or own is None or law.id not in own.laws:
             return None
@@ -261,7 +261,7 @@ class ActuatorProblem(OptionalMembers):
         return read(model.ports(self.drive, known, history=self.history), law.nodes)
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
-        """Return what rows that were not fitted say of the effects, in log units: whether the tracker saw an event."""
+        """Return the log likelihood ratio of the effects' events from the rows that were not fitted."""
         known, drive = load_effects(), self.drive
         ways = [known[name].seen for name in effects if name in known]
         return sum(seen(drive.time_s, drive.angle_rad, self.time_s, values) for seen in ways if seen is not None)
@@ -269,7 +269,7 @@ class ActuatorProblem(OptionalMembers):
     def _off_by(
         self, drives: Sequence[Drive], clean: Floats, values: Mapping[str, float], effects: Sequence[str]
     ) -> Floats:
-        """Return by how much the angle (n, k) is off ``clean`` where other drives take the record's place, degrees."""
+        """Return the difference (n, k) of the angle from ``clean`` with other drives than the record's, degrees."""
         if not drives:
             return np.zeros((len(self.rows), 0))
         return np.column_stack(with_help(drives, lambda drive: self._predict(drive, values, effects) - clean))
@@ -295,7 +295,10 @@ class ActuatorProblem(OptionalMembers):
 
 
 def _means_between(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:
-    """Return mean angle and its sigma, degrees, over as many rows on either side as lie nearer to no other kept row."""
+    """Return the mean angle and its sigma, degrees, over equally many rows on either side of each kept row.
+
+    These are at most the rows that lie nearer to no other kept row.
+    """
     gap = np.diff(rows)
     half = np.zeros(len(rows), np.int64)
     half[1:-1] = np.minimum(gap[:-1], gap[1:]) // 2
@@ -323,6 +326,6 @@ def _candidate(effect: Effect, angle_rad: Floats) -> Candidate:
         scales=scales,
         laws=effect.laws,
         jumps=effect.jumps,
-        # Clocks that differ do so whatever the form in time.
+        # Clocks may differ by any function of time.
         any_form=effect.is_clock,
     )

@@ -44,9 +44,9 @@ from torsight.discovery.own.find import find_missing
 from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull
 
 _DRAWS: Final = 2000
-"""Draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
-_SETS_TOLD: Final = 12
-"""Sets of effects whose probabilities stand in ``discovery.json``, the likeliest first: a choice."""
+"""Number of draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
+_SETS_LISTED: Final = 12
+"""Number of sets of effects whose probabilities are listed in ``discovery.json``, the likeliest first: a choice."""
 
 
 @one_thread()
@@ -67,9 +67,9 @@ def discover(
     spec : ActuatorSpec
         Characterised values with their uncertainties.
     seed : int
-        Of every random draw: the same table, spec and seed give the same report.
+        Seed of every random draw: the same table, spec and seed give the same report.
     progress : Progress
-        Called with how far the work is.
+        Called with the name of each step and how much of the step is done.
     where : str
         Name of the record in messages.
 
@@ -119,10 +119,10 @@ def decided(
     seed: int,
     effect_of: Callable[[str], str] = str,
 ) -> dict[str, Any]:
-    """Return the members of a report that follow from the decision, be it on one record or on several.
+    """Return the members of a report that follow from the decision, on one record or on several.
 
-    The first of the ``records`` tells the rig's exact values and the range in which laws are shown; ``effect_of`` gives
-    a candidate's effect where that has another id.
+    The first of the ``records`` gives the rig's exact values and the range in which laws are shown; ``effect_of`` maps
+    a candidate to its effect where that has another id.
     """
     record = records[0]
     field, decision = findings.field, findings.decision
@@ -151,7 +151,7 @@ def decided(
 
 
 def _next(problem: ActuatorProblem, findings: Findings, *, progress: Progress) -> NextExperiment | None:
-    """Return the experiment that would tell rivals apart; None where the answer is not ambiguous."""
+    """Return the experiment that would distinguish the rivals; None where the answer is not ambiguous."""
     decision = findings.decision
     if findings.verdict != "ambiguous":
         return None
@@ -165,7 +165,7 @@ def _problem(explanation: Explanation) -> ActuatorProblem:
 
 
 def model_of(problem: ActuatorProblem, chosen: Explanation) -> FittedModel:
-    """Return the extended model with what the record leaves behind."""
+    """Return the extended model with the springs' state at the end of the record."""
     own = _problem(chosen)
     return fitted_model(own.model(chosen.fit.effects), chosen.fit.values, problem.drive, history=own.history)
 
@@ -178,10 +178,10 @@ def doubt_of(
     *,
     reading_deg: float,
 ) -> Doubt:
-    """Return how far the extended model may be wrong: its values, what it leaves, and what else it could be.
+    """Return the uncertainty of the extended model: of its values, its residual, and other explanations.
 
-    ``spread`` (m, m) is the free parameters' covariance, ``left_deg`` what is left in motion and at rest, root mean
-    square; the others are further explanations, each with its part of the probability; ``reading_deg`` is the noise of
+    ``spread`` (m, m) is the free parameters' covariance, ``left_deg`` the residual in motion and at rest, root mean
+    square; ``others`` are further explanations, each with its part of the probability; ``reading_deg`` is the noise of
     a single reading.
     """
     return Doubt(
@@ -199,8 +199,9 @@ def doubt_of(
 def held_out_error_deg(findings: Findings) -> tuple[float, float]:
     """Return the discrepancy in motion and at rest on held-out half-cycles, degrees.
 
-    Less what readings, temperatures and what the other half-cycles leave open of the values account for: a prediction
-    adds what is its own of these. Of the fit, and a verdict's least at least, where nothing was left out.
+    The noise of readings and temperatures, and the uncertainty of the values in fits to the other half-cycles, are not
+    part of the discrepancy: a prediction adds its own. Where no half-cycle was held out, it is the discrepancy of the
+    fit, which is never less than the resolution.
     """
     chosen, held_out = findings.decision.chosen, findings.after
     if held_out is None:
@@ -211,9 +212,9 @@ def held_out_error_deg(findings: Findings) -> tuple[float, float]:
 
 
 def _of_time_deg(problem: ActuatorProblem, chosen: Explanation) -> float:
-    """Return what laws of time change in the angle, root mean square over the record.
+    """Return the contribution of laws of time to the angle, root mean square over the record, degrees.
 
-    They hold for no later time: what they explain in the record is missing in a prediction.
+    Such laws hold for no later time: their contribution is missing in a prediction.
     """
     names = {name for item in chosen.laws if item.law.says_when for name in item.form.names}
     if not names:
@@ -234,9 +235,9 @@ def fixed_values(problem: ActuatorProblem) -> dict[str, Estimate]:
 
 
 def noise_floor(problem: ActuatorProblem, chosen: Explanation, stretches: Stretches) -> float:
-    """Return the root mean square that the inputs account for: reading noise, and noise left in the temperatures.
+    """Return the root mean square due to the inputs, degrees: noise of the reading, and residual noise of temperatures.
 
-    A film's uncertainties are meant to be large enough; what a fit leaves may be less.
+    A film's uncertainties are meant to be large enough; the residual of a fit may be smaller.
     """
     noise = _problem(chosen).input_noise(chosen.fit.values, chosen.fit.effects)
     over_time = np.interp(problem.drive.time_s, problem.time_s, noise)
@@ -249,10 +250,10 @@ def single_reading_deg(problem: ActuatorProblem, chosen: Explanation, stretches:
 
 
 def _row_noise_deg(problem: ActuatorProblem, chosen: Explanation, stretches: Stretches) -> float:
-    """Return the reading noise of a row: as the record gives it, or else as it shows it."""
+    """Return the reading noise of a row, degrees: the given one, else one estimated from the residual."""
     drive = problem.drive
     given = drive.angle_sigma_rad[np.isfinite(drive.angle_rad)] / DEG
-    # A sigma of half a turn and more says that the whole turn is not certain: that is no noise of a reading.
+    # A sigma of half a turn or more means that whole turns are uncertain: that is no noise of a reading.
     certain = given[given < 180.0]
     reading = rms(certain) if len(certain) else 0.0
     if reading == 0.0:
@@ -262,7 +263,7 @@ def _row_noise_deg(problem: ActuatorProblem, chosen: Explanation, stretches: Str
 
 
 def errors_of(problem: ActuatorProblem, explanation: Explanation, held_out: HeldOut | None) -> Errors:
-    """Return the errors over every row of the record, blocks predicted from the others for the held-out ones."""
+    """Return the errors over every row of the record; for the held-out ones each block is predicted from the others."""
     drive, effects = problem.drive, explanation.fit.effects
     own = _problem(explanation)
     observed = drive.angle_rad / DEG
@@ -287,23 +288,23 @@ def _by_half_cycle(error: Floats, half: Ints, labels: Sequence[int]) -> tuple[fl
 
 
 def pulls_of(problem: Problem, explanation: Explanation) -> tuple[Pull, ...]:
-    """Return how far a fit has moved the values that are known beforehand."""
+    """Return the shifts by a fit of the values that are known beforehand."""
     values = explanation.fit.values
     return tuple(Pull(p.name, p.value, values[p.name], p.sigma) for p in problem.parameters if p.sigma is not None)
 
 
 def contradiction(pulls: Sequence[Pull]) -> str:
-    """Return the sentence that names the characterised values that a fit has pulled too far; else nothing."""
+    """Return a sentence that names the characterised values that a fit has pulled too far, empty if there are none."""
     return contradicted([pull.to_json() for pull in pulls])
 
 
 def characterised(spec: ActuatorSpec, pulls: tuple[Pull, ...]) -> tuple[Pull, ...]:
-    """Return the pulls of values that stand in the actuator file."""
+    """Return the pulls of values that the actuator file gives."""
     return tuple(pull for pull in pulls if pull.name in spec.values)
 
 
 def found_effects(findings: Findings, *, seed: int, effect_of: Callable[[str], str] = str) -> tuple[FoundEffect, ...]:
-    """Return the named members of the chosen set; ``effect_of`` gives a candidate's effect where it has another id."""
+    """Return the named members of the chosen set; ``effect_of`` maps a candidate to an effect with another id."""
     decision, field = findings.decision, findings.field
     chosen = decision.chosen
     found = []
@@ -324,14 +325,14 @@ def found_effects(findings: Findings, *, seed: int, effect_of: Callable[[str], s
 
 
 def _probability(decision: Decision, members: set[str]) -> float:
-    """Return the probability that one of these is missing: of all sets that hold one."""
+    """Return the probability that one of these members is missing: that of all sets that contain one."""
     return min(1.0, sum(weight for held, weight in decision.probability.items() if members & set(held)))
 
 
 def own_parameters(
     effect: Effect, parameters: Sequence[Parameter], where: Explanation, *, seed: int
 ) -> dict[str, Estimate]:
-    """Return an effect's parameters as the set gives them in which it was fitted, and what follows from them."""
+    """Return an effect's parameters from the set in which it was fitted, and the values derived from them."""
     spread, x, known = covariance(where), where.fit.solution.x, estimates(where)
     names = [p.name for p in where.fit.parameters]
     draws = _drawn(x, spread, np.random.default_rng(seed))
@@ -360,7 +361,7 @@ def _derived(value: float, drawn: Floats, unit: str, period: float | None) -> Es
 
 
 def evidence_of(findings: Findings) -> dict[str, Any]:
-    """Return what the answer rests on: probabilities, what is left, and the gain of everything alone."""
+    """Return the basis of the answer: probabilities, residuals in noise floors, and the gain of every member alone."""
     field, decision = findings.field, findings.decision
     single = {one.members[0]: one for one in field.explanations.values() if len(one.members) == 1}
     ranked = sorted(decision.probability.items(), key=lambda item: (-item[1], item[0]))
@@ -369,13 +370,13 @@ def evidence_of(findings: Findings) -> dict[str, Any]:
         "over_floor_before": decision.over_floor_before,
         "over_floor_after": decision.over_floor,
         "best_set": list(decision.chosen.members),
-        "sets": [{"members": list(members), "probability": weight} for members, weight in ranked[:_SETS_TOLD]],
+        "sets": [{"members": list(members), "probability": weight} for members, weight in ranked[:_SETS_LISTED]],
         "gains": {name: one.log_evidence - field.base.log_evidence for name, one in single.items()},
     }
 
 
 def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull, ...]) -> tuple[str, ...]:
-    """Return what a person should know, from the answer and the pulls of characterised values."""
+    """Return notes to the user, from the answer and the pulls of characterised values."""
     notes = []
     if findings.before is None:
         notes.append(

@@ -1,15 +1,15 @@
-"""What the engine asks of a model: nothing of its physics, only these few things.
+"""The interface between the engine and a model; the engine needs no physics of the model, only these members.
 
 A *problem* is one record of measurements together with a model of it. The model has base parameters, some of them
 known beforehand with an error (their priors), and *candidates*: effects that the model may lack, each with parameters
-of its own and a null value at which it vanishes. The record falls into *blocks* (half-cycles, cycles, runs) that can be
-held out whole, and into stretches of motion and of rest.
+of its own and a null value at which it vanishes. The record is divided into *blocks* (half-cycles, cycles, runs) that
+can be held out whole, and into stretches of motion and of rest.
 
-Anything that offers :class:`Problem` can be handed to :func:`torsight.discovery.find_missing`, the one way to the
+Anything that implements :class:`Problem` can be passed to :func:`torsight.discovery.find_missing`, the entry to the
 engine: the torsion actuator (:mod:`torsight.discovery.actuator_problem`), a function and a table
 (:mod:`torsight.discovery.own`), a model that is linear in its parameters (:mod:`torsight.discovery.linear_problem`). A
-class of one's own derives from :class:`OptionalMembers`, has :class:`NeededMembers`, and leaves out of the rest what it
-has nothing to say of.
+class of one's own derives from :class:`OptionalMembers`, defines the members of :class:`NeededMembers`, and overrides
+only those other members whose defaults do not fit.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _R = TypeVar("_R")
 Propose = Callable[[Floats, Floats], tuple[Mapping[str, float], ...]]
 
 OVER_GIVEN: Final = 3.0
-"""Times a noise that was given from which a residual that no law explains means that something is missing: three
-standard deviations ..."""
+"""Ratio of a residual that no law explains to a given noise from which something is missing: three standard deviations
+..."""
 OVER_ESTIMATED: Final = 10.0
-"""... and times one that was estimated from the scatter of neighbours: noise that is correlated over ten samples
-scatters about three times less than its size."""
+"""... and its ratio to a noise that was estimated from the scatter of neighbours: noise that is correlated over ten
+samples scatters about three times less than its size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,26 +47,26 @@ class Candidate:
     Attributes
     ----------
     id : str
-        Name under which it is reported.
+        Name of the effect in reports.
     family : str
-        Where it acts (``"temperature"``, ``"friction"``, ...); for the report.
+        Where the effect acts (``"temperature"``, ``"friction"``, ...); for the report.
     parameters : tuple of Parameter
-        Its parameters with bounds; ``null`` of at least one is the value at which the effect vanishes. Names are
-        unique over all candidates and base parameters of the problem.
+        The effect's parameters with bounds; ``null`` of at least one is the value at which the effect vanishes. Names
+        are unique over all candidates and base parameters of the problem.
     starts : tuple of mapping
-        Further points from which its fit starts, beside the parameters' own values (parameter name to value).
+        Further points from which the effect's fit starts, beside the parameters' own values (parameter name to value).
     scales : mapping
-        Changes of parameters that matter, where neither a prior nor the distance from the null says it (parameter
+        Changes of parameters that matter, where neither a prior nor the distance from the null gives them (parameter
         name to size).
     propose : callable or None
         From times and a residual (measured less model; NaN where not measured) to more such points.
     laws : tuple of str
-        Ids of the problem's laws of which it is a usual form.
+        Ids of the problem's laws of which the effect is a usual form.
     jumps : bool
-        Whether the predictions jump when its parameters change, so that derivatives see hardly anything of it: the
-        parameters, which are positive or zero, are then found by trials, too.
+        Whether the predictions jump when the effect's parameters change, so that derivatives hardly show the effect:
+        the parameters, which are positive or zero, are then also searched without derivatives.
     any_form : bool
-        Whether these laws carry its name whatever their form: it is what they are, and not one form of it.
+        Whether these laws carry the effect's name whatever their form: the effect is not one particular form of them.
     """
 
     id: str
@@ -82,7 +82,7 @@ class Candidate:
     def starting_points(
         self, time_s: Floats | None = None, residual: Floats | None = None
     ) -> tuple[dict[str, float], ...]:
-        """Return the points from which the fit starts, each complete; those made for a residual where it is given."""
+        """Return the points from which the fit starts, each complete; with a residual, those proposed for it."""
         own = {parameter.name: parameter.value for parameter in self.parameters}
         points: list[Mapping[str, float]] = [own, *self.starts]
         if self.propose is not None and time_s is not None and residual is not None:
@@ -99,12 +99,12 @@ class Candidate:
 
 
 def known_of(problem: object, names: Sequence[str]) -> dict[str, Any]:
-    """Return those members of a problem among so many that were given or worked out already."""
+    """Return the named members of a problem as far as they were given or have been computed already."""
     return {name: vars(problem)[name] for name in names if name in vars(problem)}
 
 
 class NeededMembers(Protocol):
-    """What every problem says of itself: a record and a model of it."""
+    """Members that every problem has: a record and a model of it."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -124,7 +124,7 @@ class NeededMembers(Protocol):
 
     @property
     def sigma(self) -> Floats:
-        """Standard deviation of the reading noise (n,); zeros where it is to be measured from the residual."""
+        """Standard deviation of the reading noise (n,); zeros where it is to be estimated from the residual."""
 
     @property
     def valid(self) -> Flags:
@@ -132,27 +132,29 @@ class NeededMembers(Protocol):
 
     @property
     def block(self) -> Ints:
-        """Which block a sample belongs to (n,), from 0."""
+        """Number of the block of every sample (n,), from 0."""
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the model's values (n,) with the effects named switched on.
 
-        ``values`` holds every base parameter and every parameter of these effects. Must depend on its arguments alone.
+        ``values`` holds every base parameter and every parameter of these effects. The result must depend on the
+        arguments alone.
         """
 
 
 class OptionalMembers(Protocol):
-    """What a problem may leave out, with what then holds.
+    """Members that a problem may leave out, with their defaults.
 
-    ``in_copies`` says that fits may run in copies of the process, two at a time: nothing is lost that predictions leave
-    behind, and the problem can be pickled. Others run in threads, of which Python's lock lets one run at a time.
+    ``in_copies``: whether fits may run in copies of the process, two at a time. This needs a problem that can be
+    pickled and whose predictions keep nothing that later ones need. Other problems run in threads, one at a time
+    because of Python's lock.
     """
 
     in_copies: ClassVar[bool] = False
 
     @cached_property
     def resolution(self) -> float:
-        """Size of a difference, in units of ``observed``, below which nobody would miss an effect."""
+        """Size of a difference, in units of ``observed``, below which an effect does not matter."""
         return 0.0
 
     @cached_property
@@ -167,14 +169,14 @@ class OptionalMembers(Protocol):
 
     @cached_property
     def once(self) -> tuple[str, ...]:
-        """Base parameters that only some blocks can tell, such as what came before the record."""
+        """Base parameters that only some blocks determine, such as the state before the record."""
         return ()
 
     @cached_property
     def opening_blocks(self) -> tuple[int, ...]:
-        """Blocks that a record opens with, where what came before it is not known.
+        """First block of each record, where the state before the record is not known.
 
-        How far the model is off there says nothing of the others.
+        The model's discrepancy there says nothing about that in other blocks.
         """
         return ()
 
@@ -182,30 +184,30 @@ class OptionalMembers(Protocol):
     def elsewhere(self) -> tuple[Mapping[str, float], ...]:
         """Other values of base parameters (name to value) from which every fit is tried once more.
 
-        For models whose answer has kinks, where a fit may sit in the wrong valley.
+        For models whose predictions have kinks, so that a fit may end in a wrong minimum.
         """
         return ()
 
     @cached_property
     def sigma_known(self: NeededMembers) -> bool:
-        """Whether the reading noise was given, and not measured from the scatter of neighbours."""
+        """Whether the reading noise was given, and not estimated from the scatter of neighbours."""
         return bool(np.any(self.sigma))
 
     @cached_property
     def over_floor(self: Problem) -> float:
-        """Noise floors that are left from which something is missing although nothing that is offered explains it."""
+        """Ratio of residual to noise floor above which an effect is missing, even if no candidate explains it."""
         return OVER_GIVEN if self.sigma_known else OVER_ESTIMATED
 
     @cached_property
     def rest(self: NeededMembers) -> Flags:
-        """Where what is measured stands still (n,): such a stretch carries one piece of information."""
+        """Where the measured values stand still (n,): such a stretch counts as one sample."""
         return np.zeros(len(self.observed), bool)
 
     @cached_property
     def share(self: NeededMembers) -> Floats:
-        """How much of a sample every sample in motion counts as (n,).
+        """Weight of every sample in motion (n,), in samples.
 
-        Less than one where samples lie closer than usual along what their residual is correlated over.
+        Less than one where samples lie closer than usual along the coordinate over which residuals are correlated.
         """
         return np.ones(len(self.observed))
 
@@ -221,9 +223,9 @@ class OptionalMembers(Protocol):
         return self
 
     def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
-        """Return the law's values on its nodes (k,) at which it does what an effect does that is a usual form of it.
+        """Return the values (k,) on a law's nodes with which it acts as an effect does that is a usual form of it.
 
-        None where that is not known: the law is then measured from nothing.
+        None where they are not known: the law's measurement then starts from zero.
         """
         del effect, law, values
         return None
@@ -235,13 +237,13 @@ class OptionalMembers(Protocol):
         return with_help(values, lambda one: self.predict(one, effects))
 
     def get_ready(self) -> None:
-        """Work out what many fits need: what a copy of the process works out for itself is lost with it."""
+        """Compute members that many fits need: those computed in a copy of the process are lost with the copy."""
         return
 
     def at_once(
         self, work: Sequence[_T], function: Callable[[_T], _R], *, step: str = "", progress: Progress = silent
     ) -> list[_R]:
-        """Return ``function`` of each item in order, several of them worked out at the same time."""
+        """Return ``function`` of each item in order, several of them computed at the same time."""
         if self.in_copies:
             self.get_ready()
             return in_copies(work, function, known=(self, progress), step=step, progress=progress)
@@ -253,15 +255,15 @@ class OptionalMembers(Protocol):
         return np.zeros(len(self.observed))
 
     def shared_errors(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
-        """Return what one standard deviation of every independent error of the inputs does to the prediction (n, k).
+        """Return the change (n, k) of the prediction by one standard deviation of each shared error of the inputs.
 
-        For errors that many samples share; ``input_noise`` is what the others do.
+        These errors are independent of each other, but each acts on many samples; ``input_noise`` holds the others.
         """
         del values, effects
         return np.zeros((len(self.observed), 0))
 
     def also_seen(self: NeededMembers, values: Mapping[str, float], effects: Sequence[str]) -> float:
-        """Return the log-likelihood, up to a constant, of what was measured beside the samples."""
+        """Return the log-likelihood, up to a constant, of measurements beside the samples."""
         del values, effects
         return 0.0
 
@@ -272,7 +274,7 @@ class Problem(NeededMembers, OptionalMembers, Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class GivenProblem(OptionalMembers):
-    """A problem whose record, parameters and candidates are given and not worked out; members as of :class:`Problem`.
+    """A problem whose record, parameters and candidates are given, not computed; members as in :class:`Problem`.
 
     Measured laws become candidates under their laws' ids.
     """

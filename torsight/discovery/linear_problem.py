@@ -1,4 +1,4 @@
-"""A model that is a sum of known columns: linear drives, calibration lines, loops drawn by splines."""
+"""A model that is a sum of known columns: linear drives, calibration lines, loops represented by splines."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ class LinearProblem(GivenProblem):
 
 
 _NODES: Final = 25
-"""A wave needs five nodes a period: five of them fit into a driver's range."""
+"""Nodes of a law: a wave needs five nodes per period, so that five periods fit into a driver's range."""
 LAW_SHARE: Final = 0.03
-"""Size of a law that matters, as a share of the output's."""
+"""Size of a law that matters, as a share of the output's size."""
 _TIME_LIKE: Final = ("time_s", "cycle")
 
 
@@ -93,17 +93,17 @@ def linear_problem(
     base : mapping
         Parameter name to column (n,).
     candidates : mapping
-        Effect id to its columns by parameter name; all vanish at zero.
+        Effect id to its columns by parameter name; an effect vanishes where its parameters are zero.
     time_s, block, drivers
-        As in the protocol.
+        As in :class:`torsight.discovery.interface.Problem`.
     sigma, resolution : float
-        Reading noise, and the size of a difference that nobody would miss, in units of ``observed``.
+        Reading noise, and the size of a difference that does not matter, in units of ``observed``.
     """
     columns = {**base, **{key: own for some in candidates.values() for key, own in some.items()}}
     for name, own in {**columns, **drivers, "time_s": time_s, "block": block}.items():
         if np.shape(own) != np.shape(observed):
             raise InputError(
-                "is not of the length of what was measured",
+                "has another length than the measured values",
                 where=f"linear_problem, '{name}'",
                 value=np.shape(own),
                 limit=str(np.shape(observed)),

@@ -1,4 +1,4 @@
-"""A law that was measured without a form given beforehand: values over their driver, with their uncertainty."""
+"""A law that was measured without an assumed form: values over a driver, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from torsight.core.files.storage import read_table
 from torsight.core.units import Flags, Floats
 
 _KEYS: Final = ("effect", "port", "driver", "spring", "unit", "share", "file")
-"""What an entry of ``laws`` must have."""
+"""Keys that an entry of ``laws`` must have."""
 
 GIVES: Final = {
     "torque": "stray torque",
@@ -26,7 +26,7 @@ GIVES: Final = {
     "phase": "change of the recoverable angle",
     "values": "change of a material value",
 }
-"""What a law of each port gives, in words."""
+"""Quantity that a law at each port gives, in words."""
 DRIVER_UNITS: Final = {
     "angle_deg": "°",
     "winding_deg": "°",
@@ -37,45 +37,46 @@ DRIVER_UNITS: Final = {
     "time_s": "s",
     "dwell_s": "s",
 }
-"""Units of what a law is over, where it has one."""
+"""Units of the drivers that have one."""
 _CLOCK: Final = "lead of the temperature log's clock"
 _MOVED: Final = "shift of the transformation temperatures"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredLaw:
-    """A measured law: what acts at one port of the model as a function of one driver.
+    """A measured law: a function of one driver that acts at one port of the model.
 
     Attributes
     ----------
     effect : str or None
-        Id of the effect where a name holds; None for a law that no known effect explains.
+        Id of the effect whose name the law carries; None for a law that no known effect explains.
     port : str
-        Where it acts: ``torque``, ``friction``, ``reading``, ``temperature``, ``winding``, ``phase`` or ``values``.
+        Where the law acts: ``torque``, ``friction``, ``reading``, ``temperature``, ``winding``, ``phase`` or
+        ``values``.
     driver : str
-        What it depends on: one of the drivers of ``discovery.json``, ``winding_deg`` or ``spring``.
+        Variable of the law: one of the drivers of ``discovery.json``, ``winding_deg`` or ``spring``.
     spring : str
         ``a``, ``b`` or ``both``.
     unit : str
-        Of ``value`` and ``sigma``, for display.
+        Unit of ``value`` and ``sigma``, for display.
     share : float
-        Of what the plain model leaves, the part that this law explains (0 to 1).
+        Part of the plain model's residual that this law explains (0 to 1).
     driver_values : (n,) float64
-        Places on the driver, rising, in the unit that its name ends in.
+        Values of the driver, rising, in the unit with which its name ends.
     value : (n,) float64
-        The law there; NaN where nothing is known.
+        Value of the law there; NaN where nothing is known.
     sigma : (n,) float64
-        Its standard deviation.
+        Standard deviation of ``value``.
     covered : (n,) bool
         Whether the record reached that value of the driver.
     sentence : str
         The law in one sentence.
     number : int
-        Which of the laws with this port and this driver it is, from 1, strongest first.
+        Number among the laws with this port and this driver, from 1, strongest first.
     id : str
-        Of its family, as ``alternatives`` name it; empty in a file that does not say.
+        Id of the law's family, as in ``alternatives``; empty in a file without it.
     way : str
-        ``heating`` or ``cooling`` where it is a law of one of them, else empty.
+        ``heating`` or ``cooling`` for a law of one of them, else empty.
     """
 
     effect: str | None
@@ -95,12 +96,12 @@ class MeasuredLaw:
 
     @property
     def csv_name(self) -> str:
-        """Name of the file with its numbers."""
+        """Name of the file that holds the law's curve."""
         return f"law_{self.port}_{self.driver}{'' if self.number == 1 else f'_{self.number}'}.csv"
 
     @property
     def gives(self) -> str:
-        """What its values are, in a few words; of a model of one's own the law's name."""
+        """Quantity that the law gives, in a few words; for a model of one's own the law's name."""
         if self.way:
             return f"lead over the phase law on {self.way}"
         if self.beside_sensors:
@@ -109,7 +110,7 @@ class MeasuredLaw:
 
     @property
     def beside_sensors(self) -> bool:
-        """Whether it acts at the temperatures without a sensor's error: the log's clock, or when a wire transforms."""
+        """Whether the law acts on temperatures but is no sensor's error: a clock's, or a shift of a transformation."""
         return self.port == "temperature" and (self.unit == "s" or self.driver == "cycle")
 
     def to_json(self) -> dict[str, Any]:
@@ -118,7 +119,7 @@ class MeasuredLaw:
         return {**own, "law": self.id, "way": self.way, "file": self.csv_name, "sentence": self.sentence}
 
     def table(self) -> dict[str, NDArray[np.generic]]:
-        """Return the columns of its file."""
+        """Return the columns of the law's file."""
         return {
             "driver": self.driver_values,
             "value": self.value,
@@ -128,7 +129,7 @@ class MeasuredLaw:
 
 
 def read_laws(folder: Path, discovery: Mapping[str, Any]) -> tuple[MeasuredLaw, ...]:
-    """Return the laws that a ``discovery.json`` names, with the numbers of the files beside it.
+    """Return the laws that a ``discovery.json`` names, with their curves from the files beside it.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def read_laws(folder: Path, discovery: Mapping[str, Any]) -> tuple[MeasuredLaw, 
 
 
 def numbered(laws: Sequence[MeasuredLaw]) -> tuple[MeasuredLaw, ...]:
-    """Return laws, strongest first, with the numbers of those that share a port and a driver."""
+    """Return laws (strongest first) numbered among those that share a port and a driver."""
     places = [(law.port, law.driver) for law in laws]
     return tuple(replace(law, number=places[: i + 1].count(places[i])) for i, law in enumerate(laws))
 

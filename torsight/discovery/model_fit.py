@@ -1,7 +1,7 @@
-"""The fit of a model that is known, plain or with effects: the discovery's own, without its choice among models.
+"""The fit of a known model, plain or with effects: the discovery's own, without its choice among models.
 
-``torsight fit`` and ``torsight discover`` show the same values, torque and error of the plain model, because both are
-made here.
+``torsight fit`` and ``torsight discover`` show the same values, torque and error of the plain model, because both use
+the same fit.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def fit_model(
 ) -> FitResult:
     """Fit all free parameters of a model to a record.
 
-    The plain model comes first, then one effect or measured law of the model after the other, each time with all that
-    came before. What a record opens with and the phase laws' own form are always fitted beside them.
+    The plain model is fitted first; then the effects and measured laws of the model are added one by one, each beside
+    all earlier ones. The initial state of a record and the phase laws' own form are always fitted beside them.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def fit_model(
     drive : Drive
         From ``model.prepare``.
     progress : Progress
-        Called with how far the work is.
+        Called with the name of each step and how much of the step is done.
     where : str
         Name of the record in messages.
 
@@ -91,7 +91,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     row_sigma = np.interp(drive.time_s, problem.time_s, np.sqrt(variance)) * DEG
     silent_about = quiet(fit.parameters, fit.values, sigma)
     rows = correlation_time([(residual / row_sigma)[counted]])
-    # The variance holds the discrepancy that was fitted: what is left is held against the inputs' noise alone.
+    # The variance contains the fitted discrepancy: the residual is compared with the inputs' noise alone.
     count = found.likelihood.count
     noise = float(count @ found.likelihood.noise**2)
     ratio = float(count @ found.residual**2) / max(noise, 1e-30)
@@ -123,7 +123,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
 
 
 def _derived(model: ActuatorModel, found: Explanation) -> dict[str, Estimate]:
-    """Return the values for people that follow from those of the model's effects."""
+    """Return the derived values (for display) that follow from the parameters of the model's effects."""
     return {
         name: estimate
         for effect in model.chosen

@@ -22,21 +22,21 @@ from torsight.discovery.actuator.kept_rows import rest_mask
 from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
 
 _DRAWS: Final = 8
-"""Draws of the temperatures' noise."""
+"""Number of draws of the temperatures' noise."""
 _HALVINGS: Final = 20
-"""Of a half-width that is between zero and all that there is: known to a millionth of it then."""
+"""Number of bisections of the interval's half-width, after which it is known to a millionth of its upper bound."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedAngle(Prediction):
-    """Angles for the instants of a temperature log, and how far to trust them.
+    """Angles for the instants of a temperature log, with their standard deviations.
 
     Attributes
     ----------
     angle_rad, drive, simulation, rows
         See :class:`torsight.actuator.simulation.Prediction`.
     sigma_rad : (n,) float64
-        Standard deviation of the angle; NaN where the model does not say how far it may be wrong.
+        Standard deviation of the angle; NaN where the model holds no uncertainty.
     """
 
     sigma_rad: Floats
@@ -66,22 +66,26 @@ def predict_angle(model: FittedModel, log: TemperatureLog, *, start_angle_rad: f
 def predict_with_sigma(
     model: FittedModel, log: TemperatureLog, *, start_angle_rad: float, where: str = "log", progress: Progress = silent
 ) -> PredictedAngle:
-    """Predict a later temperature log and say, for every instant, how far to trust the prediction.
+    """Predict the angle for a later temperature log, with its standard deviation at every instant.
 
-    Six things make a prediction wrong, and their squares are added: the noise of the reading at which it starts, as
-    much as the record of the fit had (both neighbours are simulated: a motion may forget where it started); what the
-    model leaves on held-out half-cycles, in motion and at rest; what the values are uncertain by (the
-    log is simulated one standard deviation to either side along every axis of their uncertainty); how far other
-    credible explanations of the record predict something else, by their parts of the probability; the noise of the
-    log's temperatures, drawn: where an incomplete heating ends, its error stays in the angle; and in the rows beside a
-    jump of a disk that lets go after a rest, when between them that was. Where explanations lie
-    apart the angle has no normal distribution: ±1.96 sigma hold at least 95 % of it then, and reach what each
-    explanation predicts.
+    The variance is the sum of six parts:
+
+    - the noise of the reading from which the prediction starts, as large as in the record of the fit (the log is
+      simulated from one standard deviation to either side: a motion may forget its start);
+    - the discrepancy of the model on held-out half-cycles, in motion and at rest;
+    - the uncertainty of the values (the log is simulated one standard deviation to either side along every principal
+      axis of their covariance);
+    - the differences to other credible explanations of the record, weighted by their probabilities;
+    - the noise of the log's temperatures, from draws: an error at the end of an incomplete heating stays in the angle;
+    - in the rows beside a jump of a disk that breaks loose after a rest, the unknown instant of the jump.
+
+    Where explanations predict different angles, the distribution is not normal: ±1.96 sigma then hold at least 95 % of
+    it, and reach the prediction of each explanation.
 
     Parameters
     ----------
     model : FittedModel
-        Of ``fit`` or ``discover``.
+        Model of ``fit`` or ``discover``.
     log : TemperatureLog
         Times and temperatures on the log's own clock.
     start_angle_rad : float
@@ -122,15 +126,15 @@ def predict_with_sigma(
 
 
 def _with_alternatives(sigma: Floats, apart: Floats, share: Floats) -> Floats:
-    """Return the standard deviation (n,) where explanations, each as unsure, predict angles so far apart (k, n).
+    """Return the standard deviation (n,) of a mixture of explanations that differ by ``apart`` (k, n).
 
-    That of their mixture by their shares (k,), and so much at least that the interval of 95 % holds as much of the
-    mixture and reaches each.
+    Each explanation has the standard deviation ``sigma`` (n,) and a share (k,) of the probability. The result is at
+    least so large that the interval of 95 % holds 95 % of the mixture and reaches the prediction of each explanation.
     """
     if not len(share):
         return sigma
     furthest = np.max(np.abs(apart), axis=0)
-    # The model's own prediction is one of them, nowhere apart, with the rest of the probability.
+    # The model's own prediction is one of the mixture, with no difference and the rest of the probability.
     middles, parts = np.vstack([np.zeros(len(sigma)), apart]), np.array([1.0 - share.sum(), *share])
     low, high = np.zeros(len(sigma)), furthest + 2.0 * REACH * sigma
     wanted = 2.0 * ndtr(REACH) - 1.0
@@ -143,7 +147,7 @@ def _with_alternatives(sigma: Floats, apart: Floats, share: Floats) -> Floats:
 
 
 def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Drive, float]]:
-    """Give what values, start and temperatures may be: a model, a drive, and the share of the squared difference."""
+    """Yield variants of values, start and temperatures: a model, a drive, and the weight of the squared difference."""
     for sides in model.neighbours():
         yield from ((side, drive, 0.5) for side in sides)
     if model.doubt is not None and model.doubt.reading_deg > 0.0:

@@ -39,10 +39,10 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect(Frozen):
-    """An accepted effect as declared, with its fitted values and values for people that follow from them.
+    """An accepted effect as declared, with its fitted values and the derived values that follow from them.
 
-    ``probability`` is the posterior weight of the sets that hold it, among the named set and its rivals; ``gain`` is
-    the log evidence that is lost without it.
+    ``probability`` is the posterior probability of the sets that contain the effect; ``gain`` is the log evidence that
+    is lost without the effect.
     """
 
     id: str
@@ -62,7 +62,7 @@ class FoundEffect(Frozen):
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """How far a fit moved a characterised value: nominal value, fitted value, prior's sigma, distance in sigmas."""
+    """Shift of a characterised value by a fit: nominal value, fitted value, prior's sigma, distance in sigmas."""
 
     name: str
     nominal: float
@@ -90,31 +90,31 @@ class DiscoveryReport(Frozen, Shown):
     effects : tuple of FoundEffect
         Accepted effects, strongest first.
     alternatives : tuple of tuple of str
-        Sets of ids that explain the record as well.
+        Other sets of ids that explain the record about as well.
     drivers : tuple of (str, float)
-        What a missing effect depends on, strongest first, with shares.
+        Variables on which a missing effect depends, strongest first, with shares.
     before, after : Errors
-        Of the plain and of the extended model.
+        Errors of the plain and of the extended model.
     held_out : tuple of int
         Half-cycles that were predicted from the others, each in its turn.
     noise_floor_deg : float
-        Residual that no model can remove: what the inputs' noise does, or what a fit leaves where that is less.
+        Residual that no model can remove: that due to the inputs' noise, or that of a fit where it is smaller.
     parameters, plain_parameters : mapping of str to Estimate
-        Of the extended and of the plain model.
+        Parameters of the extended and of the plain model.
     pulls, plain_pulls : tuple of Pull
-        How far either fit moved the characterised values.
+        Shifts of the characterised values by either fit.
     next_experiment : NextExperiment or None
         Temperature programme that best separates the alternatives.
     notes : tuple of str
-        What a person should know.
+        Notes and warnings to the user.
     evidence : mapping
-        Probabilities of the sets, what is left in noise floors, and the gain of every single effect and law.
+        Probabilities of the sets, residuals in noise floors, and the gain of every single effect and law.
     curves : mapping of str to (n,) array
         Columns of ``curves.csv``.
     model : FittedModel
         The extended model with its values, ready to predict later records.
     covariance : (m, m) float64
-        Of the extended model's free parameters, in the order of ``parameters``.
+        Covariance of the extended model's free parameters, in the order of ``parameters``.
     laws : tuple of MeasuredLaw
         The laws that were measured, strongest first.
     """
@@ -140,7 +140,7 @@ class DiscoveryReport(Frozen, Shown):
     laws: tuple[MeasuredLaw, ...] = ()
 
     def facts(self) -> dict[str, str]:
-        """Return the verdict, the effects with their values, what a missing one depends on, and the errors."""
+        """Return the verdict, with the drivers of a missing effect, the named effects with values, and the errors."""
         facts = {"verdict": verdict_sentence(self.to_json())}
         for effect in self.effects:
             facts[effect_name(effect.id)] = effect_values(effect.to_json())

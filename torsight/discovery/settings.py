@@ -15,18 +15,18 @@ class Settings:
     Attributes
     ----------
     missing : float
-        Probability, before the record is looked at, that one further effect or law is missing; shared by all of them
-        alike. Two cost the square of it.
+        Prior probability that one further effect or law is missing, shared equally by all effects and laws. Two have
+        the square of it.
     certain : float
-        Probability that something is missing from which it is said.
+        Probability that something is missing from which the verdict says so.
     credible : float
         Share of the probability whose sets are reported as explanations.
     form_share : float
         Share of what a free law explains that a usual form of it must explain, too, to give the law its name.
     most : int
-        Largest set of effects and laws that is tried.
+        Number of effects and laws in the largest set that is tried.
     beam : int
-        Sets of each size that are extended.
+        Number of sets of each size that are extended.
     """
 
     missing: float = 0.5
@@ -45,7 +45,7 @@ class Settings:
                 raise ConfigError(f"{name} is too small", value=getattr(self, name), limit="1 or more")
 
     def price(self, choices: int) -> float:
-        """Return what one more member of a set costs in log units, of so many that there are to choose from."""
+        """Return the cost, in log units, of one more member of a set that is chosen from ``choices`` candidates."""
         return math.log(max(choices, 1) / self.missing)
 
     @property
@@ -55,5 +55,5 @@ class Settings:
 
     @property
     def apart(self) -> float:
-        """Change of −2 log L from which, of two that were as likely, one alone is reported."""
+        """Change of −2 log L from which one alone is reported of two sets with equal priors."""
         return 2.0 * math.log(self.credible / (1.0 - self.credible))

@@ -44,17 +44,17 @@ from torsight.discovery.report import DiscoveryReport, Errors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordAnswer:
-    """What the joint answer says on one record.
+    """The joint answer on one record.
 
     Attributes
     ----------
     file : str
         Name of the record.
     before, after : Errors
-        Of the plain and of the extended model on this record, in degrees; held out by half-cycle.
+        Errors of the plain and of the extended model on this record, in degrees; held out by half-cycle.
     unseen_before_deg, unseen_after_deg : float
-        Root mean square error on this record where rig and effects were fitted to the others alone. What only the
-        record itself can tell (start, zero, clocks, its events) stays as all records gave it.
+        Root mean square error on this record where rig and effects were fitted to the others alone. Values that only
+        the record itself determines (start, zero, clocks, its events) stay as fitted to all records.
     noise_floor_deg : float
         Residual that no model can remove from this record.
     parameters : mapping of str to Estimate
@@ -73,7 +73,7 @@ class RecordAnswer:
     curves: Mapping[str, NDArray[np.generic]]
 
     def to_json(self) -> dict[str, Any]:
-        """Return what stands in ``discovery.json``."""
+        """Return the record's entry in ``discovery.json``."""
         return {
             "file": self.file,
             "before": {**self.before.to_json(), "rmse_other_records_deg": self.unseen_before_deg},
@@ -90,7 +90,8 @@ class JointReport(DiscoveryReport):
     Attributes
     ----------
     records : tuple of RecordAnswer
-        The same on each of them, in their order. ``curves`` are those of the first; ``model`` goes on from the last.
+        The answer on each record, in their order. ``curves`` of the report are those of the first record; ``model``
+        continues from the end of the last.
     """
 
     records: tuple[RecordAnswer, ...] = ()
@@ -109,20 +110,20 @@ def discover_together(
     seed: int = 0,
     progress: Progress = silent,
 ) -> JointReport:
-    """Find what the quasi-static model lacks on several records of one rig at once.
+    """Find what the quasi-static model lacks on several records of one rig together.
 
     Parameters
     ----------
     tables : sequence of SyncedTable
-        Two records or more, in the order in which they were made: the springs' cycles are counted on.
+        Two records or more, in the order in which they were made: the springs' cycles are counted across them.
     spec : ActuatorSpec
         Characterised values of the one actuator, with their uncertainties.
     names : sequence of str, optional
         Names of the records in messages and in the answer.
     seed : int
-        Of every random draw.
+        Seed of every random draw.
     progress : Progress
-        Called with how far the work is.
+        Called with the name of each step and how much of the step is done.
 
     Raises
     ------
@@ -144,7 +145,7 @@ def discover_together(
 
 
 def _require_different(tables: Sequence[SyncedTable], names: Sequence[str]) -> None:
-    """Refuse what would count one record twice: it is no second witness."""
+    """Refuse a single record, and the same record twice: it would count as two independent measurements."""
     if len(tables) < 2:
         raise ConfigError("needs two records or more", where="discovery of several records", value=len(tables))
     for k, table in enumerate(tables):
@@ -154,14 +155,14 @@ def _require_different(tables: Sequence[SyncedTable], names: Sequence[str]) -> N
                     "holds the same angles as another record",
                     where=names[k],
                     value=name,
-                    do="give every record once: twice the same one would count as two witnesses",
+                    do="give every record once: the same one twice would count as two independent measurements",
                 )
 
 
 def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanation:
-    """Return a joint explanation as one record's own model sees it: its rows, its effects, its values.
+    """Return a joint explanation as one of a single record: with the record's rows, effects and values.
 
-    What it says on unseen half-cycles is what the joint one says of them.
+    Its predictions of held-out half-cycles are those of the joint explanation.
     """
     several = cast("SeveralRecords", joint.fitter.problem)
     part, rows = several.parts[record], several.rows_of(record)
@@ -183,13 +184,13 @@ def single(problem: SeveralRecords, joint: Explanation, record: int) -> Explanat
 
 
 def _places(problem: SeveralRecords, fit: Fit, record: int, names: Sequence[str]) -> list[int]:
-    """Return where a record's parameters stand among those of a joint fit."""
+    """Return the indices of a record's parameters among those of a joint fit."""
     joint = [p.name for p in fit.parameters]
     return [joint.index(problem.joint_name(record, name)) for name in names]
 
 
 def _own_held_out(problem: SeveralRecords, joint: HeldOut, record: int) -> HeldOut:
-    """Return what a joint prediction of held-out half-cycles says of a record's, numbered as in the record."""
+    """Return a record's part of a joint prediction of held-out half-cycles, numbered as in the record."""
     first = problem.opening_blocks[record]
     halves = range(first, first + len(problem.parts[record].drive.cycles.springs))
     rows = problem.rows_of(record)
@@ -281,7 +282,7 @@ def _unseen(problem: SeveralRecords, view: Explanation, record: int, folds: Mapp
 
 
 def _rows(problem: SeveralRecords) -> Floats:
-    """Return how many measured rows each record has."""
+    """Return the number of measured rows of each record (records,)."""
     return np.array([float(np.sum(p.drive.measured)) for p in problem.parts])
 
 
@@ -304,7 +305,7 @@ def _pooled(problem: SeveralRecords, each: Sequence[Errors]) -> Errors:
 
 
 def _next(problem: SeveralRecords, findings: Findings, *, progress: Progress) -> NextExperiment | None:
-    """Return the experiment that would tell rivals apart, planned for the rig as the last record found it."""
+    """Return the experiment that would distinguish the rivals, planned for the rig as in the last record."""
     decision, last = findings.decision, len(problem.parts) - 1
     if findings.verdict != "ambiguous":
         return None

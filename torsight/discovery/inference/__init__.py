@@ -1,4 +1,4 @@
 """The engine, which knows no physics.
 
-A problem (model, record, effects, laws) in, sets with their evidence and a verdict out.
+From a problem (model, record, effects, laws) to sets with their evidence and a verdict.
 """

@@ -1,7 +1,7 @@
 """The engine: from a record and a model to what the model lacks.
 
-Fit the plain model; fit every effect and measure every law beside it, then sets of the best (:mod:`.search`); read the
-answer off their posterior (:mod:`.verdict`).
+Fit the plain model; fit every effect and measure every law beside it, then sets of the best (:mod:`.search`); derive
+the answer from the posterior of these sets (:mod:`.verdict`).
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ Verdict = Literal["none", "identified", "ambiguous", "unknown"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """What the engine found.
+    """Answer of the engine.
 
     Attributes
     ----------
     verdict : str
         ``none``, ``identified``, ``ambiguous`` or ``unknown``.
     field : Field
-        Everything that was fitted.
+        All explanations that were fitted.
     decision : Decision
-        What is said and why.
+        The chosen set, its names, its rivals, and all probabilities.
     before, after : HeldOut or None
         Prediction of held-out blocks by the plain model and by the chosen set; None where there is one block only.
     drivers : tuple of (str, float)
-        What the measured laws depend on: variable and share of what they explain, strongest first.
+        Drivers of the measured laws, each with its share of what the laws explain, strongest first.
     """
 
     verdict: Verdict
@@ -60,11 +60,11 @@ def find_missing(
     problem : Problem
         Record and model.
     settings : Settings, optional
-        How to decide.
+        Probabilities and budgets of the decision.
     seed : int
-        Kept with the answer; nothing here is drawn.
+        Not used: the search draws no random numbers.
     progress : Progress
-        Told how far the work is.
+        Called with the name of each step and how much of the step is done.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def find_missing(
 
 
 def _verdict(decision: Decision, most: float) -> Verdict:
-    """Return the verdict; ``most`` is how many noise floors a model may leave that lacks nothing."""
+    """Return the verdict; ``most`` is the largest residual, in noise floors, of a model that lacks nothing."""
     if not decision.chosen.members:
         return "none" if decision.over_floor <= most else "unknown"
     if decision.rivals:
@@ -106,7 +106,7 @@ def law_shares(field: Field, chosen: Explanation) -> dict[str, float]:
 
 
 def _drivers(field: Field, chosen: Explanation) -> tuple[tuple[str, float], ...]:
-    """Return what a set's laws depend on, with their shares."""
+    """Return the drivers of a set's laws, with their shares."""
     shares, found = law_shares(field, chosen), dict[str, float]()
     for item in chosen.laws:
         found[item.law.driver] = found.get(item.law.driver, 0.0) + shares[item.law.id]

@@ -1,8 +1,8 @@
-"""Fitted sets of effects and laws, comparable by their evidence, and how well their values are known.
+"""Fitted sets of effects and laws, comparable by their evidence, and the uncertainty of their values.
 
-Two things make a value uncertain: what the residual is worth (:mod:`.likelihood`), which is the curvature of the
-posterior, and a model that is a little wrong in every block in another way, which shows when whole blocks are left out
-(the jackknife; Efron and Stein, Ann. Statist. 9 (1981) 586).
+The uncertainty of a value has two parts: the curvature of the posterior under the likelihood of the residual
+(:mod:`.likelihood`), and the error of a model that is a little wrong in a different way in every block, which shows
+when whole blocks are left out (the jackknife; Efron and Stein, Ann. Statist. 9 (1981) 586).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Places = frozenset[str]
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A fitted set; :attr:`held_out` says how it predicts blocks that it has not seen (worked out when asked).
+    """A fitted set; :attr:`held_out`, its prediction of blocks that were left out, is computed when first used.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Explanation:
     laws : tuple of Measured
         The laws of the set.
     likelihood : Likelihood
-        What its residual is worth: what errors of the inputs do depends on the model.
+        Likelihood of the set's residual; it depends on the set, because the model propagates errors of the inputs.
     log_evidence : float
         Comparable among explanations of one field.
     """
@@ -60,12 +60,12 @@ class Explanation:
 
     @property
     def held_out_likelihood(self) -> Likelihood:
-        """What a held-out residual is worth: what the other blocks leave open of one is shared by its samples."""
+        """Likelihood of the held-out residual: the uncertainty of a fold's values is an error that its block shares."""
         return replace(self.likelihood, shared=np.hstack([self.likelihood.shared, self.held_out.unsure]))
 
     @cached_property
     def prior(self) -> float:
-        """What the distance of its values from their priors costs."""
+        """Cost of the distances of the set's values from their priors."""
         return prior_cost(self.fitter.problem, self.fit)
 
     @property
@@ -96,13 +96,13 @@ class Explanation:
 
     @property
     def pulled(self) -> float:
-        """By how much less the values' distances from their priors could cost, in log units."""
+        """Excess of the priors' cost over its expected value, one per value with a prior; in log units."""
         held = sum(parameter.sigma is not None for parameter in self.fit.parameters)
         return 0.5 * max(0.0, self.prior - held)
 
     @property
     def promise(self) -> float:
-        """The most that anything could gain beyond the set: until only noise is left and no value is pulled."""
+        """Largest possible gain of a larger set: until the residual is noise and no value is pulled."""
         return self.likelihood.promise(self.residual) + self.pulled
 
 
@@ -113,13 +113,14 @@ class Field:
     Attributes
     ----------
     likelihood : Likelihood
-        Of the record.
+        Likelihood of the record.
     stretches : Stretches
         Motion and rests of the record.
     explanations : dict
-        Members to explanation; the plain model under the empty set, where the others' optima may have led it further.
+        Members to explanation; under the empty set the plain model, which may have been fitted again from the optima of
+        other sets.
     first : Explanation or None
-        The plain model as it was fitted by itself; None: as it is there.
+        The plain model as it was fitted alone; None where it is that of the empty set.
     """
 
     likelihood: Likelihood
@@ -129,7 +130,7 @@ class Field:
 
     @property
     def plain(self) -> Explanation:
-        """The plain model as it was fitted by itself, whatever it was compared with later."""
+        """The plain model as it was fitted alone, whatever it was compared with later."""
         return self.first or self.base
 
     @property
@@ -139,9 +140,9 @@ class Field:
 
 
 def places_of(problem: Problem, members: Iterable[str]) -> Places:
-    """Return where a set acts: port, driver, unit and spring of a law, or of the law that an effect is a form of.
+    """Return the places at which a set acts: port, driver, unit and spring of a law, or of the law of an effect's form.
 
-    Two of one spring's, the other's and both springs' say what all three say.
+    Any two of the laws of spring A, of spring B and of both springs are equivalent to all three.
     """
     laws = {law.id: law for law in problem.laws}
     own = {candidate.id: candidate.laws for candidate in problem.candidates}
@@ -159,7 +160,7 @@ def places_of(problem: Problem, members: Iterable[str]) -> Places:
 
 
 def part_fitter(best: Explanation, members: EffectSet) -> tuple[Fitter, tuple[Measured, ...]]:
-    """Return what fits a part of a set, and the part's laws, which keep their forms."""
+    """Return the fitter for a part of a set, and the part's laws, which keep their forms."""
     laws = tuple(one for one in best.laws if one.law.id in members)
     return Fitter(best.fitter.problem.with_laws([one.form for one in laws]), best.fitter.weight), laws
 
@@ -170,12 +171,12 @@ def weighted_fitter(likelihood: Likelihood, problem: Problem, prediction: Floats
 
 
 def family_evidence(laws: Sequence[Measured]) -> float:
-    """Return by how much the evidence of laws' families differs from that of the forms that were fitted."""
+    """Return the evidence of the laws' families less that of the forms that were fitted."""
     return sum(law.bank for law in laws)
 
 
 def may_reach(beside: Explanation, least: float) -> Callable[[Fit], bool]:
-    """Return the question whether a fit may come to a posterior density of ``least`` under a set's likelihood."""
+    """Return the test whether a fit may reach the log posterior density ``least`` under a set's likelihood."""
     return lambda fit: least == -np.inf or far_ahead(beside.fitter, fit, beside.likelihood) > least
 
 
@@ -190,7 +191,7 @@ def residual_of(problem: Problem, prediction: Floats) -> Floats:
 
 
 def loss_at(one: Explanation, base: Mapping[str, float]) -> float:
-    """Return what a set would lose with other base values, in log units, by its curvature."""
+    """Return the log posterior that a set would lose with other base values, from its curvature."""
     places = [i for i, p in enumerate(one.fit.parameters) if p.name in base]
     off = one.fit.solution.x[places] - np.array([base[one.fit.parameters[i].name] for i in places])
     return 0.5 * float(off @ np.linalg.solve(curvature_spread(one)[np.ix_(places, places)], off))
@@ -215,20 +216,20 @@ def estimates(explanation: Explanation) -> dict[str, Estimate]:
 
 
 def predictive_covariance(explanation: Explanation) -> Floats:
-    """Return the parameters' covariance (m, m) as predictions need it.
+    """Return the parameters' covariance (m, m) for predictions.
 
-    That of :func:`joint_covariance`, at the discrepancy that the record shows and not the least that a verdict assumes.
+    It is that of :func:`joint_covariance`, at the discrepancy that the record shows and not the least one of a verdict.
     """
     shown = replace(explanation.likelihood, least=0.0)
     return _joint(explanation, shown.weight(explanation.residual))
 
 
 def joint_covariance(explanation: Explanation) -> Floats:
-    """Return the parameters' covariance (m, m) as curves of several values need it.
+    """Return the parameters' covariance (m, m) for curves that depend on several values.
 
-    By the posterior's curvature; or, along directions in which blocks that are left out move the values further than
-    that, by what they move them. Blocks move several values together, along valleys in which the model predicts the
-    same: :func:`covariance`, which widens each value's own interval, would make such a valley a wide plain.
+    Along every direction it is the larger of the posterior's curvature and the jackknife's variance over the blocks.
+    Blocks that are left out move several values together, along valleys in which the model predicts the same:
+    :func:`covariance`, which widens each value's own interval, would ignore that correlation.
     """
     return _joint(explanation, explanation.fitter.weight)
 

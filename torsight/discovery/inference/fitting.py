@@ -1,6 +1,6 @@
-"""Joint refits: base parameters and the parameters of any set of effects, from several starts.
+"""Joint fits of base parameters and the parameters of any set of effects, from several starts.
 
-Base parameters swallow most of many effects, so a candidate is never judged on the residual of the base fit: every set
+Base parameters absorb most of many effects, so a candidate is never judged on the residual of the base fit: every set
 of effects is fitted together with all base parameters, and sets are compared at their own optima.
 """
 
@@ -29,11 +29,11 @@ _SCOUT_ITERATIONS: Final = 2
 WORTH: Final = 1.0
 """Decrease of the objective, one unit of information, below which an effect beside a fitted set is not followed."""
 _TRIALS: Final = 150
-"""Predictions of a search by trials: as many as derivatives by 25 values at six places take."""
+"""Predictions of a search without derivatives: as many as derivatives by 25 values at six points take."""
 _FINEST: Final = 1e-3
-"""Share of a parameter to which trials find it."""
+"""Relative accuracy of a parameter that is found without derivatives."""
 _STAYS: Final = 1e-3
-"""Standard deviation, in parameter scales, of a value that is to stay where it is."""
+"""Prior standard deviation, in parameter scales, of a value that is held."""
 
 
 def less(effects: EffectSet, name: str) -> EffectSet:
@@ -76,7 +76,7 @@ class Fit:
 
     @property
     def ahead(self) -> float:
-        """The objective where an undamped step from a scout would lead."""
+        """The objective that an undamped step from a scout is predicted to reach."""
         return self.solution.cost - self.solution.promised
 
 
@@ -97,7 +97,7 @@ class Fitter:
         self.candidates: dict[str, Candidate] = {candidate.id: candidate for candidate in problem.candidates}
 
     def __reduce__(self) -> tuple[type[Fitter], tuple[Problem, Weight]]:
-        """Return how to make it again: candidates may hold functions that cannot be pickled."""
+        """Return problem and weight for pickling: candidates may hold functions that cannot be pickled."""
         return Fitter, (self.problem, self.weight)
 
     def ordered(self, effects: Iterable[str]) -> EffectSet:
@@ -131,8 +131,8 @@ class Fitter:
     ) -> Fit:
         """Fit a set of effects from several starts; the best two of a short scouting run are followed to the end.
 
-        Derivatives of ``near``, a fitted smaller set, serve the scouts that start there until they fail. ``follow`` is
-        asked whether a scout is worth it.
+        Scouts that start at ``near``, a fitted smaller set, use its derivatives until these fail. ``follow`` decides
+        whether a scout is followed.
         """
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         given: dict[str, Any] = {"observed": self.problem.observed, "weight": self.weight, "space": space}
@@ -153,7 +153,7 @@ class Fitter:
         return Fit(effects, parameters, min(solutions, key=lambda found: found.cost))
 
     def _guess(self, start: Mapping[str, float], parameters: Sequence[Parameter], near: Fit | None) -> Floats | None:
-        """Return derivatives at a start from the smaller fit whose parameters it shares."""
+        """Return derivatives at a start, from a smaller fit whose values the start shares; None without such a fit."""
         for fit in (near, self.nominal):
             if fit is not None and all(start[name] == value for name, value in fit.values.items()):
                 return _columns(fit, parameters)
@@ -197,9 +197,9 @@ class Fitter:
     ) -> Fit:
         """Add one effect to a fitted set: from the parent's optimum, and from the priors' means.
 
-        The second (``from_means``) matters where an effect has pulled the base parameters off along a valley in which
-        the record is explained as well: from the means the search comes down into the valley where the priors are
-        content. What has no hopes of mattering is left where it is.
+        The second start (``from_means``) matters where an effect has pulled the base parameters off along a valley in
+        which the record is explained equally well: from the means the search leads to the minimum that agrees with the
+        priors. A fit without ``hopes`` of mattering is not continued.
         """
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
@@ -224,7 +224,7 @@ class Fitter:
         return self.fit(effects, [self._switched_off(parent, name)], near=parent, follow=follow)
 
     def propose_again(self, found: Fit, name: str) -> Fit:
-        """Look for the effect once more, in the residual that its own fit leaves with it switched off."""
+        """Propose starts for an effect again, from the residual of its own fit with the effect switched off."""
         candidate = self.candidates[name]
         without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)
         left = np.where(self.problem.valid, self.problem.observed - without, np.nan)
@@ -234,9 +234,9 @@ class Fitter:
         return min(found, again, key=lambda fit: fit.cost)
 
     def _by_trials(self, found: Fit) -> Fit:
-        """Fit effects whose derivatives see hardly anything by trials (Powell's method), in turn with all other values.
+        """Fit effects whose predictions jump without derivatives (Powell's method), alternating with all other values.
 
-        Trials change the logarithms of their parameters: where a jump comes, a share decides.
+        The search runs over the logarithms of their parameters, because relative changes decide where a jump comes.
         """
         names = {p.name for e in found.effects if self.candidates[e].jumps for p in self.candidates[e].parameters}
         own = [i for i, p in enumerate(found.parameters) if p.name in names]
@@ -270,9 +270,9 @@ class Fitter:
         return {**parent.values, **self.candidates[name].null_point()}
 
     def from_elsewhere(self, fit: Fit) -> Fit:
-        """Return a fit, or a better one from where some base values are elsewhere (``elsewhere`` of the problem).
+        """Return a fit, or a better one that starts from the problem's other base values (``elsewhere``).
 
-        Only a place that is better already, everything else left as it is, is followed.
+        Only a start that is already better with all other values unchanged is followed.
         """
         model, costs = self._model(fit.effects), self._costs(fit.effects)
 
@@ -287,7 +287,7 @@ class Fitter:
         return min(fit, self.fit(fit.effects, [places[best]], max_iterations=20), key=lambda item: item.cost)
 
     def sharpened(self, fit: Fit) -> Fit:
-        """Return a fit with derivatives that are right where they say least, and its optimum by them."""
+        """Return a fit with derivatives that are accurate along directions of least information, and its optimum."""
         model, space = self._model(fit.effects), self.space(fit.effects)
         for _ in range(2):
             solution = sharpened(model, fit.solution, weight=self.weight, space=space)
@@ -305,7 +305,7 @@ class Fitter:
     ) -> Fit:
         """Fit the same set again from its optimum, after the weights have changed or samples were left out.
 
-        Parameters that are kept stay at their values. A rough fit leaves its derivatives as they are at the end.
+        Parameters in ``kept`` stay at their values. A ``rough`` fit leaves its derivatives as they are at the end.
         """
         space = self.space(fit.effects)
         places = [i for i, p in enumerate(fit.parameters) if p.name in kept]
@@ -340,7 +340,7 @@ class AtPoint:
         return self._problem.predict(self._values(x), self._effects)
 
     def many(self, points: Sequence[Floats]) -> list[Floats]:
-        """Return the predictions at several points, at once where the problem can do that."""
+        """Return the predictions at several points, computed in parallel where the problem can do that."""
         go_on()
         return self._problem.predict_many([self._values(x) for x in points], self._effects)
 
@@ -367,7 +367,7 @@ def space_of(parameters: Sequence[Parameter], *, scales: Mapping[str, float] | N
 
 
 def _scale(parameter: Parameter) -> float:
-    """Return a change of the parameter that matters: its prior, its distance from its null, or a share of its range."""
+    """Return a change of a parameter that matters: its prior, its distance from the null, or a share of its range."""
     if parameter.sigma is not None:
         return parameter.sigma
     span = parameter.upper - parameter.lower
@@ -378,7 +378,7 @@ def _scale(parameter: Parameter) -> float:
 
 
 def _distinct(solutions: Sequence[Solution], space: Space) -> list[Solution]:
-    """Leave out solutions that have run to the same place as a better one."""
+    """Return the solutions without those that have converged to the same point as a better one."""
     kept: list[Solution] = []
     for solution in solutions:
         near = (np.all(np.abs(solution.x - other.x) < 0.3 * space.scale) for other in kept)

@@ -1,18 +1,18 @@
-r"""What a residual is worth: a Gaussian likelihood whose noise is inferred and whose neighbours are correlated.
+r"""The likelihood of a residual: Gaussian, with inferred noise and correlated neighbours.
 
 .. math:: \log L = -\tfrac12 \sum_i c_i \left( \frac{(r - J a)_i^2}{s^2 + n_i^2} + \log (s^2 + n_i^2) \right)
           - \tfrac12 a^\top a - \tfrac12 \log \det (1 + J^\top w J)
 
-r residual, n_i what the inputs account for sample by sample (reading noise, noise of the temperatures), J a what errors
-of the inputs do to many samples at once (:mod:`.weight`), s the size of the discrepancy that is left, each at its most
-probable value: one for motion, one for rests, and one for the blocks that a record opens with, where what came before
-it is not known. Neighbouring residuals are not independent: in motion a sample counts as :math:`c = 1/τ` pieces of
-information, τ the integrated correlation time, in samples, of the residual in units of each sample's standard deviation
-(samples that lie closer than usual share that); a rest of m samples as one piece, so each as 1/m. The power c of a
-likelihood keeps intervals and evidence honest where the correlation's form is not known (composite likelihood; Varin,
-Reid and Firth, Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the likelihood and not a set weight:
-what leaves half as much explains as much more as the number of pieces of information says (Kennedy and O'Hagan, J. R.
-Statist. Soc. B 63 (2001) 425).
+r residual, n_i the noise of the inputs in each sample alone (reading noise, noise of the temperatures), J a the
+contribution of errors of the inputs that many samples share (:mod:`.weight`), s the size of the model's discrepancy,
+each at its most probable value: one s for motion, one for rests, and one for the opening blocks, where the state before
+the record is not known. Neighbouring residuals are not independent: in motion a sample counts as :math:`c = 1/τ` pieces
+of information, τ the integrated correlation time, in samples, of the residual in units of each sample's standard
+deviation (samples that lie closer than usual share that); a rest of m samples counts as one piece, so each sample as
+1/m. The power c of a likelihood keeps intervals and evidence honest where the correlation's form is not known
+(composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the
+likelihood and not a fixed weight: the gain of a model with half the residual grows with the number of pieces of
+information (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ MOTION: Final = 0
 REST: Final = 1
 OPENING: Final = 2
 _SIZE: Final = 1e-4
-"""To what share of it a discrepancy's size is wanted."""
+"""Relative accuracy of a discrepancy's variance."""
 _ROUNDS: Final = 8
-"""Shared errors and discrepancy in turn, at most; three or four suffice."""
+"""Largest number of alternations between shared errors and discrepancy; three or four suffice."""
 _SETTLED: Final = 1e-3
 """Change of the shared errors, in their standard deviations, below which another round changes nothing."""
 
@@ -49,15 +49,15 @@ class Likelihood:
     count : (n,) float64
         Pieces of information that a sample counts as; zero where it does not count.
     floor : (n,) float64
-        Standard deviation that the inputs account for.
+        Standard deviation of the inputs' noise in a sample alone.
     kind : (n,) int8
         :data:`MOTION`, :data:`REST` or :data:`OPENING`: which discrepancy a sample shares.
     correlation_samples : float
         Integrated correlation time of the residual in motion.
     least : float
-        Least size of the discrepancy: no model is right to better than a difference that nobody would miss.
+        Smallest size of the discrepancy: no model is more exact than a difference that does not matter.
     shared : (n, k) float64
-        What one standard deviation of every error does that many samples share.
+        Change of the samples by one standard deviation of every error that many samples share.
     """
 
     count: Floats
@@ -87,7 +87,7 @@ class Likelihood:
         return cls(stretches.counts(correlation_samples), floor, kind, correlation_samples, least, shared)
 
     def correlated(self, stretches: Stretches, correlation_samples: float) -> Likelihood:
-        """Return the same for another correlation time."""
+        """Return the likelihood for another correlation time."""
         count = stretches.counts(correlation_samples)
         return replace(self, count=count, correlation_samples=correlation_samples)
 
@@ -98,24 +98,24 @@ class Likelihood:
 
     @property
     def noise(self) -> Floats:
-        """Standard deviation (n,) that the inputs account for, shared errors and others."""
+        """Standard deviation (n,) of the inputs' noise, shared errors and others."""
         return np.asarray(np.sqrt(self.floor**2 + np.sum(self.shared**2, axis=1)))
 
     def variance(self, residual: Floats) -> Floats:
-        """Return the variance (n,) of every sample, shared errors and the discrepancy's most probable size in it."""
+        """Return the variance (n,) of every sample: noise, shared errors and the most probable discrepancy."""
         return np.asarray(self._variance(self.left(residual)) + np.sum(self.shared**2, axis=1))
 
     def left(self, residual: Floats) -> Floats:
-        """Return a residual less what its most probable shared errors do (n,)."""
+        """Return a residual less the contribution of its most probable shared errors (n,)."""
         return np.asarray(residual - self.shared @ self.weight(residual).errors(residual))
 
     def in_scales(self, residual: Floats) -> Floats:
-        """Return what is left in units of every sample's standard deviation (n,): as much as it says of a value."""
+        """Return :meth:`left` in units of every sample's standard deviation (n,)."""
         left = self.left(residual)
         return np.asarray(left / np.sqrt(self._variance(left)))
 
     def accounts_for(self, residual: Floats) -> bool:
-        """Return whether a residual, rests apart, is no larger than inputs and the least discrepancy account for."""
+        """Return whether a residual, except at rest, is no larger than the inputs' noise and the least discrepancy."""
         rows = (self.kind != REST) & (self.count > 0.0)
         scaled = self.left(residual)[rows] ** 2 / (self.floor[rows] ** 2 + self.least**2 + 1e-30)
         return bool(rows.any() and self.count[rows] @ scaled <= np.sum(self.count[rows]))
@@ -129,12 +129,12 @@ class Likelihood:
 
     @cached_property
     def _kinds(self) -> list[tuple[int, Flags, Floats, Floats]]:
-        """Every kind that has samples, which they are, their floors' squares and counts."""
+        """Every kind that has samples, with the mask (n,) of these samples, their squared floors and their counts."""
         each = ((kind, (self.kind == kind) & (self.count > 0.0)) for kind in (MOTION, REST, OPENING))
         return [(kind, rows, self.floor[rows] ** 2 + 1e-30, self.count[rows]) for kind, rows in each if rows.any()]
 
     def _discrepancy(self, left: Floats) -> Floats:
-        """Return the sizes for what shared errors leave."""
+        """Return the sizes (3,) for a residual without its shared errors."""
         sizes = np.zeros(3)
         with np.errstate(over="ignore"):
             square = left**2
@@ -147,7 +147,7 @@ class Likelihood:
         return self.log_at(self.weight(residual), residual)
 
     def log_at(self, weight: Weight, residual: Floats) -> float:
-        """Return the same where the residual's own weight is known."""
+        """Return the logarithm of the likelihood where the residual's own weight is known."""
         rows = self.count > 0.0
         if not (weight.each[rows] > 0.0).all():
             return -np.inf
@@ -155,10 +155,10 @@ class Likelihood:
         return -0.5 * (weight.square(residual) + spread + weight.log_determinant)
 
     def promise(self, residual: Floats) -> float:
-        """Return by how much the logarithm would grow if nothing but what the inputs account for were left.
+        """Return the growth of the logarithm if the residual fell to the noise of the inputs.
 
-        In motion, at rest, in opening blocks, and of the shared errors, each by itself: what one has to spare, another
-        may still gain.
+        It is the sum of the growths in motion, at rest, in opening blocks, and by the shared errors, each at least
+        zero: a part that is below its noise already does not reduce the gain of the others.
         """
         weight = self.weight(residual)
         errors = weight.errors(residual)
@@ -186,7 +186,7 @@ class Likelihood:
 
 @inlined
 def _scored(size: float, square: Floats, floor: Floats, count: Floats) -> float:
-    """Return the next size s² of Fisher's scoring; it is larger than this one where the likelihood rises."""
+    """Return the next value of s² in Fisher's scoring; it exceeds ``size`` where the likelihood rises with s²."""
     above = whole = 0.0
     for i in range(square.size):
         weight = count[i] / (floor[i] + size) ** 2
@@ -199,9 +199,9 @@ def _scored(size: float, square: Floats, floor: Floats, count: Floats) -> float:
 def discrepancy(square: Floats, floor: Floats, count: Floats, least: float) -> float:
     """Return the discrepancy s² at the maximum of the likelihood, or the least where that is less.
 
-    ``square`` (n,) are the residuals' squares, ``floor`` the variances that the inputs account for, ``count`` how much
-    every sample counts. Fisher's scoring, s² ← Σ w (r² − n²) / Σ w with w = c / (n² + s²)², between ends at which the
-    likelihood rises and falls; where it leads out of them, to their middle.
+    ``square`` (n,) are the residuals' squares, ``floor`` the variances of the inputs' noise, ``count`` the pieces of
+    information of every sample. Fisher's scoring, s² ← Σ w (r² − n²) / Σ w with w = c / (n² + s²)², is kept within a
+    bracket of the maximum; a step out of the bracket is replaced by its geometric middle.
     """
     # Means and extremes by loops: numba's own take half a second to compile.
     high, mean = 0.0, 0.0

@@ -2,10 +2,11 @@ r"""A law measured by marginal likelihood, together with the model's parameters 
 
 At a point of the parameters x and of the law's values f on its nodes the model is linear,
 :math:`y ≈ m + J_x δx + J_f δf`. Then the posterior of both under every kernel and size of the law's bank is known in
-closed form, and so is its evidence: what is left, what the values cost, and the Occam factor
-:math:`-\tfrac12 \log \det H` of the posterior's curvature H (Laplace; MacKay, Neural Computation 4 (1992) 415). The
-next point is the posterior mean of the best member of the bank, as far as the likelihood itself agrees. Evidence of the
-family is the mean over its bank: half of the prior is on smooth functions, half is shared by the usual forms.
+closed form, and so is its evidence: the likelihood of the residual, the cost of the values under their priors, and the
+Occam factor :math:`-\tfrac12 \log \det H` of the posterior's curvature H (Laplace; MacKay, Neural Computation 4 (1992)
+415). The next point is on the way to the posterior mean of the best member of the bank, as far as the likelihood itself
+grows. The evidence of the family is the mean over its bank: half of the prior is on smooth functions, half is shared by
+the usual forms.
 """
 
 from __future__ import annotations
@@ -29,48 +30,48 @@ from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
 _Member = tuple[int, int]
-"""A member of a bank: which kernel, and which size."""
+"""A member of a bank: the indices of its kernel and of its size."""
 SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """Sizes that are tried, in scales of the law: three decades in steps of a half."""
 _STEP: Final = 0.1
-"""Difference step of a law's value, in its scale."""
+"""Difference step of a law's value, in the law's scale."""
 ITERATIONS: Final = 14
-"""Steps of a measurement; most end after five."""
+"""Largest number of steps of a measurement; most end after five."""
 _HALVINGS: Final = 5
 _LITTLE: Final = 1e-6
 """Information about a free value, in one over its scale squared."""
 FURTHER: Final = 20.0
-"""How many times what the linear model promises a search may gain in all before it is left as hopeless. Of 214 laws
-that gained twenty log units and more on a handful of records, those that gained more than a hundred gained up to 16
-times what the first step promised."""
+"""Largest total gain of a search as a multiple of the gain that its linear model predicts; a search that would need
+more is given up as hopeless. Of 214 laws that gained twenty log units and more on a handful of records, those that
+gained more than a hundred gained up to 16 times the prediction of the first step."""
 SETTLED: Final = 0.3
 """Gain in log units below which a further step, or round of weights, no longer matters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """A law as a record shows it.
+    """A law as measured from a record.
 
     Attributes
     ----------
     law : Law
-        What was measured.
+        The law that was measured.
     form : LawForm
-        Its most probable kernel and size.
+        The law in its most probable kernel and size.
     values : mapping of str to float
-        The model's parameters, and the form's.
+        Values of the model's parameters and of the form's.
     prediction : (n,) float64
-        Of the model at these values.
+        Prediction of the model at these values.
     derivative : (n, m) float64
         Derivatives of the prediction by the values, in their order.
     log_evidence : float
-        Of the family, comparable among fits of one record under one likelihood.
+        Evidence of the family, comparable among fits of one record under one likelihood.
     place : (int, int)
-        Which of the law's kernels and of :data:`SIZES` the form is.
+        Indices of the form's kernel in the law's kernels and of its size in :data:`SIZES`.
     bank : float
-        By how much the family's evidence differs from that of its most probable form alone.
+        Evidence of the family less that of its most probable form alone.
     hopes : bool
-        False where it was left because it would not come as far as it should.
+        False where the measurement was given up because it would not reach the posterior density that matters.
     """
 
     law: Law
@@ -84,7 +85,7 @@ class Measured:
     hopes: bool = True
 
     def as_fit(self, fitter: Fitter, members: EffectSet) -> Fit:
-        """Return the set in which the law was measured as a fit, by what has the law's form among its candidates."""
+        """Return the set in which the law was measured as a fit; ``fitter`` has the law's form among its candidates."""
         effects, names = fitter.ordered(members), list(self.values)
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(self.values.values()))[place]
@@ -93,9 +94,9 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Bank:
-    """A law's kernels at size one, and the prior's logarithm of each in every size.
+    """A law's kernels at size one, and the logarithm of the prior of each kernel in every size.
 
-    Half of the prior is on smooth kernels, half on usual forms, shared by the sizes.
+    Half of the prior is on smooth kernels, half on usual forms; either half is shared equally by kernels and sizes.
     """
 
     law: Law
@@ -111,13 +112,13 @@ class _Bank:
         return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * alike * len(SIZES)))
 
     def beside(self, evidence: Floats, place: _Member) -> float:
-        """Return by how much the evidence of the family differs from that of one member alone."""
+        """Return the evidence of the family less that of one member alone."""
         return float(self.log_prior[place[0]] + logsumexp(evidence) - evidence[place])
 
     def within(self, form: LawForm) -> _Bank:
-        """Return the bank of a form's coefficients: of the kernels that lie in its span, the others are impossible.
+        """Return the bank for the coefficients of a form: kernels outside of the form's span have prior zero.
 
-        What is off by less than a form leaves out of its own kernel lies in it.
+        A kernel counts as within the span if it deviates by no more than a form may deviate from its own kernel.
         """
         inverse, units, log_prior = np.linalg.pinv(form.basis), [], []
         for unit, prior in zip(self.units, self.log_prior, strict=True):
@@ -128,7 +129,7 @@ class _Bank:
         return _Bank(self.law, tuple(units), np.array(log_prior))
 
     def form(self, kernel: int, size: int) -> LawForm:
-        """Return one kernel in one size."""
+        """Return the form of one kernel in one size."""
         return replace(self.units[kernel], basis=self.units[kernel].basis * (SIZES[size] * self.law.scale))
 
 
@@ -150,19 +151,19 @@ def measure_law(
     problem : Problem
         Record and model.
     law : Law
-        Of ``problem.laws``.
+        One of ``problem.laws``.
     start : mapping of str to float
-        Values of the model's parameters, and of those of the effects, from which to begin.
+        Start values of the model's parameters, and of those of the effects.
     effects : tuple of str
         Effects (and laws that are known already) that are part of the model.
     likelihood : Likelihood
-        Of the record.
+        Likelihood of the record.
     known : mapping of str to (n,) float64, optional
         Derivatives at the start by some of the values, where a fit without the law has them.
     curve : (k,) float64, optional
-        Values of the law on its nodes from which to begin; none where left out.
+        Start values of the law on its nodes; zero by default.
     least : float
-        Logarithm of the posterior density below which it does not matter.
+        Logarithm of the posterior density below which the law does not matter.
     """
     return _Measurement(problem, law, effects, likelihood, least).run(start, known or {}, curve)
 
@@ -195,13 +196,13 @@ class _Measurement:
         return np.where(self._likelihood.count > 0.0, self._observed - at_u, 0.0)
 
     def _prior(self, u: Floats, precision: Floats) -> float:
-        """Return the priors' logarithm at a point: the parameters', and the law's under one member."""
+        """Return the logarithm of the priors at a point: of the parameters, and of the law under one member."""
         m = len(self._names)
         f = u[m:]
         return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
 
     def run(self, start: Mapping[str, float], known: Mapping[str, Floats], curve: Floats | None) -> Measured:
-        """Step from a start until nothing is gained, or hope is lost."""
+        """Step from a start until a step gains nothing that matters, or ``least`` cannot be reached."""
         m, k = len(self._names), len(self._law.nodes)
         u = np.zeros(m + k)
         u[:m] = [start[name] for name in self._names]
@@ -232,7 +233,7 @@ class _Measurement:
         return replace(self._measured(slopes, last), hopes=hopes)
 
     def _guess(self, known: Mapping[str, Floats]) -> Floats | None:
-        """Return the derivatives that are known as columns, NaN for the others; None where none is."""
+        """Return the known derivatives as columns, NaN for the others; None where none is known."""
         if not known:
             return None
         missing = np.full(len(self._observed), np.nan)
@@ -265,10 +266,10 @@ class _Measurement:
                            bank=self._bank)  # fmt: skip
 
     def _measured(self, slopes: Slopes, last: _Member | None) -> Measured:
-        """Return the law as the most probable member says, or the one that led here, whichever explains more.
+        """Return the law in the most probable member or in that of the last step, whichever has more evidence.
 
-        The values at the end are those of the member that led there. Of another one they may be far off what it can
-        say; its own posterior mean is as good as the linear picture.
+        The values at the end are those of the last step's member. They may be far from what another member can
+        represent; its own posterior mean is as good as the linear model.
         """
         picture = self._picture(slopes)
         ways = [(picture.place, slopes.x), (picture.place, self._space.clip(picture.mean))]
@@ -277,7 +278,7 @@ class _Measurement:
         return max((self._measured_as(slopes, *way) for way in ways), key=lambda measured: measured.log_evidence)
 
     def _measured_as(self, slopes: Slopes, place: _Member, u: Floats) -> Measured:
-        """Return the law as one member of the bank says at a point."""
+        """Return the law in one member of the bank, with the values nearest to a point."""
         m, (kernel, size) = len(self._names), place
         form = self._bank.form(kernel, size)
         u = _projected(u, m, form)
@@ -319,7 +320,7 @@ class _Picture:
         information: Floats,
         bank: _Bank,
     ) -> _Picture:
-        r"""Work out evidence and posterior mean of every member.
+        r"""Compute the evidence of every member, and the posterior mean of the best one.
 
         With the parameters integrated out the law's values on the nodes have the information S and the side g. Under a
         kernel whose values are B z, z independent with standard deviation c, :math:`B^\top S B = Q Λ Q^\top` serves all
@@ -359,11 +360,11 @@ class _Picture:
 
 
 def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likelihood) -> tuple[float, Measured]:
-    """Return a law in the form that is most probable at a fit, and the log units by which it is more so than its own.
+    """Return the gain in log evidence of a law's most probable form at a fit over its own form, and the law in it.
 
-    A law that made up for what was missing beside it is larger and less smooth than it need be once that is there. The
-    linear model at the fit tells of every size, and of every kernel in the form's span, without a run of the model;
-    ``prediction`` stays as it is.
+    A law that made up for a missing effect is larger and less smooth than necessary once that effect is in the set. The
+    linear model at the fit gives the evidence of every size, and of every kernel in the form's span, without a run of
+    the model; ``prediction`` is not updated.
     """
     old, names = measured.form, [p.name for p in fit.parameters]
     own = [names.index(name) for name in old.names]
@@ -388,8 +389,8 @@ def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likeli
 def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     """Return the Laplace evidence of a fitted set of effects, comparable with a law's.
 
-    An effect's parameter that has no prior of its own is known up to its order of magnitude: a Cauchy distribution
-    about the null with the parameter's usual size as its width.
+    An effect's parameter without a prior of its own has a Cauchy distribution about the null, with the parameter's
+    usual size as its width: it is known up to its order of magnitude.
     """
     space, x = fitter.space(fit.effects), fit.solution.x
     residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
@@ -411,7 +412,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
 
 
 def far_ahead(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
-    """Return the most that the posterior density's logarithm may come to from a point, as the linear model has it."""
+    """Return an upper bound of the log posterior density that a fit may reach, from its linear model's prediction."""
     space, x, base = fitter.space(fit.effects), fit.solution.x, len(fitter.problem.parameters)
     residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
     step = full_step(fit.solution, residual, weight=likelihood.weight(residual), space=space)
@@ -443,7 +444,7 @@ def _precision(basis: Floats) -> Floats:
 
 
 def _projected(u: Floats, names: int, form: LawForm) -> Floats:
-    """Return a point whose law is the nearest that a form can make."""
+    """Return a point with the law's values replaced by the nearest ones that a form can represent."""
     out = u.copy()
     out[names:] = form.basis @ np.linalg.lstsq(form.basis, u[names:])[0]
     return out

@@ -1,9 +1,9 @@
-"""What a residual is worth: noise floor, correlation time, information per sample.
+"""Noise floor, correlation time and information per sample of a residual.
 
 Neighbouring samples of a residual are not independent. In motion, n samples with integrated correlation time τ (in
-samples, τ = 1 + 2 Σ ρ_k) carry n / τ pieces of information; a stretch at rest carries one, its level, because whatever
-error put it there stays for as long as it lasts. Each sample gets the weight 1 / (σ² τ) of its kind of stretch, with σ
-the residual's own size (model error included), so a sum of squares times these weights is comparable to a prior's.
+samples, τ = 1 + 2 Σ ρ_k) carry n / τ pieces of information; a stretch at rest carries one, its level, because the error
+of the level lasts as long as the rest. Each sample gets the weight 1 / (σ² τ) of its kind of stretch, with σ the
+residual's own size (model error included), so a sum of squares times these weights is comparable to a prior's.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
 
 _LEAST_PIECE: Final = 16
-"""Samples of a piece from which its noise is measured: the median of 13 third differences knows it to a third, one over
-the root of 2 · 13 · 0.37 (efficiency of the median deviation)."""
+"""Fewest samples of a piece from which its noise is estimated: the median of 13 third differences gives it to a third,
+one over the root of 2 · 13 · 0.37 (efficiency of the median deviation)."""
 _FIRST_TIME_SHARE: Final = 1.0 / 40.0
 """Correlation time that is assumed before a residual is known, as a share of a stretch of motion."""
 
@@ -36,9 +36,9 @@ class Stretches:
     rest : (k,) bool
         Whether the stretch stands still.
     opening : (k,) bool
-        Whether it lies in a block before which the state is not known.
+        Whether the stretch lies in a block before which the state is not known.
     share : (n,) float64
-        How much of a sample every sample counts as in motion; less than one where they lie closer than usual.
+        Weight of every sample in motion, in samples; less than one where samples lie closer than usual.
     """
 
     start: Ints
@@ -62,7 +62,7 @@ class Stretches:
         return cls(start[keep], stop[keep], rest[start[keep]], opening, share)
 
     def counts(self, correlation_samples: float) -> Floats:
-        """Return the pieces of information (n,) that samples count as; one in all in a rest, or at least in motion."""
+        """Return the pieces of information (n,) of the samples; their sum is one in a rest, one or more in motion."""
         found = np.zeros(len(self.share))
         for a, b, rest in zip(self.start, self.stop, self.rest, strict=True):
             share = self.share[a:b]
@@ -86,7 +86,7 @@ class Scales:
     Attributes
     ----------
     motion, rest : float
-        Standard deviation that has to be added to the floor in motion, and to that of a rest's level.
+        Standard deviation to be added (in squares) to the floor in motion, and to that of a rest's level.
     correlation_samples : float
         Integrated correlation time in motion.
     """
@@ -97,7 +97,7 @@ class Scales:
 
 
 def _whole_samples(residual: Floats, share: Floats) -> Floats:
-    """Return means over as many neighbours as make up one whole sample."""
+    """Return means over neighbours whose shares add up to one sample."""
     starts = np.flatnonzero(np.diff(np.floor(np.cumsum(share) - 0.5 * share), prepend=-1.0))
     weighed: Floats = np.add.reduceat(residual * share, starts) / np.add.reduceat(share, starts)
     return weighed
@@ -115,7 +115,7 @@ def correlation_samples(residual: Floats, stretches: Stretches) -> float:
 
 
 def residual_scales(residual: Floats, stretches: Stretches, floor: Floats) -> Scales:
-    """Return what has to be added to the floor to account for a residual, in motion and at rest.
+    """Return the standard deviations to be added to the floor to account for a residual, in motion and at rest.
 
     Each is the standard deviation s for which the mean of r² / (floor² + s²) is one.
     """
@@ -163,11 +163,11 @@ def first_scales(problem: Problem, stretches: Stretches) -> Scales:
 
 
 def reading_noise(problem: Problem, stretches: Stretches, residual: Floats) -> float:
-    """Return the standard deviation of the reading noise, measured from the record.
+    """Return the standard deviation of the reading noise, estimated from the record.
 
-    At rests from the measured values, which do not move there; where the record never rests from a fit's residual,
-    which keeps the noise and little of the motion. Where missing samples cut every stretch short, or the record is
-    short, the next ones that are known are a residual's neighbours.
+    It is estimated from the measured values at rests, where they are constant; without rests from a fit's residual,
+    which contains the noise and little of the motion. Where missing samples cut all stretches short, or the record is
+    short, samples across the gaps are taken as neighbours.
     """
     levels, motion = stretches.split()
     moving = problem.valid & ~problem.rest

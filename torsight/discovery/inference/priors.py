@@ -1,14 +1,14 @@
-"""What it costs to leave a value that was measured beforehand.
+"""Cost of departing from a value that was measured beforehand.
 
-A characterised value may be off by its standard deviation, and now and then it is simply wrong: a digit mistyped, a
-test that went astray. Its prior is therefore a narrow normal distribution with a little of a wide one mixed in,
+A characterised value may be off by its standard deviation, and now and then it is simply wrong: a mistyped digit, a
+test that failed. Its prior is therefore a mixture of a narrow normal distribution and a small share of a wide one,
 
 .. math:: p(z) ∝ (1 − ε) e^{−z²/2} + (ε/s) e^{−z²/(2 s²)}
 
-z distance from the mean in standard deviations. Near the mean the cost is z²; far out it levels off at what one wrong
-value is worth. So no effect is named to excuse a single wrong value, but one that takes several values at once back to
-where they were measured has all that to its credit. Source: contaminated normal distribution, Tukey (1960), in
-Contributions to Probability and Statistics.
+z distance from the mean in standard deviations. Near the mean the cost is z²; far from it the cost levels off at that
+of one wrong value. So an effect gains little if it only explains a single wrong value, but much if it returns several
+values together to their measured ones. Source: contaminated normal distribution, Tukey (1960), in Contributions to
+Probability and Statistics.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from torsight.discovery.interface import Problem
 
 _WRONG_SHARE: Final = 0.02
 """Share of declared values that are wrong altogether: 1 to 10 % of data are (Hampel et al., Robust Statistics (1986)
-section 1.2c); values that were measured with care, and written down with how well, are at the lower end."""
+section 1.2c); values that were measured with care, and recorded with their uncertainty, are at the lower end."""
 _WRONG_SIGMAS: Final = 10.0
-"""How far off such a value is, in its standard deviations: as a digit mistaken by one decimal place is. A choice."""
+"""Error of such a value in its standard deviations: as of a digit mistaken by one decimal place. A choice."""
 
 
 def outlier_cost(sigmas: Floats) -> Floats:
@@ -38,9 +38,9 @@ def outlier_cost(sigmas: Floats) -> Floats:
 
 
 def outlier_precision(sigmas: Floats) -> Floats:
-    """Return the precision of the normal distribution that stands for the mixture at a distance, mean kept.
+    """Return the precision of the normal distribution, of the same mean, that replaces the mixture at a distance.
 
-    Half the slope of :func:`outlier_cost` over the distance, as iteratively reweighted least squares takes it.
+    It is half the slope of :func:`outlier_cost` over the distance, as in iteratively reweighted least squares.
     """
     square = np.asarray(sigmas, np.float64) ** 2
     narrow = np.log1p(-_WRONG_SHARE) - 0.5 * square

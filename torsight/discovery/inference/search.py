@@ -1,9 +1,9 @@
-"""Which sets of effects and laws explain a record: every one alone, then what else the best of them need.
+"""The search for sets of effects and laws that explain a record: first single ones, then extensions of the best.
 
-Every effect is fitted and every law measured together with the plain model, and each of the best is tried again from
-where the others have led the base values: an optimum that was not found is no evidence. The best few sets are extended
-by every other effect and law as long as more than noise is left. All are compared by their evidence under one
-likelihood, whose floor and correlation come from the best of them.
+Every effect is fitted and every law measured together with the plain model. Each of the best sets is fitted again from
+the base values of the others, because a set whose optimum was missed would be underrated. The best few sets are
+extended by every other effect and law as long as the residual is more than noise. All are compared by their evidence
+under one likelihood, whose floor and correlation come from the best of them.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from torsight.discovery.interface import Problem
 from torsight.discovery.settings import Settings
 
 _ROUNDS: Final = 6
-"""Rounds of weights at most."""
+"""Largest number of rounds of weights."""
 _FIRST_CORRELATION: Final = 4.0
-"""Correlation time, in samples, that is assumed at most before anything explains a record that shows more than noise:
-what a missing effect leaves is correlated over a whole stroke and says nothing of the noise."""
+"""Largest correlation time, in samples, that is assumed before a set explains a record that shows more than noise: the
+residual due to a missing effect is correlated over a whole stroke, which says nothing about the noise."""
 
 
 class Search:
-    """Fits what has to be compared; see :meth:`run`."""
+    """Fits the sets that have to be compared; see :meth:`run`."""
 
     def __init__(self, problem: Problem, *, settings: Settings, progress: Progress) -> None:
         self._problem = problem
@@ -98,7 +98,7 @@ class Search:
         return [one for one in sets if one.log_evidence > self._reach(len(one.members)) - 0.5 * self._settings.apart]
 
     def _sharpened(self, one: Explanation) -> Explanation:
-        """Return a set with derivatives that are right where they say least: they decide how much it says there."""
+        """Return a set with derivatives that are accurate along directions of least information, and its evidence."""
         fit = one.fitter.sharpened(one.fit)
         evidence = log_evidence(one.fitter, fit, one.likelihood) + family_evidence(one.laws)
         return replace(one, fit=fit, log_evidence=evidence)
@@ -110,13 +110,13 @@ class Search:
 
     @property
     def choices(self) -> int:
-        """How many effects and laws there are to choose from."""
+        """Number of effects and laws from which sets are chosen."""
         return len(self._problem.candidates) + len(self._problem.laws)
 
     def _parents(self, size: int) -> list[Explanation]:
-        """Return the sets of so many members to extend: the best of each place that is tried.
+        """Return the sets of ``size`` members that are extended: the best one of each combination of places.
 
-        What only says when something differs is extended beside those that say why and takes no place from them.
+        Sets with a law of time, which only says when something differs, are extended in addition to the others.
         """
         found: dict[Places, Explanation] = {}
         for one in self._ranked(size):
@@ -130,23 +130,23 @@ class Search:
         return any(item.law.says_when for item in one.laws)
 
     def _may_lead(self, parent: Explanation) -> bool:
-        """Return whether one more member could make a set that is told beside the best one, or instead of it.
+        """Return whether one more member could make a set that is reported beside the best one, or instead of it.
 
-        One that explains alone is tried with a second in any case: what two leave apart (a late sensor and a clock
-        that wanders), one may take up with values that are wrong, down to what passes for noise.
+        A best set of one member is extended in any case: with wrong values, a single member may absorb the effects of
+        two (a late sensor and a clock that wanders), down to a residual that looks like noise.
         """
         best = self._best()
         return (parent is best and len(best.members) == 1) or self._within_reach(parent, more=1)
 
     def _within_reach(self, one: Explanation, *, more: int = 0, gain: float = 0.0) -> bool:
-        """Return whether a set, with so many members more, could be told beside the best one if all went well.
+        """Return whether a set with ``more`` further members could at best be reported beside the best set.
 
-        ``gain`` is what it gains beside.
+        ``gain`` is a further gain of the set, in log units.
         """
         return one.log_evidence + one.promise + gain > self._reach(len(one.members) + more)
 
     def _reach(self, size: int) -> float:
-        """Return the evidence from which a set of so many members could be told beside the best one."""
+        """Return the evidence from which a set of ``size`` members could be reported beside the best one."""
         best = self._best()
         return best.log_evidence + self.needed * (size - len(best.members)) - 0.5 * self._settings.apart
 
@@ -155,11 +155,11 @@ class Search:
         return one.log_posterior + self._reach(size) - one.log_evidence
 
     def _promising(self, size: int) -> list[Explanation]:
-        """Return the best sets of so many members, as far as another fit of them could matter."""
+        """Return the best sets of ``size`` members, as far as another fit of them could matter."""
         return [one for one in self._ranked(size)[: 2 * self._settings.beam] if self._within_reach(one)]
 
     def plain(self) -> Explanation:
-        """Fit the plain model from the priors' means and from elsewhere."""
+        """Fit the plain model from the priors' means and from the problem's other starts (``elsewhere``)."""
         problem, stretches = self._problem, self._stretches
         fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), problem.sigma))
         fit = fitter.base()
@@ -177,7 +177,7 @@ class Search:
         return max(first, *again, key=lambda one: one.log_posterior)
 
     def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
-        """Fit a set of effects from values of one's own: under the likelihood there, then twice under the end's."""
+        """Fit a set of effects from given values: under the likelihood there, then twice under that at the optimum."""
         for _ in range(3):
             prediction = self._problem.predict(start, effects)
             likelihood = self._likelihood_at(self._problem, start, effects)
@@ -187,16 +187,16 @@ class Search:
         return self._settled(self._problem, fit, ())
 
     def has_settled(self, found: Explanation) -> bool:
-        """Return whether one more fit of a set of effects from its optimum gains nothing that matters."""
+        """Return whether a further fit of a set of effects from its optimum gains nothing that matters."""
         again = self.fit_from(found.fit.values, found.fit.effects)
         return again.log_posterior <= found.log_posterior + SETTLED
 
     def _is_noise(self, likelihood: Likelihood, residual: Floats) -> bool:
-        """Return whether a residual is no more than what the inputs account for, where it is known what they do."""
+        """Return whether a residual is no larger than the noise of the inputs, where the reading noise is known."""
         return _knows_reading(self._problem) and likelihood.accounts_for(residual)
 
     def _reading_noise(self, problem: Problem, fit: Fit) -> Floats:
-        """Return the reading noise (n,), from what a fit leaves where the problem does not know it."""
+        """Return the reading noise (n,), estimated from a fit's residual where it is not given."""
         if _knows_reading(problem):
             return problem.sigma
         left = residual_of(problem, fit.solution.prediction)
@@ -206,7 +206,7 @@ class Search:
         return self._likelihood_at(problem, fit.values, fit.effects)
 
     def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
-        """Return the likelihood with what the inputs account for there; its correlation is that of now."""
+        """Return the likelihood with the inputs' noise at given values, and with the current correlation time."""
         floor = np.hypot(self._reading, problem.input_noise(values, effects))
         shared, tau = problem.shared_errors(values, effects), self._correlation_samples
         return Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution, shared=shared)
@@ -214,7 +214,7 @@ class Search:
     def _settled(
         self, problem: Problem, fit: Fit, laws: tuple[Measured, ...], likelihood: Likelihood | None = None
     ) -> Explanation:
-        """Return a fit at the weights that its own residual gives, with its evidence.
+        """Return a fit at the weights of its own residual, with its evidence.
 
         ``likelihood`` is that at the fit's values, where it is known already.
         """
@@ -232,10 +232,10 @@ class Search:
         return Explanation(fitter, best, laws, likelihood, evidence, self._progress)
 
     def _take_better_forms(self, size: int) -> None:
-        """Put the best sets' laws in the forms that are most probable there, one after the other.
+        """Change the laws of the best sets to their most probable forms, one law after the other.
 
-        Otherwise a law keeps the form in which it was measured: it may have done the work of what is beside it now,
-        and a set pays for freedom of which it makes no use.
+        Otherwise a law keeps the form in which it was measured. It may then have made up for effects that are now
+        beside it, and the set pays for freedom of which it makes no use.
         """
         ranked = self._ranked(size)
         gain = {one.members: self._better_form(one)[0] for one in ranked}
@@ -244,12 +244,12 @@ class Search:
         self._keep(self._at_once(work, self._in_better_form, step="better forms"))
 
     def _better_form(self, one: Explanation) -> tuple[float, Measured | None]:
-        """Return the law of a set that gains most in another form, in that form, and the gain in log units."""
+        """Return the gain in log units and the law, in its better form, that gains most in another form."""
         found = [better_form(law, one.fitter, one.fit, one.likelihood) for law in one.laws]
         return max(found, key=lambda item: item[0], default=(0.0, None))
 
     def _in_better_form(self, one: Explanation) -> Explanation:
-        """Return a set with its laws in better forms, as long as that gains something."""
+        """Return a set with its laws in better forms, as long as each change increases the evidence."""
         while True:
             gain, law = self._better_form(one)
             if law is None or gain <= SETTLED:
@@ -278,20 +278,21 @@ class Search:
         self._grow(work, step="effects and laws" if size == 1 else f"sets of {size}")
 
     def _choices(self, size: int) -> list[str]:
-        """Return what a set of so many members may consist of: laws, which take longest, first.
+        """Return the possible members of a set of ``size``: laws, which take longest, first.
 
-        A law of time says when something differs and not why: beside an explanation it would take up its error.
+        A law of time says when something differs and not why: beside an explanation it would absorb the explanation's
+        error.
         """
         laws = [law.id for law in self._problem.laws if size == 1 or not law.says_when]
         return [*laws, *(candidate.id for candidate in self._problem.candidates)]
 
     def _grow_otherwise(self, size: int) -> None:
-        """Fit the best sets from each of their parts, and with other means.
+        """Fit the best sets from each of their parts, and with members exchanged.
 
-        The valley of a pair may lie by one of its parts and not by the other. Another form of a law is tried where the
-        law has led everything else: with what the set says of its other members, and not with what they are alone. In
-        the best set whatever explains most alone is tried, too: what is alike alone (a late sensor and a late clock)
-        may be told apart beside the rest.
+        The optimum of a pair may be near the fit of one part and not near that of the other. Another form of a law is
+        tried with the set's values of the other members, and not with those that they have alone. In the best set the
+        candidates that explain most alone are tried, too: two that are equivalent alone (a late sensor and a late
+        clock) may be distinguishable beside the other members.
         """
         best = [one.members for one in self._promising(size)]
         self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
@@ -300,7 +301,7 @@ class Search:
             self._keep(self._at_once(work, self._exchange, step="other forms"))
 
     def _exchanges(self, size: int) -> list[tuple[EffectSet, str, str]]:
-        """Return in which of the best sets which member should make room for what."""
+        """Return the exchanges to try: a set, the member that is taken out, and the one that is put in."""
         best = [one.members for one in self._promising(size)]
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
         single = [one.members[0] for one in self._ranked(1) if not self._says_when(one)]
@@ -315,10 +316,10 @@ class Search:
         ]
 
     def _exchange(self, item: tuple[EffectSet, str, str]) -> Explanation:
-        """Return a set with another member in the place of one, fitted from where the set is.
+        """Return a set with one member exchanged, fitted from the set's values.
 
-        A law begins as the curve that it has as the usual form in whose place it is tried, where that is known: it can
-        do what that does, and the way there from nothing may lead over what derivatives do not see.
+        A law that replaces a usual form starts from the curve of that form, where it is known: the law can represent
+        the form, and a fit from zero might have to pass jumps that derivatives do not show.
         """
         best, members = self._explanations[item[0]], less(item[0], item[1])
         fitter, laws = part_fitter(best, members)
@@ -331,7 +332,7 @@ class Search:
         return self._with_law(without, law, curve=curve, least=least)
 
     def _grow(self, work: list[tuple[EffectSet, str]], *, step: str) -> None:
-        """Extend fitted sets, each by one member, unless that was done before, and keep what comes of it."""
+        """Extend fitted sets, each by one member, unless that was done before, and keep the results."""
         work = [item for item in work if item[0] in self._explanations and item not in self._grown]
         self._grown.update(work)
         found: list[Explanation] = self._at_once(work, self._extended, step=step)
@@ -347,7 +348,7 @@ class Search:
         return self.with_effect(parent, name, least=least)
 
     def with_effect(self, parent: Explanation, name: str, *, least: float = -np.inf) -> Explanation:
-        """Fit one more effect beside a fitted set, as long as the posterior density may come to what matters."""
+        """Fit one more effect beside a fitted set, as long as the log posterior density may reach ``least``."""
         hopes = may_reach(parent, least)
         fit = parent.fitter.extend(parent.fit, name, from_means=parent.pulled > SETTLED, hopes=hopes)
         if fit.cost > parent.cost - WORTH or not hopes(fit):
@@ -361,9 +362,9 @@ class Search:
     ) -> Explanation:
         """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
 
-        Where what is missing has pulled the base values off, the second start comes down into the valley where the
-        priors are content. Where no value has a prior that would tell, the problem's other places are further starts.
-        From a curve that is given it is measured from the set's optimum alone.
+        Where a missing effect has pulled the base values off, the second start leads to the minimum that agrees with
+        the priors. Where no value has a prior, the problem's other starts (``elsewhere``) are used, too. From a given
+        ``curve`` the law is measured from the set's optimum alone.
         """
         problem, fit = parent.fitter.problem, parent.fit
         known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
@@ -388,8 +389,8 @@ class Search:
     ) -> Explanation:
         """Return a measured law as an explanation: its form is one more candidate.
 
-        It comes out of its measurement under the weights of what it was measured beside, and is fitted under its own;
-        one without hopes is left as it is, ``under`` what it was measured under.
+        A law is measured under the weights of the set beside it, and then fitted under its own. A law that was given up
+        as hopeless is not fitted; ``under`` is the likelihood under which it was measured.
         """
         extended = problem.with_laws((*problem.forms, measured.form))
         likelihood = under or self._likelihood_at(extended, measured.values, (*members, measured.law.id))
@@ -402,9 +403,10 @@ class Search:
         return self._settled(extended, fit, laws, likelihood)
 
     def _look_again(self, size: int) -> None:
-        """Fit the best sets once more from where the others have led the base values, and the smaller ones, too.
+        """Fit the best sets, and the best smaller one, again from the base values of other sets.
 
-        And from each effect's own starts: with everything else where the set is, another of them may lead further.
+        The best sets are also fitted from each effect's own starts, with all other values of the set: another start may
+        now lead to a better optimum.
         """
         best = self._promising(size)
         if not best:
@@ -419,16 +421,16 @@ class Search:
         self._keep(found)
 
     def _fit_parts(self, best: Explanation) -> None:
-        """Fit the parts of a set from where it is: a part that was passed over, or had ended in another valley.
+        """Fit the parts of a set from the set's values: a part may have been passed over, or have missed its optimum.
 
-        Alone, one of two may explain less than what is like both.
+        Alone, one of two effects may explain less than a third one that resembles both.
         """
         parts = [part for part in (less(best.members, name) for name in best.members) if part]
         found: list[Explanation] = self._at_once([(best, part) for part in parts], self._part)
         self._keep(found)
 
     def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
-        """Return a part of a set, fitted from where the set is; its laws keep their forms."""
+        """Return a part of a set, fitted from the set's values; its laws keep their forms."""
         best, members = item
         fitter, laws = part_fitter(best, members)
         effects = fitter.ordered(members)
@@ -454,10 +456,10 @@ class Search:
         return self._settled(one.fitter.problem, fit, one.laws) if hopes(fit) else one
 
     def _follow_best(self, *, longest: float) -> None:
-        """Take floor and correlation from the best set's residual, and every set's evidence under that likelihood.
+        """Estimate floor and correlation from the best set's residual, and compute every set's evidence under these.
 
-        ``longest`` is the correlation time, in samples, that is assumed at most. Where the plain model leaves no more
-        than the inputs account for, what it leaves is noise and tells how noise is correlated: a law would smooth it.
+        ``longest`` is the largest correlation time, in samples, that is assumed. Where the plain model's residual is no
+        larger than the noise of the inputs, it is noise and gives the correlation: a law would smooth it.
         """
         best = plain = self._explanations[()]
         if self._is_noise(plain.likelihood, plain.residual):
@@ -480,7 +482,7 @@ class Search:
             )
 
     def _keep(self, found: list[Explanation]) -> None:
-        """Keep sets that are new, or better than the set's own."""
+        """Keep sets that are new, or more probable than the same set was before."""
         for one in found:
             key = tuple(sorted(one.members))
             if key not in self._explanations or self._explanations[key].log_evidence < one.log_evidence:
@@ -499,5 +501,5 @@ class Search:
 
 
 def _knows_reading(problem: Problem) -> bool:
-    """Return whether a problem knows its reading noise."""
+    """Return whether a problem's reading noise is given."""
     return bool(problem.sigma[problem.valid].any())

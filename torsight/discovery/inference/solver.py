@@ -4,7 +4,7 @@ Minimises  rᵀ W r + Σ ((x_j − μ_j)/s_j)²,  r = y − f(x), within bounds.
 information (one over variance and correlation time), so that the two terms are comparable and the optimum is the most
 probable point. Derivatives are one-sided differences; a stepping model has kinks, so the steps are a set share of each
 parameter's scale and not the square root of the machine's precision. Where a parameter sits on a kink of the objective,
-every step that a one-sided derivative proposes may lead uphill; then it is held there and the others go on without it.
+every step that a one-sided derivative proposes may lead uphill; the parameter is then held and the others are stepped.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _TOLERANCE: Final = 1e-4
 _OFF: Final = 0.03
 """Share of a column by which derivatives may be off: 0.165 of 5.3° per second in a record's lag and its clock."""
 TRUSTED: Final = 0.6
-"""Share of the promised decrease from which a step is taken to prove the derivatives."""
+"""Share of the predicted decrease above which a step confirms the derivatives."""
 _PROMISING: Final = 1.0
-"""Decrease, in units of information, that is looked after where no step gets it ..."""
+"""Predicted decrease, in units of information, from which kinks are sought where no step achieves it ..."""
 _KINKED: Final = 3.0
-"""... and by how many times its curvature the objective rises on either side of a kink."""
+"""... and multiple of the curvature's rise by which the objective rises on either side of a kink."""
 _NEAR: Final = 0.1
 _FAR: Final = 2.0
-"""Way in parameter scales below which derivatives are not, and beyond which they are taken anew."""
+"""Path length in parameter scales below which derivatives are kept, and beyond which they are computed anew."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,9 +82,9 @@ class Solution:
     converged : bool
         False where the evaluations ran out first.
     moved : float
-        Way in parameter scales since the derivatives were taken; infinite where they have failed.
+        Path length in parameter scales since the derivatives were computed; infinite where they have failed.
     promised : float
-        Decrease of the objective that a further step promises; NaN where it was not asked for.
+        Decrease of the objective that a further step predicts; NaN where it was not computed.
     """
 
     x: Floats
@@ -98,16 +98,16 @@ class Solution:
 
 @runtime_checkable
 class AtOnce(Protocol):
-    """A function that can be worked out at several points at once."""
+    """A function that can be evaluated at several points simultaneously."""
 
     def many(self, points: Sequence[Floats]) -> list[Floats]:
-        """Return its values (n,) at points (m,)."""
+        """Return the function's values (n,) at points (m,)."""
 
 
 def jacobian(
     function: Callable[[Floats], Floats], x: Floats, *, at_x: Floats, space: Space, guess: Floats | None = None
 ) -> Floats:
-    """Return one-sided difference derivatives (n, m); ``at_x`` is ``function(x)``; columns of a guess are kept."""
+    """Return one-sided difference derivatives (n, m); ``at_x`` is ``function(x)``; known columns of ``guess`` stay."""
     columns = np.full((len(at_x), len(x)), np.nan) if guess is None else guess.copy()
     steps: dict[int, float] = {}
     for j, scale in enumerate(space.scale):
@@ -124,12 +124,11 @@ def jacobian(
 
 
 def sharpened(function: Callable[[Floats], Floats], solution: Solution, *, weight: Weight, space: Space) -> Solution:
-    """Return a solution whose derivatives are right along the directions in which they say least.
+    """Return a solution with accurate derivatives along the directions with least information.
 
-    Where parameters make up for each other (a late sensor and a late clock), columns that were taken by steps of
-    unlike sizes, or brought along by updates, do not cancel as the model does, and what is left of them passes for
-    information. Along each such direction the difference between both sides, a standard deviation off, takes their
-    place.
+    Where parameters compensate each other (a late sensor and a late clock), columns that were computed with steps of
+    different sizes, or updated, do not cancel as those of the model do, and their remainder would count as information.
+    Along each such direction they are replaced by a central difference over one standard deviation to either side.
     """
     derivative = solution.jacobian.copy()
     scaled = derivative * space.scale
@@ -155,7 +154,7 @@ def at_all(function: Callable[[Floats], Floats], points: Sequence[Floats]) -> li
 
 
 def objective(residual: Floats, x: Floats, *, weight: Weight, space: Space) -> float:
-    """Return what is made least: information in the residual, and the priors' share."""
+    """Return the quantity to minimise: information in the residual, and the priors' share."""
     return weight.square(residual) + float(np.sum(space.prior_residual(x) ** 2))
 
 
@@ -177,8 +176,8 @@ def solve(
     function : callable
         Model values (n,) from parameters (m,).
     start : (m,) array, or Solution
-        Where to begin; moved into the bounds. At a solution of the same function (at other weights) nothing is
-        evaluated twice.
+        Start point, moved into the bounds. From a solution of the same function (at other weights) nothing is evaluated
+        twice.
     observed : (n,) array
         Measured values; NaN is allowed where the weight is 0.
     weight : Weight
@@ -188,9 +187,9 @@ def solve(
     max_iterations : int
         Accepted steps at most.
     guess : (n, m) array, optional
-        Derivatives to begin with, where they are known from a smaller model; NaN columns are worked out.
+        First derivatives, where they are known from a smaller model; NaN columns are computed.
     rough : bool
-        Leave the derivatives at the end as they are, even where they have failed.
+        Whether the derivatives at the end are left as they are, even where they have failed.
     """
     y = np.where(weight.each > 0.0, observed, 0.0)
     slopes = Slopes(function, space, start, guess=guess)
@@ -242,7 +241,7 @@ def solve(
 def looking_ahead(
     function: Callable[[Floats], Floats], solution: Solution, *, observed: Floats, weight: Weight, space: Space
 ) -> Solution:
-    """Return a rough solution with what an undamped step from there promises, by derivatives that have not failed."""
+    """Return a rough solution with the decrease that an undamped step predicts, by derivatives that have not failed."""
     if solution.converged:
         return replace(solution, promised=0.0)
     slopes = Slopes(function, space, solution)
@@ -260,7 +259,7 @@ def full_step(solution: Solution, residual: Floats, *, weight: Weight, space: Sp
 
 
 class Slopes:
-    """The model at a point with its derivatives, by differences or (after a step that went as promised) by update."""
+    """The model at a point with its derivatives, by differences or (after a step that went as predicted) by update."""
 
     def __init__(
         self,
@@ -283,7 +282,7 @@ class Slopes:
             self.moved = 0.0 if guess is None else _NEAR
 
     def move(self, x: Floats, at_x: Floats, *, trusted: bool) -> None:
-        """Go to another point; Broyden's update where the derivatives have proven right; far from there they fail."""
+        """Move to another point; Broyden's update of derivatives that are ``trusted``; far away they fail."""
         step = (x - self.x) / self._space.scale
         moved = float(np.max(np.abs(step)))
         missed = at_x - self.at_x - self.jacobian @ (x - self.x)
@@ -297,12 +296,12 @@ class Slopes:
             self.moved = np.inf
 
     def renew(self) -> None:
-        """Take derivatives that have failed anew."""
+        """Compute the derivatives anew if they have failed."""
         if np.isinf(self.moved):
             self.refresh()
 
     def refresh(self) -> bool:
-        """Take the derivatives anew; return False where they had been taken near enough."""
+        """Compute the derivatives anew; return False where those at hand were computed near enough."""
         if self.moved < _NEAR:
             return False
         self.jacobian = jacobian(self._function, self.x, at_x=self.at_x, space=self._space)
@@ -340,14 +339,14 @@ def _kinks(cost_at: Callable[[Floats], float], x: Floats, *, cost: float, curvat
 
 
 def _hold(normal: Floats, gradient: Floats, held: Flags, *, space: Space) -> None:
-    """Change normal equations so that some parameters stay where they are."""
+    """Change normal equations so that the parameters ``held`` (m,) keep their values."""
     normal[held, :] = normal[:, held] = 0.0
     normal[held, held] = 1.0 / space.scale[held] ** 2
     gradient[held] = 0.0
 
 
 def _step(normal: Floats, gradient: Floats, x: Floats, *, damping: float, space: Space) -> tuple[Floats, float]:
-    """Return the damped step that stays within the bounds, and the decrease that it promises."""
+    """Return the damped step that stays within the bounds, and the decrease that it predicts."""
     # 1/scale² keeps a direction that the record says nothing about from running away.
     ridge = damping * (np.diag(normal) + 1e-6 / space.scale**2) + 1e-9 / space.scale**2
     matrix = normal + np.diag(ridge)

@@ -1,11 +1,11 @@
-"""Prediction of blocks that a fit has not seen.
+"""Prediction of held-out blocks.
 
-A block (half-cycle, cycle, run) is left out whole: the model still runs through it, since what happens there is the
-history of what follows, but its samples do not count in the fit, and only they count in the score.
+A block (half-cycle, cycle, run) is left out whole: the model still runs through it, because it is the history of later
+blocks, but its samples do not count in the fit, and only its samples count in the score.
 
-What happens once in a record (a bump, or what came before it) cannot be predicted from blocks that do not show it:
-there its values stay as the whole record gave them, and what is asked is whether all else, fitted without the block,
-agrees with them.
+Values of an event (a bump), or of the state before the record, cannot be predicted from blocks that do not show them.
+Such values stay as fitted to the whole record; the score then tests whether all other values, fitted without the block,
+agree with them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class HeldOut:
     folds : tuple of (int, mapping)
         For each block its label and the parameters fitted without it.
     unsure : (n, k) float64
-        What one standard deviation of the values does to the block that they were fitted without, one column each.
+        Change of each block by one standard deviation of the values that were fitted without it, one column each.
     """
 
     residual: Floats
@@ -56,7 +56,7 @@ def block_labels(problem: Problem) -> Ints:
 
 
 def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, progress: Progress = silent) -> HeldOut:
-    """Predict every block from the others, with a full refit per block; ``progress`` is told after each.
+    """Predict every block from the others, with a full refit per block; ``progress`` is called after each.
 
     ``block`` (n,) takes the place of the problem's own blocks, for larger ones such as whole records.
     """
@@ -83,9 +83,9 @@ def held_out_by_refit(fitter: Fitter, fit: Fit, *, block: Ints | None = None, pr
 
 
 def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
-    """Return what one standard deviation of the values does (n, m), as the samples that count tell them.
+    """Return the change (n, m) of the prediction by one standard deviation along each principal axis of the values.
 
-    The first ``base`` of the values are the plain model's.
+    Their covariance is that from the samples that count in ``weight``; the first ``base`` values are the plain model's.
     """
     free = [i for i, p in enumerate(fit.parameters) if p.name not in kept]
     derivative = fit.solution.jacobian[:, free]
@@ -95,7 +95,7 @@ def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
 
 
 def _unpredicted(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
-    """Return the values of what happens once about which the samples that are left say nothing."""
+    """Return the values of events and initial states about which the remaining samples hold no information."""
     events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None]
     once = {p.name for event in events for p in event.parameters} | set(fitter.problem.once)
     squares = fit.solution.jacobian**2

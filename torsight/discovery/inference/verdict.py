@@ -1,11 +1,11 @@
 """From the evidence of all sets to an answer.
 
-Every set of effects and laws has a posterior probability: its evidence times the prior that so much is missing, shared
-by all effects and laws alike. Sets that name the same places of the model by different means (a usual form, or a free
-law where that form acts) are one answer. What is said follows from these probabilities: nothing, where it is not
-certain that something is missing; the answer that holds nearly all probability; or all answers that share it. The score
-on half-cycles that a fit has not seen is the check: what a member adds must predict them better, events apart, which
-no other half-cycle can tell.
+Every set of effects and laws has a posterior probability: its evidence times the prior for its number of members, which
+all effects and laws share equally. Sets that act at the same places of the model by different means (a usual form, or a
+free law where that form acts) are one answer. The verdict follows from these probabilities: nothing is named where it
+is not certain that something is missing; otherwise the answer that holds nearly all probability, or all answers that
+share it. The check is the score on held-out half-cycles: each member must improve their prediction, except events,
+which other half-cycles cannot show.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from torsight.discovery.settings import Settings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
-    """What is said and why.
+    """The chosen explanation, the names of its members, its rivals, and the probabilities.
 
     Attributes
     ----------
@@ -35,16 +35,16 @@ class Decision:
     rivals : tuple of Explanation
         The best set of every other answer that shares the probability.
     shared : tuple of (Explanation, float)
-        The sets that hold probability beside the chosen one, and which part of the whole each holds: the rivals, and
-        what says the same by other means or with one member more or less. A prediction is unsure of all of them.
+        The credible sets beside the chosen one, each with its part of the probability: the rivals, and sets that act at
+        the same places by other means or have a member more or less. They widen the interval of a prediction.
     probability : dict
-        Of every set.
+        Probability of every set.
     missing : float
         Probability that anything is missing.
     over_floor : float
-        What the chosen set leaves, in noise floors.
+        Residual of the chosen set, in noise floors.
     over_floor_before : float
-        The same of the plain model.
+        Residual of the plain model, in noise floors.
     """
 
     chosen: Explanation
@@ -63,16 +63,16 @@ class Decision:
 
 
 def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool) -> Decision:
-    """Read the answer off the posterior.
+    """Derive the answer from the posterior.
 
     Parameters
     ----------
     field : Field
-        All that was fitted.
+        All explanations that were fitted.
     settings : Settings
         Probabilities.
     choices : int
-        How many effects and laws the prior is shared by.
+        Number of effects and laws that share the prior.
     can_hold_out : bool
         Whether the record has more than one block.
     """
@@ -113,14 +113,15 @@ class _Judge:
         self._log = dict(zip(sets, log.tolist(), strict=True))
 
     def places(self, members: Iterable[str]) -> Places:
-        """Return where a set acts."""
+        """Return the places at which a set acts."""
         return places_of(self._field.base.fitter.problem, members)
 
     def answers(self) -> list[Explanation]:
         """Return the best set of every answer of the smallest group that holds the credible share, best first.
 
-        An answer holds what its extensions hold: they say the same, and that more may be missing. Where what all of
-        the answers share is one of them, there is one answer: every place that the credible share of all sets holds.
+        The probability of an answer includes that of its extensions: they contain the answer. Where one answer is
+        contained in all others, there is a single answer, which consists of all places that occur in sets with the
+        credible share of the probability.
         """
         groups: dict[Places, list[EffectSet]] = {}
         for members in self._field.explanations:
@@ -145,9 +146,9 @@ class _Judge:
         return [self._field.explanations[members] for members in best]
 
     def rivals(self, chosen: Explanation, answers: Sequence[Explanation]) -> list[Explanation]:
-        """Return the answers beside the chosen: no part of one that is more probable, and no extension of it.
+        """Return the answers beside the chosen one that are neither a part nor an extension of a more probable answer.
 
-        An extension says the same and that more may be missing, which its own gain would have to show.
+        An extension is no rival: it contains the answer, and its further members would need a gain of their own.
         """
         told, found = [self.places(chosen.members)], []
         for one in answers:
@@ -158,9 +159,9 @@ class _Judge:
         return found
 
     def shared(self, chosen: Explanation, rivals: Sequence[Explanation]) -> tuple[tuple[Explanation, float], ...]:
-        """Return the sets beside the chosen and their parts of the probability, the rivals and what is as credible.
+        """Return the rivals, and all sets that are as credible as a rival must be, with their parts of the probability.
 
-        None counts for more than the chosen, which held-out blocks may have preferred to a more probable one.
+        No set counts for more than the chosen one, which held-out blocks may have preferred to a more probable set.
         """
         own = self._log[chosen.members]
         told = {one.members for one in rivals}
@@ -190,15 +191,15 @@ class _Judge:
     def _score(self, one: Explanation) -> float:
         """Return the log score on blocks that were each predicted from the others.
 
-        How little the others tell of a block (of a clock that wanders, say) is a part of what was predicted.
+        The uncertainty of the values in a fit without the block (those of a wandering clock, say) is part of the score.
         """
         return one.held_out_likelihood.log(np.nan_to_num(one.held_out.residual))
 
     def names(self, chosen: Explanation) -> dict[str, tuple[str, Explanation]]:
-        """Return the names of a set's members: effects their own, laws the name of a usual form that does as much.
+        """Return the names of a set's members: effects their own, laws that of a usual form that explains as much.
 
-        What each does is told in squares of residuals, every sample with its information: where errors of the
-        temperatures are large, squares tell nothing.
+        The explained part is measured in squared residuals, each sample weighted by its information: where errors of
+        the temperatures are large, plain squares mean nothing.
         """
         found = {name: (name, chosen) for name in chosen.effects}
         weight = chosen.likelihood.weight(chosen.residual)
@@ -223,7 +224,7 @@ class _Judge:
         return found
 
     def other_forms(self, chosen: Explanation, named: Mapping[str, tuple[str, Explanation]]) -> list[Explanation]:
-        """Return sets in which another form of the same law stands for a named member, and that are as credible."""
+        """Return equally credible sets in which another form of the same law replaces a named member."""
         found, sets = [], self._field.explanations
         forms = {one.id: set(one.laws) for one in self._field.base.fitter.problem.candidates}
         for member, (name, where) in named.items():
@@ -240,6 +241,6 @@ class _Judge:
         return float(np.dot(self._field.likelihood.count, one.residual**2))
 
     def over_floor(self, one: Explanation) -> float:
-        """Return the root mean square that a set leaves, in noise floors."""
+        """Return the root mean square residual of a set, in noise floors."""
         likelihood = self._field.likelihood
         return float(np.sqrt(self._square(one) / max(float(likelihood.count @ likelihood.noise**2), 1e-30)))

@@ -1,9 +1,9 @@
-r"""What samples are worth whose errors are partly shared.
+r"""Information in samples whose errors are partly shared.
 
 A residual is :math:`r = e + J a`: errors e of each sample alone, with information w (one over variance and correlation
-time), and errors a of the inputs that act on many samples at once, independent with standard deviation one; J is what
-each does to the samples. The top temperature of an incomplete heating is such an error: it stays in the angle until the
-next heating. With a integrated out the objective is
+time), and independent errors a of the inputs, with standard deviation one, that each act on many samples; the columns
+of J are their effects on the samples. The error of the top temperature of an incomplete heating is of this kind: it
+stays in the angle until the next heating. With a integrated out the objective is
 
 .. math:: r^\top W r = \min_a \sum_i w_i (r - J a)_i^2 + a^\top a, \qquad
           W = \operatorname{diag}(w) - w J (1 + J^\top w J)^{-1} J^\top w
@@ -30,7 +30,7 @@ class Weight:
     each : (n,) float64
         Information per sample beside the shared errors; zero where a sample does not count.
     shared : (n, k) float64
-        What one standard deviation of every shared error does to the samples.
+        Change of the samples by one standard deviation of every shared error.
     """
 
     each: Floats
@@ -47,7 +47,7 @@ class Weight:
 
     @cached_property
     def _information(self) -> Floats:
-        """What the samples and their priors say of the shared errors (k, k)."""
+        """Information (k, k) about the shared errors, from the samples and from the errors' priors."""
         return np.asarray(np.eye(self.shared.shape[1]) + self.shared.T @ self._weighted)
 
     @property
@@ -57,11 +57,11 @@ class Weight:
 
     @property
     def log_determinant(self) -> float:
-        """Logarithm of the determinant of 1 + Jᵀ w J: what the shared errors may take up costs as much."""
+        """Logarithm of the determinant of 1 + Jᵀ w J: the cost of the freedom of the shared errors."""
         return 0.0 if self.alone else float(np.linalg.slogdet(self._information)[1])
 
     def errors(self, residual: Floats) -> Floats:
-        """Return the most probable shared errors (k,) behind a residual, in their standard deviations."""
+        """Return the most probable shared errors (k,) in a residual, in their standard deviations."""
         return (
             np.zeros(0) if self.alone else np.asarray(np.linalg.solve(self._information, self._weighted.T @ residual))
         )
@@ -86,7 +86,7 @@ class Weight:
         return np.asarray(plain - across.T @ np.linalg.solve(self._information, across))
 
     def only(self, rows: Flags) -> Weight:
-        """Return the weight with nothing but these rows (n,) counted."""
+        """Return the weight with only these rows (n,) counted."""
         return Weight(np.where(rows, self.each, 0.0), self.shared)
 
     def at(self, rows: slice) -> Weight:

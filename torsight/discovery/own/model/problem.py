@@ -108,7 +108,7 @@ class ModelProblem(GivenProblem):
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
-        """Laws that may be missing: the declared ones, and one added to each output over each driver without any."""
+        """Laws that may be missing: the declared ones, and those that are added to outputs over the other drivers."""
         ports = tuple(port_law(one, self.nodes[one.name], self.law_scales.get(one.name, 1.0)) for one in self.ports)
         return (*ports, *(law for law, _ in self.added.values()))
 
