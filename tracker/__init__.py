@@ -1,4 +1,4 @@
-"""From a film of two sticks to the angle between them, frame by frame, each with its uncertainty."""
+"""From a film of two sticks to the angle between them in every frame, with its uncertainty."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What an unfinished track has so far, on disk: rows that are appended, and the follower's state.
+"""Checkpoints of an unfinished track on disk: rows that are appended, and the follower's state.
 
-The state is replaced as a whole after its rows are safe, and rows beyond it are cut off when a track goes on; so a
-track that was killed at any moment goes on from a state that was true.
+The state is replaced atomically after its rows are flushed to the disk, and rows beyond it are truncated when a track
+is resumed; so a track that was killed at any moment resumes from a consistent state.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from torsight.core.files.storage import json_text, write_text
 from tracker.rows import ROW
 
 VERSION: Final = 11
-"""Raised when the state of the follower changes its meaning: older checkpoints are then not gone on from."""
+"""Incremented when the state of the follower changes its meaning: older checkpoints are then not resumed."""
 _BLOCK: Final = 512
-"""Rows that wait in memory at most."""
+"""Most rows that are buffered in memory."""
 _SAMPLE: Final = 1 << 20
-"""Bytes of a file's either end that its fingerprint holds."""
+"""Bytes at either end of a file that its fingerprint covers."""
 
 
 def source_key(paths: list[Path], *, settings: dict[str, Any]) -> str:
@@ -48,22 +48,22 @@ def source_key(paths: list[Path], *, settings: dict[str, Any]) -> str:
 
 
 class Kept:
-    """An object of which a checkpoint holds the attributes named in ``kept``, exactly."""
+    """An object whose attributes named in ``kept`` are stored exactly in a checkpoint."""
 
     kept: ClassVar[tuple[str, ...]] = ()
 
     def to_state(self) -> dict[str, Any]:
-        """Return everything that :meth:`restore` needs to go on in the same way."""
+        """Return the complete state for :meth:`restore`."""
         return {name: _packed(getattr(self, name)) for name in self.kept}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a noted state, exactly; the object has to be made from the same first frames."""
+        """Restore a saved state exactly; the object has to be made from the same first frames."""
         for name in self.kept:
             setattr(self, name, _unpacked(state[name], getattr(self, name)))
 
 
 def _packed(value: Any) -> Any:
-    """Return a value as JSON knows it: arrays as their bytes, which keep every digit."""
+    """Return a value serialised for JSON: arrays as their bytes, without loss of precision."""
     if isinstance(value, Kept):
         return value.to_state()
     if isinstance(value, np.ndarray):
@@ -72,7 +72,10 @@ def _packed(value: Any) -> Any:
 
 
 def _unpacked(value: Any, now: Any) -> Any:
-    """Return what was packed; ``now`` is what stands in its place: what is kept itself, or records of the same type."""
+    """Return a value from its serialised form; ``now`` is the present value, which gives the type of records.
+
+    An object of :class:`Kept` is restored in place.
+    """
     if isinstance(now, Kept):
         now.restore(value)
         return now
@@ -87,10 +90,10 @@ def _unpacked(value: Any, now: Any) -> Any:
 
 
 class RowStore:
-    """Rows of a film that is being tracked; in memory, or in a folder from which the track can go on.
+    """Rows of a film that is being tracked; in memory, or in a folder from which the track can be resumed.
 
-    A checkpoint of other inputs, whose fingerprint is not ``key``, is not gone on from; two are ``every_s`` apart at
-    least.
+    A checkpoint of other inputs, whose fingerprint is not ``key``, is not resumed; checkpoints are at least ``every_s``
+    apart.
     """
 
     def __init__(self, folder: Path | None, *, key: str = "", every_s: float = 2.0) -> None:
@@ -104,7 +107,7 @@ class RowStore:
         self.saved = 0
 
     def resume(self) -> dict[str, Any] | None:
-        """Go back to the last checkpoint of the same inputs; None where there is none."""
+        """Return the state of the last checkpoint of the same inputs, and truncate the rows to it; None without one."""
         if self._folder is None:
             return None
         try:
@@ -120,7 +123,7 @@ class RowStore:
         return state
 
     def begin(self) -> None:
-        """Start anew: whatever was kept before is dropped."""
+        """Start a new track: earlier checkpoints in the folder are deleted."""
         if self._folder is None:
             return
         try:
@@ -131,7 +134,7 @@ class RowStore:
             raise _not_kept(self._folder, error) from error
 
     def add(self, row: NDArray[np.void]) -> None:
-        """Take in the row of the next frame."""
+        """Add the row of the next frame."""
         self._block[self._filled] = row
         self._filled += 1
         if self._filled == _BLOCK:
@@ -143,7 +146,7 @@ class RowStore:
         return self._folder is not None and time.monotonic() - self._last_s >= self._every_s
 
     def checkpoint(self, state: dict[str, Any]) -> None:
-        """Make what was done so far safe."""
+        """Write all rows so far, and the state, to the disk."""
         if self._folder is None:
             return
         self._empty(sync=True)

@@ -1,4 +1,4 @@
-"""Where each of many dots of a picture goes in the frames after it: every dot by itself, whatever it may be part of."""
+"""Paths of the dots of a picture in the frames after it: each dot is followed separately, without a model of sticks."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from tracker.follow.reading import glance_at
 from tracker.follow.state import RIG
 
 _LEVELS: Final = 3
-"""Times that the picture is halved to find a dot that went further than its radius: it is found 8 radii away."""
+"""Pyramid levels for dots that moved further than their radius: they are found up to 8 radii away."""
 
 
 class DotPaths:
     """The dots of a picture (h, w), followed one by one.
 
-    A dot is read where it stood first, as far as the camera went, where its last step leads, and where pyramidal
-    Lucas–Kanade from the last frame finds it. One that is lost is found again where it stood or where it was seen last.
-    ``dots`` are those that can be read: not at the border. ``places`` (n, d) complex, px, are where they were in the
-    picture and in every frame after it, NaN where they were not seen, ``covariance`` (n, d, 3) xx, xy, yy, px².
+    The starting points for reading a dot are its first position plus the picture's shift, its last position plus its
+    last step, and the result of pyramidal Lucas–Kanade from the last frame. A lost dot is found again at its first or
+    its last position. ``dots`` are those that can be read: not at the border. ``places`` (n, d), complex, px, are their
+    positions in the picture and in every frame after it, NaN where not seen, ``covariance`` (n, d, 3) xx, xy, yy, px².
     """
 
     def __init__(self, luma: Luma, dots: Sequence[Dot]) -> None:
@@ -51,16 +51,16 @@ class DotPaths:
 
     @property
     def places(self) -> NDArray[np.complex128]:
-        """Where the dots were, frame by frame."""
+        """Positions of the dots in every frame."""
         return np.array(self._rows)
 
     @property
     def covariance(self) -> Floats:
-        """How well that was read."""
+        """Covariances of the positions."""
         return np.array(self._spread)
 
     def add(self, luma: Luma | None) -> None:
-        """Follow the dots into the next frame, None where it shows nothing."""
+        """Follow the dots into the next frame; None for one without a usable picture."""
         now, spread = np.full_like(self._first, complex(math.nan, math.nan)), np.zeros((len(self._first), 3))
         if luma is not None:
             homes, ahead = self._first + self._shift, self._last + self._step
@@ -82,17 +82,17 @@ class DotPaths:
         self._spread.append(spread)
 
     def _tried(self, index: int, home: complex, ahead: complex) -> tuple[complex, complex]:
-        """Return the places at which a dot is looked for: one that left its first place may find another dot there."""
+        """Return the starting points in order: the first position last once the dot has left it to others."""
         gone = self._seen[index] and abs(ahead - home) > self._markers[index].radius_px
         return (ahead, home) if gone else (home, ahead)
 
     def _read(
         self, luma: Luma, index: int, tried: Sequence[complex], now: NDArray[np.complex128], spread: Floats
     ) -> bool:
-        """Read a dot at the first of some places at which it is; return whether it is at any."""
+        """Read a dot from the first starting point at which it is found; return whether it is found."""
         marker, out = self._markers[index], self._out
         for place in tried:
-            # Of a shutter nothing is known yet.
+            # The exposure is not known yet.
             slack = smear_slack(self._rig, abs(place - self._last[index]))
             if glance_at(luma, marker.record[0], marker.look, (place.real, place.imag), slack, out):
                 now[index], spread[index] = complex(out["x"], out["y"]), out["covariance"]
@@ -102,7 +102,7 @@ class DotPaths:
     def _look_further(
         self, luma: Luma, missed: list[int], ahead: NDArray[np.complex128], now: NDArray[np.complex128], spread: Floats
     ) -> None:
-        """Read dots where pyramidal Lucas–Kanade finds what was around them in the last frame."""
+        """Read dots at the positions to which pyramidal Lucas–Kanade follows their surroundings from the last frame."""
         if not missed:
             return
         half = math.ceil(2.0 * max(self._markers[index].radius_px for index in missed))

@@ -1,29 +1,29 @@
-"""Which four of many dots are the markers: what the film's motion says of each couple of pairs.
+"""Choice of the markers among many dots: the probability of each couple, a base pair and a moving pair, by its motion.
 
-Dots that look like a stick's markers may lie on a ruler, a sheet with holes or a frame beside the rig. A picture does
-not tell them from the markers; the film does. Of a rig is known that its base stands, that its moving stick goes around
-an axis, that both sticks lie in line with that axis, and that they are alike in make. So every dot is followed by
-itself. The pairs that turn may be the moving stick, those that stand beside each of them its base, and a couple (base
-i, moving j) explains all the dots of the film by
+Dots that look like a stick's markers may lie on a ruler, a sheet with holes or a frame beside the rig. One picture does
+not distinguish them from the markers; the film does. In a rig the base is at rest, the moving stick turns about an
+axis, both sticks point at that axis, and both are made in the same way. So every dot is followed separately. The pairs
+of dots that turn may be the moving stick, pairs at rest away from it its base, and a couple (base i, moving j) explains
+all the dots of the film by
 
     −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln g_ij,    σ_j² = r² + δ_jj² + σ_c²
 
-up to a constant of all couples. s and t are χ² of a marker as one that stands and as one that goes around a circle, of
-a usual frame (what errs is correlated over a film, and counts once; frames are those between which the dots went
-equally far), over what the camera's shaking adds to it; c_dj is that of a dot d of neither stick as one that is carried
-around by pair j. Frames in which the dots of i, or d, may be those of j tell nothing of them: what was followed as two
-may be one from where they met.
-δ_ij is how far the axis that pair j shows lies beside the line of pair i. Markers are put on the middle of a stick
-within their radius r, and sticks of one rig are made alike: as far as the axis is beside the moving stick's own line it
-may be beside the base's. σ_c is what is not known of the axis. u_ij is χ² of the ratios of their dots' steps in
-brightness, of the light around them, and of their lengths, and of how clearly both are dots on a stick. g_ij: as much
-as the moving stick goes on to the axis, by the brightness of the line to it, the base is expected to; and where the
-axis lies beyond the inner marker of one of them, it lies between those of the other with the probability that is left
-for what is not usual; a dot on the axis, where sticks have a shaft or a screw, is a marker with that probability, too.
-All count once the axis is known to a marker's radius.
-The markers may be none of the dots. Such a couple is counted as one that is as clear as what is taken at first sight,
-and fits as badly as three standard deviations allow: what is fainter than that, or fits worse, is not sure.
-As long as nothing turns, the couples are those that the picture shows.
+up to a constant that all couples share. s and t are χ² of a marker at rest and of one on a circle, in a median frame
+(errors are correlated over a film, and count once; frames are chosen so that the dots move equally far between them),
+divided by the factor by which the camera's shaking increases it; c_dj is χ² of a dot d of neither stick as one that is
+carried around by pair j. Frames in which the dots of i, or d, may be those of j are left out: once two dots have met,
+both readings may be of the same dot.
+δ_ij is the distance of the axis shown by pair j from the line of pair i. Markers lie on the middle line of a stick to
+within their radius r, and both sticks are made in the same way: the axis may be as far from the base's line as from
+that of the moving stick. σ_c is the standard deviation of the axis. u_ij is χ² of the ratios of the dots' steps in
+brightness, of the light around them, and of the sticks' lengths, and of both pairs' scores as dots on a stick. g_ij
+expects the base's line to the axis to be as bright as the moving stick's, over the same share; if the axis lies beyond
+the inner marker of one stick, the probability that it lies between those of the other is only 1 − ``SURE``; so is that
+of a dot on the axis, where sticks have a shaft or a screw, being a marker. These factors apply once the axis is known
+to within a marker's radius.
+The markers may be none of the dots. That case has the probability of a couple with the score that one picture requires,
+and a misfit of three standard deviations: couples that are fainter, or fit worse, are not certain.
+As long as nothing turns, the couples are those from the picture alone.
 """
 
 from __future__ import annotations
@@ -63,21 +63,21 @@ from tracker.stick_direction import square
 Places = NDArray[np.complex128]
 
 _NOWHERE: Final = complex(math.nan, math.nan)
-"""The place of a marker that is not seen."""
+"""Position of a marker that is not seen."""
 _FRAMES: Final = 4 * STALE
-"""Frames that are weighed at most: a median of so many is known to a sixth of its spread."""
+"""Most frames that are evaluated: the median of so many is known to a sixth of its spread."""
 
 
 @dataclass(frozen=True, slots=True)
 class Couple:
-    """Two pairs of dots as base and moving stick, inner markers first, and how likely they are among all couples."""
+    """Two pairs of dots as base and moving stick, inner markers first, with their probability among all couples."""
 
     base: Stick
     moving: Stick
     probability: float
 
     def swaps(self, other: Couple) -> bool:
-        """Return whether the base here is the moving stick there, and the other way round."""
+        """Return whether both couples have the same sticks, with base and moving stick exchanged."""
         return self.base.is_of(other.moving) and self.moving.is_of(other.base)
 
     @property
@@ -85,26 +85,26 @@ class Couple:
         return self.moving.direction_rad - self.base.direction_rad
 
     def apart_rad(self, other: Couple) -> float:
-        """Return by how much the angles of two couples differ, where they were found.
+        """Return the difference between the angles of two couples in the picture in which they were found, rad.
 
-        That holds for the film where the moving sticks are one, or one carries the other.
+        It holds for the whole film if both have the same moving stick, or one moving stick carries the other.
         """
         return turned(self._angle_rad, other._angle_rad)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what ``track.json`` says of it, as in a marker file."""
+        """Return the entry of ``track.json``, with positions as in a marker file."""
         sticks = {name: stick.places_px for name, stick in (("base", self.base), ("moving", self.moving))}
         return {**sticks, "probability": self.probability}
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Which couple was taken, and what the others make of that.
+    """The couple chosen, and the uncertainty by the others.
 
-    ``rivals`` are those that neither picture nor motion rule out and that have another angle. ``sure`` is the
-    probability that the couple taken has the right one: which of two sticks is the base the film itself will tell, and
-    couples whose angles differ by less than a base turns are one answer. ``spread_rad2`` is the variance of the angle
-    by all others, each by its probability.
+    ``rivals`` are couples with another angle that neither picture nor motion rules out. ``sure`` is the probability
+    that the couple chosen has the right angle: which of two sticks is the base follows from the film later, and couples
+    whose angles differ by less than ``MOVED_RAD`` are equivalent. ``spread_rad2`` is the variance of the angle by all
+    other couples, weighted by their probabilities.
     """
 
     taken: Couple
@@ -114,7 +114,7 @@ class Choice:
 
     @classmethod
     def of(cls, couples: Sequence[Couple]) -> Choice:
-        """Return what is taken of weighed couples, the likeliest first."""
+        """Return the choice among couples with their probabilities, the most probable first."""
         taken, others = couples[0], [one for one in couples[1:] if not one.swaps(couples[0])]
         apart = [one.apart_rad(taken) for one in others]
         unlike = [one for one, rad in zip(others, apart, strict=True) if rad > MOVED_RAD]
@@ -122,14 +122,14 @@ class Choice:
             taken,
             tuple(one for one in unlike if one.probability > 1.0 - SURE),
             sum(one.probability for one in couples if one not in unlike),
-            # Of no couple the angle may be any: as that of all, evenly.
+            # If no couple is right, the angle is uniformly distributed over a turn.
             sum(one.probability * rad**2 for one, rad in zip(others, apart, strict=True))
             + (1.0 - sum(one.probability for one in couples)) * math.pi**2 / 3.0,
         )
 
 
 class _Axis(NamedTuple):
-    """Where a pair that turns shows the axis: variance of that, and how far it is beside the pair's line, px."""
+    """Axis shown by a turning pair, px: its position, its variance, and its distance from the pair's line."""
 
     place: complex
     variance_px2: float
@@ -137,7 +137,7 @@ class _Axis(NamedTuple):
 
 
 class _Bound(NamedTuple):
-    """How likely a couple is at most, by a logarithm: numbers of the dots of base and moving stick, and the axis."""
+    """Upper bound of a couple's log probability, with the indices of both sticks' dots, and the axis."""
 
     score: float
     base: tuple[int, int]
@@ -147,11 +147,11 @@ class _Bound(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Turning:
-    """Pairs of dots that turn (p), over n frames: which dots, χ² of their circles, and the axes that they show.
+    """Pairs of dots that turn (p), over n frames: their dots, χ² of their circles, and their axes.
 
-    ``ends`` (p, 2) are numbers of dots, ``unit`` (n, p), complex, is a pair's direction in every frame, NaN where it
-    was not seen, ``turns`` χ², ``axis`` complex, ``variance_px2`` that of the axis, ``beside_px`` how far it is beside
-    the pair's line.
+    ``ends`` (p, 2) are indices of dots, ``unit`` (n, p), complex, is a pair's direction in every frame, NaN where it
+    was not seen, ``turns`` (p,) is χ², ``axis`` (p,), complex, the axis, ``variance_px2`` its variance, ``beside_px``
+    its distance from the pair's line.
     """
 
     ends: Ints
@@ -168,28 +168,28 @@ class _Turning:
 
 
 def _usual(off_px: Places) -> Floats:
-    """Return χ² of markers that are off by (n, …), NaN where they are not seen, in a usual one of n frames."""
+    """Return χ² of markers with residuals (n, …), NaN where they are not seen, in the median of n frames."""
     return np.asarray(_median(np.abs(off_px) ** 2) / STANDS_PX**2)
 
 
 def _stands(places: Places) -> Floats:
-    """Return χ² of markers at places (n, …) as ones that stand."""
+    """Return χ² of markers with positions (n, …) as ones at rest."""
     return _usual(places - _median(places.real) - 1j * _median(places.imag))
 
 
 def _median(values: Floats) -> Floats:
-    """Return the median of what is known along the first axis, 0 where nothing is."""
+    """Return the median of the finite values along the first axis, 0 where there are none."""
     last = np.isfinite(values).sum(axis=0, keepdims=True) - 1
     if not (last >= 0).any():
         return np.zeros(values.shape[1:])
-    # What is not known comes last; numpy's nanmedian works on masked arrays, for six times as long.
+    # NaN is sorted last; numpy's nanmedian works on masked arrays, and takes six times as long.
     ordered = np.sort(values, axis=0)
     low, high = (np.take_along_axis(ordered, np.maximum(at // 2, 0), axis=0) for at in (last, last + 1))
     return np.asarray(np.where(last >= 0, 0.5 * (low + high), 0.0)[0])
 
 
 class Weighing:
-    """Dots that were found in one picture ``luma``, followed frame by frame, and what they make of couples of pairs."""
+    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them."""
 
     def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
         self._luma = luma
@@ -203,14 +203,14 @@ class Weighing:
         self._paths.add(None if frame.damaged else frame.luma)
 
     def weighed(self) -> list[Couple]:
-        """Return the couples, the likeliest first; none where picture and motion show none."""
+        """Return the couples, the most probable first; none where picture and motion show none."""
         places = self._paths.places
         places = places[_apart(places)]
         stands = _stands(places)
         turning = self._turning(places, stands)
         if not len(turning.ends):
             return self._shown()
-        # Hand-held, all dots go to and fro by what the steadiest one does: their errors are larger by as much.
+        # In a hand-held film all dots shake at least as much as the steadiest one, which increases their variance.
         shake = 1.0 + float(stands.min())
         found, none = list[_Bound](), -math.inf
         for j in range(len(turning.ends)):
@@ -221,7 +221,7 @@ class Weighing:
         found.sort(key=lambda one: -one[0])
         best, sure = -math.inf, list[tuple[float, Couple]]()
         for most, base, moving, axis in found:
-            # What the lines to the axis say takes away only: the rest is no longer as likely as rounding.
+            # The lines to the axis only reduce a probability: all further couples are below rounding.
             if most < best + math.log(np.finfo(float).eps):
                 break
             one, two = (stick_of(*(self._paths.dots[number] for number in pair)) for pair in (base, moving))
@@ -231,7 +231,7 @@ class Weighing:
         return _likeliest(sure, none=none)
 
     def _shown(self) -> list[Couple]:
-        """Return the couples that the picture shows, in their order, with either pair as the base."""
+        """Return the couples from the picture alone, with either pair as the base, the most probable first."""
         both = [pair for one, two in couples_in(self._luma, dots=self._paths.dots) for pair in ((one, two), (two, one))]
         unlike = [self._pairs.unlike(self._numbers(one)[None], self._numbers(two))[0] for one, two in both]
         return _likeliest(
@@ -239,12 +239,12 @@ class Weighing:
         )
 
     def _turning(self, places: Places, stands: Floats) -> _Turning:
-        """Return the pairs of dots that may be the moving stick's, by what turns explains of how they went."""
+        """Return the pairs of dots that may be the moving stick's: those whose motion is explained by a rotation."""
         height, width = self._luma.shape
         found = _circles(places, self._pairs.ends, (width, height))
         went = stands[found.ends].sum(axis=1)
-        # What is left of a pair that turns is no more than a fit leaves of a dot, and it goes further than a camera's
-        # shaking takes the steadiest dot, by its two values.
+        # A rotation leaves at most the share of a pair's motion that a fit may leave of a dot, and explains more motion
+        # than the camera's shaking causes, which is estimated from both coordinates of the steadiest dot.
         turns, most = found.turns < (1.0 - EXPLAINED) * went, 0.5 * float(stands.min()) * LIMITS[3]
         found = found.of(turns & (went - found.turns > most))
         if not len(found.ends):
@@ -253,7 +253,10 @@ class Weighing:
         return found.of(np.argsort(-worth, kind="stable")[:MOST])
 
     def _with_bases(self, places: Places, moving: _Turning, shake: float) -> tuple[list[_Bound], float]:
-        """Return the likeliest bases of one pair that turns, and how likely it is that none is the markers'."""
+        """Return the most probable bases of one turning pair, and the log likelihood that none of them is right.
+
+        The bases' log likelihoods are upper bounds: they do not include the lines to the axis.
+        """
         own, pairs = moving.ends[0], self._pairs
         beside = _beside(places, own, pairs.radius_px)
         stand = _stands(beside)
@@ -279,10 +282,10 @@ class Weighing:
         return bounds, float(none - 0.5 * math.log(beside_px2))
 
     def _goes_on(self, base: Stick, moving: Stick, axis: _Axis) -> float:
-        """Return the logarithm of what the lines to the axis say of two sticks."""
+        """Return the logarithm of the likelihood of two sticks by the lines between their dots and to the axis."""
         radius_px, (x, y) = max(base.inner.radius_px, base.outer.radius_px), (axis.place.real, axis.place.imag)
         shares = [strip_share(self._luma, one.inner, one.outer) for one in (base, moving)]
-        # It is told by eight points at least.
+        # The share is that of eight points at least.
         strips = CLEARNESS * sum(math.log(max(share, 0.125)) for share in shares)
         if axis.variance_px2 >= radius_px**2:
             return strips
@@ -293,10 +296,11 @@ class Weighing:
         return strips + goes_on + math.log(1.0 - SURE) * _any_lies_at(base, moving, axis.place)
 
     def read(self, couple: Couple) -> float:
-        """Return the share of frames in which one of a couple's sticks is read: the other one may lie under it.
+        """Return the share of frames in which at least one stick of a couple is read, as the other one may be hidden.
 
-        None as long as the moving one does not turn, or where the base does not keep its dots' distance and direction,
-        wherever the camera goes; nor where a dot of either lies on the axis: nothing says that it stands or turns.
+        Zero as long as the moving stick does not turn, or where the base does not keep its dots' distance and
+        direction, whatever the camera's shift; also where a dot of either stick lies on the axis: such a dot could
+        belong to a base or to a moving stick.
         """
         base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
         height, width = self._luma.shape
@@ -309,7 +313,7 @@ class Weighing:
         if (
             not len(turning.ends)
             or (known and _any_lies_at(couple.base, couple.moving, complex(turning.axis[0])))
-            # Both dots are off by STANDS_PX each.
+            # The variance of the difference is twice that of a dot, STANDS_PX².
             or not passes(0.5 * float(_stands(beside[:, 1] - beside[:, 0])), 2)
         ):
             return 0.0
@@ -317,9 +321,9 @@ class Weighing:
         return float((seen[:, base].all(axis=1) | seen[:, moving].all(axis=1)).mean())
 
     def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
-        """Return what was read of a couple's markers in the frames since the picture, or in every so-many-th.
+        """Return the tracks of a couple's markers in the frames since the picture, or in one of ``every`` frames.
 
-        Nothing was where one dot was read for both sticks.
+        Base dots are not valid in frames in which they may be dots of the moving stick.
         """
         base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
         places, covariance = self._paths.places[1::every], self._paths.covariance[1::every]
@@ -337,17 +341,17 @@ class Weighing:
         )
 
     def _numbers(self, stick: Stick) -> Ints:
-        """Return which dots are a stick's, the inner one first."""
+        """Return the indices of a stick's dots, the inner one first."""
         dots = [id(dot) for dot in self._paths.dots]
         return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
 
 
 def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable[Frame]) -> tuple[list[Couple], float]:
-    """Return couples of pairs, the likeliest first, and in which share of the frames that one is read.
+    """Return the couples, the most probable first, and the share of the frames in which the first one is read.
 
-    ``luma`` is the picture in which dots were found, ``frames`` are those after it: they are taken until a couple is as
-    sure as :data:`tracker.innovation.SURE`, or to their end; no more than markers are looked for in where only which
-    stick moves is open.
+    ``luma`` is the picture in which the dots were found, ``frames`` are those after it. They are read until a couple's
+    probability exceeds :data:`tracker.innovation.SURE` twice in succession, or to their end; if only the choice between
+    base and moving stick is open, at most up to the last of ``LOOKED_AT``.
     """
     weighing = Weighing(luma, dots)
     due, found = STALE, list[Couple]()
@@ -355,11 +359,11 @@ def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable
         weighing.add(frame)
         if number == due:
             before, found = found, weighing.weighed()
-            # Which two pairs are the sticks is settled, whichever of them is the base.
+            # Probability that these two pairs are the sticks, whichever of them is the base.
             alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
             if number >= LOOKED_AT[-1] and alike > SURE:
                 break
-            # Twice, the second time on twice as many frames: what fits a short stretch may not fit a longer one.
+            # Twice, the second time with twice as many frames: a couple that fits a short stretch may not fit a longer.
             if found and before and min(found[0].probability, before[0].probability) > SURE:
                 break
             due *= 2
@@ -369,9 +373,9 @@ def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable
 
 
 def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:
-    """Return couples with their probabilities, the likeliest first, of the logarithms of how likely they are.
+    """Return couples with their probabilities, the most probable first, from their log likelihoods.
 
-    ``none``: that of no couple.
+    ``none`` is the log likelihood that no couple is right.
     """
     if not found:
         return []
@@ -384,17 +388,17 @@ def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) ->
 
 
 def _apart(places: Places) -> Ints:
-    """Return frames, the first among them, between which the dots at places (n, d) went equally far."""
+    """Return indices of frames, with the first one, between which the dots at positions (n, d) moved equally far."""
     step = np.nan_to_num(np.abs(np.diff(places, axis=0)))
-    # A dot that jumps was not followed.
+    # The jump of a dot that was not followed counts as OFF_CIRCLE_PX at most.
     far = np.concatenate([[0.0], np.cumsum(np.sqrt((np.minimum(step, OFF_CIRCLE_PX) ** 2).sum(axis=1)))])
     return np.unique(np.searchsorted(far, np.linspace(0.0, far[-1], _FRAMES)).clip(0, len(places) - 1))
 
 
 def _circles(places: Places, ends: Ints, size_px: tuple[int, int]) -> _Turning:
-    """Return what places (n, d) say of pairs of dots (p, 2) as ones that turn: of those that do by more than a base.
+    """Return the circles of pairs (p, 2) of dots at positions (n, d), only for pairs that turn by more than a base.
 
-    The axis is that of :mod:`tracker.follow.rotation_axis`, with frames that count by how far the pair turned.
+    The axis is estimated as in :mod:`tracker.follow.rotation_axis`, with frames weighted by the pair's turn.
     """
     middle = complex(0.5 * size_px[0], 0.5 * size_px[1])
     # Before anything moves the axis may be anywhere around the middle of the picture.
@@ -402,14 +406,14 @@ def _circles(places: Places, ends: Ints, size_px: tuple[int, int]) -> _Turning:
     first = places[0, ends[:, 1]] - places[0, ends[:, 0]]
     unit = places[:, ends[:, 1]] - places[:, ends[:, 0]]
     with np.errstate(invalid="ignore"):
-        # What is not known, and two dots that were read as one.
+        # NaN for unknown positions, and for two dots that were read as one.
         unit /= np.abs(unit)
     turn_rad = np.angle(unit * np.conj(first / np.abs(first)))
     moved = np.nanmax(np.abs(turn_rad), axis=0) > MOVED_RAD
     ends, unit = ends[moved], unit[:, moved]
     one, two = places[:, ends[:, 0]], places[:, ends[:, 1]]
     known = np.isfinite(unit)
-    # Of a frame counts what the pair turned since the one before it, up to what makes it another one.
+    # A frame's weight is the pair's turn since the frame before, up to STEP_RAD, which gives a weight of one.
     before = np.zeros(unit.shape[1], complex)
     weight = np.zeros(unit.shape)
     for k in range(len(unit)):
@@ -428,13 +432,13 @@ def _circles(places: Places, ends: Ints, size_px: tuple[int, int]) -> _Turning:
 
 
 def _carried(places: Places, moving: _Turning) -> Floats:
-    """Return χ² of markers at places (n, d) as ones that are carried around by one moving pair."""
+    """Return χ² of markers at positions (n, d) as ones that are carried around by one moving pair."""
     arms = (places - moving.axis[0]) * np.conj(moving.unit)
     return _usual(arms - _median(arms.real) - 1j * _median(arms.imag))
 
 
 def _beside(places: Places, moving: Ints, radius_px: Floats) -> Places:
-    """Return where dots are (n, d), without the frames in which one may be a dot of a moving pair (2,)."""
+    """Return the positions (n, d), NaN in frames in which a dot may be one of a moving pair (2,)."""
     near = np.zeros(places.shape, bool)
     for end in moving.tolist():
         near |= np.abs(places - places[:, end, None]) < NEAR * np.maximum(radius_px, radius_px[end])
@@ -442,7 +446,7 @@ def _beside(places: Places, moving: Ints, radius_px: Floats) -> Places:
 
 
 def _inner_first(base: Stick, moving: Stick, axis: _Axis) -> tuple[Stick, Stick]:
-    """Return a couple with the markers nearer to the axis first: that of the motion, or where both lines cross."""
+    """Return a couple, markers nearer to the axis first; for an uncertain axis the crossing of both lines is used."""
     if math.sqrt(axis.variance_px2) > moving.length_px:
         return towards_axis(base, moving)
     x, y = axis.place.real, axis.place.imag
@@ -450,12 +454,12 @@ def _inner_first(base: Stick, moving: Stick, axis: _Axis) -> tuple[Stick, Stick]
 
 
 def _holds(stick: Stick, x_px: float, y_px: float) -> bool:
-    """Return whether a place lies between a stick's markers, along it."""
+    """Return whether a position lies between a stick's markers, in the stick's direction."""
     ends = ((stick.inner, stick.outer), (stick.outer, stick.inner))
     return all((b.x_px - a.x_px) * (x_px - a.x_px) + (b.y_px - a.y_px) * (y_px - a.y_px) > 0.0 for a, b in ends)
 
 
 def _any_lies_at(base: Stick, moving: Stick, place: complex) -> bool:
-    """Return whether a dot of two sticks lies at a place."""
+    """Return whether a dot of either stick covers a position."""
     dots = (base.inner, base.outer, moving.inner, moving.outer)
     return any(math.hypot(dot.x_px - place.real, dot.y_px - place.imag) < dot.radius_px for dot in dots)

@@ -1,4 +1,4 @@
-"""The four markers in the first frames: as a person gives them, or found without help."""
+"""The four markers in the first frames: given by the user, or found automatically."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from tracker.hypotheses import Choice, Couple, weigh_couples
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where following begins.
+    """Start of the tracking.
 
     ``markers`` are two of one stick, two of the other (none where a stick has no dots), found in ``frame``; ``moving``
-    is the stick that moves, None where motion has yet to tell; ``doubtful``: they are so faint that only their motion
-    can tell them from background. ``first``, the first frame, is kept for sticks without dots. ``choice`` is that among
-    several couples of sticks.
+    is the index of the stick that moves, None where it is not known yet; ``doubtful``: the markers are so faint that
+    only their motion distinguishes them from the background. ``first``, the first frame, is stored for sticks without
+    dots. ``choice`` is the choice among several couples of sticks.
     """
 
     markers: list[Marker]
@@ -51,9 +51,9 @@ class Start:
         return "dot" if self.hints is None else self.hints.kind
 
     def follower(self, *, motion_tells: bool = False) -> Follower:
-        """Return what follows the markers from here.
+        """Return the follower of the markers from this start.
 
-        ``motion_tells``: leave open which stick moves even where it was told.
+        ``motion_tells``: find out which stick moves from the motion, even if it was given.
         """
         moving = None if motion_tells else self.moving
         if self.hints is None or self.kinds == ("dot", "dot"):
@@ -64,10 +64,10 @@ class Start:
 
 
 def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Progress = silent) -> Start:
-    """Return the markers in the first frame in which they can be seen; ``progress`` is told before every look.
+    """Return the markers in the first frame in which they are found; ``progress`` is called before each frame.
 
-    A given marker outside the picture is a :class:`ConfigError`, a source without frames an :class:`InputError`; no dot
-    at a given position, or no four markers, are no result.
+    Raises :class:`ConfigError` for a given marker outside the picture, :class:`InputError` for a source without frames,
+    and :class:`NoResultError` for a given position without a dot, or if four markers are not found.
     """
     if hints is not None:
         hints.check_inside(source.size_px)
@@ -78,7 +78,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
-    """Return the four dots that stand out in one of the first frames; where none do, the two tags that are seen."""
+    """Return the start at the four dots that are clearest in one of the first frames, or else at two tags."""
     dots, tags = _Dots(source), TagsSeen()
     last, by_tags = -1, True
     for last, lent in looked_at(source, progress, what="the markers"):
@@ -87,7 +87,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         if dots.start is None or dots.start.doubtful:
             by_tags = True
         elif dots.start.frame == last:
-            # What four modules of tags look like are no dots on sticks, if they are tags.
+            # Four modules of tags may look like dots on sticks.
             by_tags = all(_in_tag(luma, marker) for marker in dots.start.markers)
         if by_tags:
             tags.take(luma)
@@ -112,7 +112,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
 
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
-    """Return whether a marker looks like a dot but lies in a tag: it is a module then, or a few."""
+    """Return whether a marker lies in a tag: it is one of its modules then, or a few."""
     (x, y), reach = place_of(marker.record[0]), math.ceil(MOST_MODULES * 2.0 * marker.record[0]["shape"]["radius"])
     left, top = max(round(x) - reach, 0), max(round(y) - reach, 0)
     part = luma[top : round(y) + reach, left : round(x) + reach]
@@ -120,12 +120,12 @@ def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
 
 
 class _Dots:
-    """The best start at dots of the pictures so far, None without one.
+    """The best ``start`` at dots of the pictures so far, None without one.
 
-    Dots of one picture may be the wrong ones: while the light comes up, while something else is before the camera, or
-    where one stick lies over a dot of the other. Such are lost in the frames that follow, no base of them stands, or
-    nothing of them moves. So later pictures are asked, until the sticks of one are read in most of the frames after
-    it, and in more than those of an earlier one.
+    Dots of one picture may be the wrong ones: while the light comes on, while something else is before the camera, or
+    where one stick lies over a dot of the other. Wrong dots are lost in the frames that follow, their base is not at
+    rest, or nothing moves. So later pictures are tried, until the sticks of one are read in most of the frames after
+    it, and in more frames than those of an earlier picture.
     """
 
     def __init__(self, source: FrameSource) -> None:
@@ -135,9 +135,9 @@ class _Dots:
         self._asked: list[NDArray[np.complex128]] = []
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
-        """Take in a picture; return whether no later one need be looked at."""
+        """Evaluate a picture; return whether no later one is needed."""
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        # What did not do at the same places in another picture does not do now.
+        # Dots that failed at the same positions in an earlier picture fail now, too.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
         if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
             return False
@@ -158,13 +158,13 @@ class _Dots:
 
 
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
-    """Return whether all dots are at places where dots were before, within their radii."""
+    """Return whether all dots are at positions of earlier dots, within their radii."""
     radius_px = np.array([dot.radius_px for dot in dots])
     return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:
-    """Return the markers of a couple, new ones: following changes them."""
+    """Return new markers of a couple: tracking modifies them."""
     return [marker for stick in (couple.base, couple.moving) for marker in markers_on(luma, stick)]
 
 
@@ -189,12 +189,12 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
 
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:
-    """Return the start of sticks of which at least one has no dots, after a look at whether they are there."""
+    """Return the start for sticks of which at least one has no dots, after a check that they can be found."""
     from tracker.patches.initial_sticks import look_for_tags, sticks_of
 
     first = first_frame(source)
     assert first.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
-    # The frame's picture is only lent.
+    # The frame's picture is valid only until the next one.
     first = replace(first, luma=first.luma.copy())
     sticks_of(first, hints)
     if "tag" in hints.kinds:

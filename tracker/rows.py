@@ -1,4 +1,4 @@
-"""What is noted of every frame while a film is followed, before anything is made of it."""
+"""The record of every frame while a film is tracked, before any evaluation."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ ROW: Final = np.dtype(
         ("state", "u1", (4,)),
     ]
 )
-"""One frame. ``level`` is how bright the picture is, a mean grey level, 0 where it was not read; ``covariance_px2``
-holds xx, xy, yy for white noise of the size of the fit's residual."""
+"""One frame. ``level`` is the mean grey level of the picture, 0 where it was not read; ``covariance_px2`` holds xx, xy,
+yy for white noise of the size of the fit's residual."""
 
 STATES: Final = ("seen", "hidden", "shadowed", "dark", "outside", "lost", "damaged")
-"""What a marker can be in a frame; ``state`` holds the index.
+"""States of a marker in a frame; ``state`` holds the index.
 
-hidden: something lies over it. shadowed: the other stick is so close that it is not trusted. dark: the light is
-off. outside: it left the picture. lost: it was not found. damaged: the frame was not decoded whole.
+hidden: something lies over the marker. shadowed: the other stick is so close that its reading is not trusted. dark: the
+light is off. outside: the marker left the picture. lost: it was not found. damaged: the frame was not decoded whole.
 """
 CODE: Final = {name: index for index, name in enumerate(STATES)}
 SEEN, HIDDEN, SHADOWED, DARK, OUTSIDE, LOST, DAMAGED = range(len(STATES))

@@ -1,4 +1,4 @@
-"""Which way a stick points, by two of its points."""
+"""The direction of a stick from two of its points."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ def stick_direction(inner: Points, outer: Points) -> tuple[Floats, Floats]:
 
 
 def square(upper: Floats) -> Floats:
-    """Return covariances (…, 2, 2) from their elements xx, xy, yy (…, 3), as readings and rows hold them."""
+    """Return covariances (…, 2, 2) from their elements xx, xy, yy (…, 3), as stored in readings and rows."""
     return np.stack([upper[..., [0, 1]], upper[..., [1, 2]]], axis=-2)

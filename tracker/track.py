@@ -1,4 +1,4 @@
-"""A film's markers from the first frame to the last."""
+"""Tracking of a film's markers from the first frame to the last."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from tracker.follow.follower import Follower
 
 _DOUBTFUL_RAD = math.radians(3.0)
-"""Range of motion, of nine tenths of the frames, that shows faint dots to be markers."""
+"""Range of the direction, over nine tenths of the frames, above which faint dots are accepted as markers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -43,11 +43,11 @@ class TrackResult(Frozen, Shown):
     Attributes
     ----------
     tracks : MarkerTracks
-        Positions, order of :data:`torsight.core.tracks.MARKERS`; covariances as the fits give them.
+        Positions, order of :data:`torsight.core.tracks.MARKERS`; covariances from the fits, not scaled.
     rows : (n,) structured
-        What was noted of every frame, same order of markers (see :mod:`tracker.rows`).
+        Records of every frame, same order of markers (see :mod:`tracker.rows`).
     damage : list of dict
-        What was found damaged in the source.
+        Damage found in the source.
     report : mapping
         For ``track.json``: source and start.
     """
@@ -58,7 +58,7 @@ class TrackResult(Frozen, Shown):
     report: Mapping[str, Any] = field(default_factory=dict)
 
     def facts(self) -> dict[str, str]:
-        """Return what the tracks hold, and how many places of the source are damaged."""
+        """Return the facts of the tracks, and the number of damaged places in the source."""
         return {**self.tracks.facts(), "damaged places": str(len(self.damage))}
 
     def _columns(self) -> dict[str, Any]:
@@ -84,15 +84,15 @@ def track_film(
     source : FrameSource
         See :func:`tracker.frames.source.open_source`.
     markers : MarkerHints, optional
-        What the markers are and where, see :func:`tracker.detect.marker_file.read_markers`; found without help
+        Kinds and positions of the markers, see :func:`tracker.detect.marker_file.read_markers`; found automatically
         otherwise.
     out : str or Path, optional
         Folder for checkpoints; none are written without it.
     resume : bool
-        Go on from the last checkpoint in ``out``, if it is of the same inputs; the result is the same, bit by bit, as
-        that of a track that was not interrupted.
+        Resume from the last checkpoint in ``out``, if it is of the same inputs; the result is identical, bit by bit, to
+        that of an uninterrupted track.
     progress : Progress
-        Where to report.
+        Called with the progress.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def _key(source: FrameSource, markers: MarkerHints | None) -> str:
 
 
 def _moves(table: NDArray[np.void], stick: int) -> bool:
-    """Return whether a stick's direction goes to and fro by more than faint dots of the background seem to."""
+    """Return whether a stick's direction varies by more than that of faint dots of the background would."""
     own = slice(2 * stick, 2 * stick + 2)
     inner, outer = np.moveaxis(table["position_px"][:, own], 1, 0)
     seen = (table["state"][:, own] == CODE["seen"]).all(axis=1)
@@ -145,7 +145,7 @@ def _moves(table: NDArray[np.void], stick: int) -> bool:
 
 
 def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoResultError:
-    """Return that neither stick is seen to move, with what was taken for the markers."""
+    """Return the error that neither stick moves, with the dots or tags that were followed."""
     tags = start.hints
     do = (
         "name the tag of the moving stick with --markers"
@@ -153,7 +153,7 @@ def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoRe
         else "if they are not, pick the markers with 'torsight markers' and name its file with --markers"
     )
     return NoResultError(
-        "no stick moves, so the moving one cannot be told from the base",
+        "no stick moves, so the moving one cannot be distinguished from the base",
         where=where,
         value=f"tags {tags.ids[0]} and {tags.ids[1]} of {tags.family} were followed"
         if tags
@@ -164,7 +164,7 @@ def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoRe
 
 
 def _followed(table: NDArray[np.void], start: Start) -> str:
-    """Return in words which dots were taken for the markers."""
+    """Return in words the dots that were followed as markers."""
     radii = sorted(marker.radius_px for marker in start.markers)
     steps: NDArray[np.float64] = table["step"]
     seen = np.abs(steps[table["state"] == CODE["seen"]])
@@ -176,7 +176,7 @@ def _followed(table: NDArray[np.void], start: Start) -> str:
 
 
 def _tags(start: Start, *, base: int) -> dict[str, Any]:
-    """Return which tags were found by themselves, as a marker file names them."""
+    """Return the tags that were found automatically, as entries of a marker file."""
     if start.hints is None or start.moving is not None:
         return {}
     ids = start.hints.ids
@@ -186,15 +186,15 @@ def _tags(start: Start, *, base: int) -> dict[str, Any]:
 def told_by_motion(
     tracks: MarkerTracks, choice: Choice, *, radius_px: float, base: int = 0
 ) -> tuple[list[int], dict[str, Any], float]:
-    """Return what all frames say of dots that were found in one picture: which of a stick's two is nearer to the axis.
+    """Return the order of the markers, inner ones first, their probabilities for ``track.json``, and a variance.
 
-    That is the order of the markers; how sure it is that these are the markers and what else may be, for
-    ``track.json``; and the variance of the angle by that. Where there is a result
-    (:data:`~torsight.core.tracks.LEAST_SURE`) the angle is that of the markers taken: a rival of small probability
-    would otherwise be all of a good angle's sigma. ``base`` is which of the couple's sticks is the base.
+    All frames decide which dot of a stick is nearer to the axis. The report has the probability that the markers are
+    right, and their rivals; the variance of the angle includes these only below
+    :data:`~torsight.core.tracks.LEAST_SURE`: above it, a rival of small probability would dominate a good angle's
+    sigma. ``base`` is the index of the couple's stick that is the base.
     """
-    # How probable it is of base and moving stick that the marker called the inner one is the outer one: the likelier
-    # one is taken, and the angle is off by half a turn if that is not it.
+    # Probabilities, for base and moving stick, that the marker called the inner one is the outer one: the more
+    # probable order is used, and the angle is wrong by half a turn if it is not the right one.
     exchanged = turned_round(unmoved(tracks).tracks, radius_px=radius_px)
     order = [i ^ int(exchanged[i // 2] > 0.5) for i in range(4)]
     base_off, moving_off = np.minimum(exchanged, 1.0 - exchanged).tolist()
@@ -210,7 +210,7 @@ def told_by_motion(
 
 
 def _alike(start: Start, follower: Follower, *, moving: int) -> dict[str, float]:
-    """Return by how much a moving stick with texture is turned where it looks the same, if it does anywhere."""
+    """Return the smallest rotation after which a moving stick with texture looks the same, degrees, if there is one."""
     if start.kinds[moving] != "texture" or start.first is None or start.first.luma is None:
         return {}
     from tracker.patches.texture_stick import TextureStick

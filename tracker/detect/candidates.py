@@ -1,4 +1,4 @@
-"""What automatic detection saw in one picture: the places it considered, what it took, and why it refused the rest."""
+"""Account of automatic detection in one picture: all candidates, those accepted, and why the others were rejected."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tracker.detect.sticks import MOST, Stick, are_markers, choose_sticks, clear
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A place that was considered as a marker; pixel centres at whole numbers, y down.
+    """A position that was considered as a marker; pixel centres at whole numbers, y down.
 
-    ``number`` counts from 1 in the order of the list; ``is_dot``: it was measured as a dot; ``reason``: why it was not
-    taken, empty where it was.
+    ``number`` counts from 1 in the order of the list; ``is_dot``: it was fitted as a dot; ``reason``: why it was
+    rejected, empty where it was accepted.
     """
 
     number: int
@@ -35,11 +35,11 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """What automatic detection makes of one picture.
+    """Result of automatic detection in one picture.
 
-    ``candidates`` are first the markers that were taken, then other dots, then places that look like a dot from afar,
+    ``candidates`` are first the markers, then other dots, then positions that look like a dot at coarse resolution,
     ``MOST`` at most. ``sticks_px`` (2, 2, 2) are the markers on one stick and on the other, inner marker first, or
-    None; which stick moves is not seen in one picture. ``reason``: why no markers were found, or empty.
+    None; one picture does not show which stick moves. ``reason``: why no markers were found, or empty.
     """
 
     candidates: tuple[Candidate, ...]
@@ -48,9 +48,9 @@ class Sighting:
 
 
 def look(luma: NDArray[np.uint8], *, taken: tuple[Stick, Stick] | None = None) -> Sighting:
-    """Look for markers in one picture (h, w) and keep account of every decision.
+    """Search for markers in one picture (h, w), with an account of every decision.
 
-    ``taken`` are the sticks that motion has told of several that the picture shows.
+    ``taken`` are the sticks that were chosen by their motion, if they are known.
     """
     dots, refused = find_and_refuse(luma)
     sticks = taken or sticks_in(luma, dots=dots)
@@ -81,7 +81,7 @@ def _same(one: Dot, two: Dot) -> bool:
 
 
 def _apart(refused: Iterable[Refused], dots: Sequence[Dot]) -> list[Refused]:
-    """Return the refused places that lie on no dot and on no likelier place: those are listed already."""
+    """Return the rejected positions that lie on no dot and on no better position: those are listed already."""
     kept: list[Refused] = []
     for place in refused:
         before: list[Dot | Refused] = [*dots, *kept]

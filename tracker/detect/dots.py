@@ -1,8 +1,8 @@
-"""Finding dots in one picture, whatever their size and whatever lies around them.
+"""Detection of dots in one picture, of any size and on any background.
 
-Normalised correlation with discs of many radii gives places that look like a dot; the least-squares fit decides. Light
-that falls unevenly and backgrounds with texture leave both unmoved: correlation is blind to brightness and contrast,
-and the fit asks how much of what is seen in the window a dot explains.
+Normalised correlation with discs of many radii proposes positions; the least-squares fit decides. Both are robust to
+uneven illumination and to backgrounds with texture: correlation does not depend on brightness and contrast, and the
+fit's criterion is the share of the window's variance that a dot explains.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ SMALLEST_PX: Final = 2.6
 HUGE_PX: Final = 46.0
 """Radii of the smallest and the largest dots that are found."""
 _RATIO: Final = 1.22
-"""From one radius to the next: a disc of a radius 10 % off still correlates at 0.95."""
+"""Ratio of successive radii: a disc with a radius that is 10 % wrong still correlates at 0.95."""
 _LIKELY: Final = 0.5
-"""Correlation from which a place is looked at; the fit then decides."""
+"""Correlation above which a dot is fitted at a position; the fit then decides."""
 _SMALL_PX: Final = 7.5
-"""Radius to which large dots are reduced: correlation costs the square of it, and a pixel is near enough to fit."""
+"""Radius above which the picture is halved before correlation, whose time grows with the radius' square: a start within
+a pixel is close enough for the fit."""
 EXPLAINED: Final = 0.75
-"""Share of the window's variance that a dot has to explain."""
+"""Smallest share of the window's variance that a dot has to explain."""
 _MOST: Final = 120
-"""Places that are fitted in one picture: the holes of a sheet, some ten by ten, may be as clear as the markers."""
+"""Most positions that are fitted in a picture: a sheet's holes, about ten by ten, may be as clear as the markers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A place that looks like a dot from afar, and why it is none: the value met and the one needed."""
+    """A position that looks like a dot at coarse resolution, and why it is rejected, with the value and its limit."""
 
     x_px: float
     y_px: float
@@ -43,10 +44,7 @@ class Refused:
 
 
 def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
-    """Return the dots in a picture (h, w), the clearest first.
-
-    Also the places that look like a dot but are none, likeliest first.
-    """
+    """Return the dots in a picture (h, w), the clearest first, and the rejected positions, the most similar first."""
     dots: list[Dot] = []
     refused: list[Refused] = []
     for _, x, y, radius, light_dot in _places(luma):
@@ -67,7 +65,7 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
 
 
 def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
-    """Return the dot near a place, fitted as far as the ground around it is plain, or in words why there is none."""
+    """Return the dot near a position, fitted within the uniform background around it, or in words why there is none."""
     radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
     room_px = 1.25 * radius_px + 1.5
     close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
@@ -94,7 +92,7 @@ def _unexplained(fit: Dot | None) -> str:
 
 
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
-    """Return the dot whose centre is nearest to a place, within reach or within its own radius."""
+    """Return the dot whose centre is nearest to a position, within ``reach_px`` or within its own radius."""
     best: tuple[float, Dot] | None = None
     for _, x, y, radius, light_dot in _places(luma, near=(x_px, y_px, reach_px)):
         dot = judge_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
@@ -110,7 +108,7 @@ def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: flo
 
 
 def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, *, light_dot: bool) -> float:
-    """Return the radius, near a first guess, at which the brightness steps most."""
+    """Return the radius, near a first guess, with the largest step in brightness."""
     angles = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
     reach = np.linspace(0.7, 1.4, 15) * radius_px
     x = np.rint(x_px + reach[:, None] * np.cos(angles)).astype(np.int64)
@@ -123,7 +121,7 @@ def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, *,
 
 
 def _room(luma: NDArray[np.uint8], fit: Dot) -> float:
-    """Return how far the brightness around the dot stays that of the stick."""
+    """Return the distance from the dot's centre up to which the brightness is that of the stick, px."""
     radius = fit.radius_px
     angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     reach = radius + 1.5
@@ -135,8 +133,7 @@ def _room(luma: NDArray[np.uint8], fit: Dot) -> float:
             break
         ring = luma[y, x].astype(np.float64)
         level = float(np.median(ring)) if level is None else level
-        # A quarter of the step: the outer edge of the stick, blurred, comes in sight.
-        # At three of the 48 places, which no noise does.
+        # A quarter of the step, at three of the 48 points, which noise does not cause: the stick's blurred outer edge.
         if np.sum(np.abs(ring - level) > max(0.25 * fit.step, 4.0 * fit.residual)) >= 3:
             break
         reach += 0.5
@@ -144,13 +141,13 @@ def _room(luma: NDArray[np.uint8], fit: Dot) -> float:
 
 
 Place = tuple[float, float, float, float, bool]
-"""Merit, x, y, radius, whether the dot is the lighter one."""
+"""Score, x, y, radius, and whether the dot is lighter than its surroundings."""
 
 
 def _places(luma: NDArray[np.uint8], *, near: tuple[float, float, float] | None = None) -> list[Place]:
-    """Return places that look like a dot of some radius, the likeliest first; ``near`` a place, within reach, or all.
+    """Return the positions that look like a dot of some radius, the best first.
 
-    One may lie as far off as the reach or the dot's own radius, and what the picture's coarse steps add.
+    ``near`` (x, y, reach) limits them to a distance of the reach or of the dot's own radius, plus the coarse steps.
     """
     found: list[Place] = []
     radius = SMALLEST_PX
@@ -164,7 +161,7 @@ def _places(luma: NDArray[np.uint8], *, near: tuple[float, float, float] | None 
         radius *= _RATIO
     found.sort(key=lambda place: -place[0])
     kept: list[Place] = []
-    # What is a dot of one radius looks like one of three steps less or more, too.
+    # A dot of one radius also correlates with discs whose radius is up to three steps smaller or larger.
     alike = 3.5 * math.log(_RATIO)
     for place in found:
         if all(
@@ -186,15 +183,15 @@ def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
 
 
 def _disc_picture(radius_px: float) -> NDArray[np.float32]:
-    """Return a blurred light disc in a square that just holds its rim."""
+    """Return a blurred light disc in the smallest square that contains its rim."""
     half = math.ceil(1.35 * radius_px + 0.5)
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
     return np.asarray(np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0), dtype=np.float32)
 
 
 def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, int, int]) -> list[Place]:
-    """Return the places in a part of a picture, its left, top, right and bottom, that look like a dot of a radius."""
-    # A dot at the rim has to be seen whole.
+    """Return the positions that look like a dot of a radius in a part of a picture: left, top, right and bottom."""
+    # With a margin, so that a dot at the rim is seen whole.
     more, (height, width) = math.ceil(2.0 * radius_px), luma.shape
     left, top = max(0, box[0] - more), max(0, box[1] - more)
     part = luma[top : min(height, box[3] + more), left : min(width, box[2] + more)]
@@ -202,7 +199,7 @@ def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, in
 
 
 def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:
-    """Return the places in a picture that look like a dot of a radius."""
+    """Return the positions in a picture that look like a dot of a radius."""
     level, scale = luma, 1.0
     while radius_px * scale > _SMALL_PX and min(level.shape) > 4:
         level, scale = np.asarray(cv2.pyrDown(np.ascontiguousarray(level)), dtype=np.uint8), 0.5 * scale
@@ -212,7 +209,7 @@ def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:
         return []
     score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
     places: list[Place] = []
-    # How clear a dot would be: a disc explains the square of the correlation, and the spread goes with its step.
+    # Clearness of the dot: a disc explains the square of the correlation, and the spread is proportional to its step.
     spread = _spread(level, half)
     for sign in (1.0, -1.0):
         signed = sign * score

@@ -1,4 +1,4 @@
-"""ArUco and AprilTag tags: their families, and where they are in a picture."""
+"""ArUco and AprilTag tags: their families, and their detection in a picture."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ _SELDOM: Final = (
     "ARUCO_ORIGINAL", "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
 )  # fmt: skip
 USUAL: Final = (*_OFTEN, *_SELDOM)
-"""Families that are tried where none is given or the given one is not seen: the most printed first, of one code the
-smallest."""
+"""Families that are tried where none is given or the given one is not seen: those printed most often first, and of each
+code the smallest family."""
 
 MOST_MODULES: Final = 9
-"""Modules across the largest tags with their black border, of 7X7."""
+"""Modules across the largest tags, of 7X7, with their black border."""
 _MODULE_PX: Final = 8
-"""Size at which OpenCV reads a module, leaving a share of 0.13 out on each side: of its own 4 px that is none, and of a
-module of 4.5 px in the picture neighbours count, for corners are found in whole pixels."""
+"""Size to which OpenCV resamples a module for reading, without a margin of 0.13 of it on each side. At OpenCV's default
+of 4 px that margin is rounded to zero, and neighbours of a module of 4.5 px in the picture are included, since corners
+are found in whole pixels."""
 
 
 def families() -> tuple[str, ...]:
-    """Return the names of the families, as OpenCV calls its dictionaries without ``DICT_``; no name twice."""
+    """Return the names of the families: those of OpenCV's dictionaries without ``DICT_``, each family once."""
     named: dict[int, str] = {}
     for name in sorted(vars(cv2.aruco), reverse=True):
         if name.startswith(_PREFIX):
@@ -44,7 +45,7 @@ def families() -> tuple[str, ...]:
 
 @lru_cache(maxsize=32)
 def family_of(name: str, *, where: str) -> Any:
-    """Return OpenCV's dictionary of a family; a name that none has is a :class:`ConfigError`."""
+    """Return OpenCV's dictionary of a family; an unknown name raises :class:`ConfigError`."""
     number = getattr(cv2.aruco, _PREFIX + name.removeprefix(_PREFIX), None)
     if not isinstance(number, int):
         raise ConfigError(
@@ -54,19 +55,19 @@ def family_of(name: str, *, where: str) -> Any:
 
 
 def count_of(name: str, *, where: str = "tag") -> int:
-    """Return how many tags a family has."""
+    """Return the number of tags of a family."""
     return len(family_of(name, where=where).bytesList)
 
 
 def check_id(name: str, number: int, *, where: str) -> None:
-    """Refuse a number that a family does not have (:class:`ConfigError`, naming those that it has)."""
+    """Check that a family has a number; otherwise raise :class:`ConfigError`, which names the range."""
     count = count_of(name, where=where)
     if not 0 <= number < count:
         raise ConfigError("is no tag of this family", where=where, value=number, limit=f"0 to {count - 1} in {name}")
 
 
 def bits_of(name: str, number: int) -> Flags:
-    """Return the modules of a tag, True for white, with its black border and no white one, (n, n)."""
+    """Return the modules (n, n) of a tag, True for white, with its black border but without the white margin."""
     dictionary = family_of(name, where="tag")
     modules = int(dictionary.markerSize) + 2
     return np.asarray(cv2.aruco.generateImageMarker(dictionary, number, modules)) > 0
@@ -80,7 +81,7 @@ class FoundTag:
     corners_px: Floats
 
     def holds(self, x_px: float, y_px: float) -> bool:
-        """Return whether a place lies in it."""
+        """Return whether a position lies in the tag."""
         rim = self.corners_px.astype(np.float32)
         return bool(cv2.pointPolygonTest(rim, (x_px, y_px), measureDist=False) >= 0.0)
 
@@ -103,9 +104,10 @@ class TagsSeen:
         self._shown: dict[str, Counter[int]] = {family: Counter() for family in USUAL}
 
     def take(self, luma: NDArray[np.uint8]) -> None:
-        """Note the tags of a picture; a number that it shows twice is none.
+        """Add the tags of a picture; a number that the picture shows twice is ignored.
 
-        Nine tenths of all tags are of families that are seldom printed: those count where the others show no pair.
+        Nine tenths of all codes are of families that are seldom printed: those are tried only if the others show no
+        pair.
         """
         self.pictures += 1
         codes = _codes_in(luma, USUAL)
@@ -118,9 +120,9 @@ class TagsSeen:
 
     @property
     def pair(self) -> tuple[str, list[int]]:
-        """The first family of which two tags or more are seen, and their numbers; "" and none without one.
+        """The first family of which two tags or more are seen, and their numbers; "" and no numbers without one.
 
-        Of several pictures two have to show a tag: clutter that looks like one does not stay.
+        With several pictures a tag has to be seen in two: clutter that looks like a tag seldom appears twice.
         """
         for family, shown in self._shown.items():
             numbers = sorted(number for number, pictures in shown.items() if pictures >= min(2, self.pictures))

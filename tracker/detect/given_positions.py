@@ -1,4 +1,4 @@
-"""Dots at the positions that a person gives in the first frame."""
+"""Dots at the positions that the user gives in the first frame."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from tracker.detect.sticks import Stick
 from tracker.frames.frame import Frame, FrameSource
 
 LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
-"""Frames in which markers are looked for until they are seen."""
+"""Frames that are searched for markers until these are found."""
 SNAP_PX: Final = 12.0
-"""A given position is of the dot whose centre is this near, or under it."""
+"""Largest distance of a given position from the centre of its dot, unless it lies inside the dot."""
 
 
 def decoded(source: FrameSource) -> Iterator[Frame]:
-    """Give the frames of a source that were decoded whole."""
+    """Yield the frames of a source that were decoded whole."""
     return (frame for frame in source if frame.luma is not None and not frame.damaged)
 
 
 def looked_at(source: FrameSource, progress: Progress, *, what: str) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-    """Give the frames in which something is looked for, number and picture; ``progress`` is told before every look."""
+    """Yield number and picture of the frames ``LOOKED_AT``; ``progress`` is called before each of them."""
     for frame in decoded(source):
         if frame.index > LOOKED_AT[-1]:
             return
@@ -40,7 +40,7 @@ def looked_at(source: FrameSource, progress: Progress, *, what: str) -> Iterator
 
 
 def first_frame(source: FrameSource) -> Frame:
-    """Return the first frame that was decoded whole (else :class:`InputError`): given positions are positions in it."""
+    """Return the first frame that was decoded whole, to which given positions refer (else :class:`InputError`)."""
     frame = next(decoded(source), None)
     if frame is None:
         raise InputError("holds no frame that can be decoded", where=source.name)
@@ -48,9 +48,9 @@ def first_frame(source: FrameSource) -> Frame:
 
 
 def given_dots(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Stick]:
-    """Return the dots of each stick next to the positions that were given.
+    """Return the dots of each stick near the positions that were given.
 
-    No dot at a position, or two positions of one dot, are no result.
+    No dot at a position, or two positions at the same dot, raise :class:`NoResultError`.
     """
     assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
     dots: dict[str, Dot] = {}

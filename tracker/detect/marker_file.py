@@ -1,4 +1,4 @@
-"""``MARKERS.toml``: what the markers are, and where they are in the first frame."""
+"""``MARKERS.toml``: the kinds of the markers, and their positions in the first frame."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from tracker.detect.fiducials import check_id, family_of
 
 STICKS: Final = ("base", "moving")
 KEYS: Final = ("base", "moving", "kind", "family", "base_id", "moving_id", "base_mm", "moving_mm")
-"""What may be told of the markers."""
+"""Keys of a marker file."""
 KINDS: Final = ("dot", "texture", "tag")
 APART_PX: Final = 2.0
-"""Two positions nearer than this are one place."""
+"""Distance below which two positions count as the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MarkerHints(Frozen):
-    """What a person told of the markers.
+    """The user's entries on the markers.
 
     Attributes
     ----------
@@ -37,11 +37,11 @@ class MarkerHints(Frozen):
     kinds : (str, str)
         Of the base and of the moving stick, each ``"dot"``, ``"texture"`` or ``"tag"``.
     where : str
-        File or table that they come from, for messages.
+        File or table from which the entries come, for messages.
     length_mm : mapping of str to float
-        Distance of the markers of ``base`` and ``moving``, where it was measured by hand: a check of scale.
+        Distances of the markers of ``base`` and ``moving`` that were measured by hand: a check of scale.
     family : str
-        Of the tags; empty without any.
+        Family of the tags; empty without tags.
     ids : (int or None, int or None)
         Numbers of the tags on the base and on the moving stick.
     """
@@ -63,7 +63,7 @@ class MarkerHints(Frozen):
         return f"MarkerHints({self.where}, {self.kind})"
 
     def check_inside(self, size_px: tuple[int, int]) -> None:
-        """Refuse markers outside the picture.
+        """Check that all markers lie inside the picture.
 
         Raises
         ------
@@ -83,12 +83,12 @@ class MarkerHints(Frozen):
 
 
 def in_second_film(hints: MarkerHints | None) -> MarkerHints | None:
-    """Return what is told of the markers of a pair's right film: tags; positions are of the left film's picture.
+    """Return the entries that hold for a stereo pair's right film: tags only, since positions are of the left film.
 
     Raises
     ------
     ConfigError
-        For sticks that are not found in a film by themselves: two with dots are, and two with tags.
+        For sticks that are not found automatically: only two with dots, or two with tags, are.
     """
     if hints is None or set(hints.kinds) == {"dot"}:
         return None
@@ -104,7 +104,7 @@ def in_second_film(hints: MarkerHints | None) -> MarkerHints | None:
 
 
 def read_markers(source: AnyPath | Mapping[str, Any]) -> MarkerHints:
-    """Read what is told of the markers from a file or from a table that was read already.
+    """Read the entries on the markers from a file, or from a table that was read already.
 
     Raises
     ------
@@ -117,14 +117,14 @@ def read_markers(source: AnyPath | Mapping[str, Any]) -> MarkerHints:
     content: Mapping[str, Any]
     if not isinstance(source, Mapping):
         content, where = read_toml(Path(source)), str(source)
-        # The table may stand in the file under its own name, as it does in an experiment.
+        # The file may contain the table under its own name, as an experiment does.
         if set(content) == {"markers"} and isinstance(content["markers"], Mapping):
             content = content["markers"]
     else:
         content, where = source, "[markers]"
     check_keys(content, KEYS, where=where)
     kinds = _kinds(content, where)
-    # The place of a tag is seen: positions that stand there from another kind are passed over.
+    # A tag is found automatically: positions that remain from another kind are ignored.
     nowhere = [[np.nan, np.nan]] * 2
     pairs = [nowhere if kind == "tag" else _pair(content, key, where) for key, kind in zip(STICKS, kinds, strict=True)]
     position_px = np.array([*pairs[0], *pairs[1]])
@@ -158,7 +158,7 @@ def _kinds(content: Mapping[str, Any], where: str) -> tuple[str, str]:
 
 
 def _tags(content: Mapping[str, Any], kinds: tuple[str, str], where: str) -> tuple[str, tuple[int | None, int | None]]:
-    """Return the family and the numbers of the tags; refuse what no tag has, and one number for both."""
+    """Return the family and the numbers of the tags; keys of tags without a tag, and equal numbers, are errors."""
     if "tag" not in kinds:
         given = [key for key in ("family", "base_id", "moving_id") if key in content]
         if given:

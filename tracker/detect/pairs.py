@@ -1,4 +1,4 @@
-"""All pairs of many dots at once: which are alike as the markers of one stick, and how clear they are."""
+"""All pairs of many dots, computed together: those similar enough for one stick, and their scores."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tracker.detect.sticks import CLEARER, LIKE, SIZES, least_length
 from tracker.innovation import SIGMAS
 
 CLEARNESS: Final = 0.5 * SIGMAS**2 / math.log(CLEARER)
-"""Power of its score by which a pair is likely to be a stick: one that is less clear by a factor that tells markers
-from texture is as unlikely as three standard deviations."""
+"""Exponent that turns a pair's score into a likelihood: a score lower by ``CLEARER``, the factor that separates markers
+from texture, is as unlikely as three standard deviations."""
 
 
 class Pairs:
-    """Pairs of dots that may lie on one stick as far as the dots tell; ``ends`` (p, 2) are their numbers."""
+    """Pairs of dots that may lie on one stick, judged by the dots alone; ``ends`` (p, 2) are the dots' indices."""
 
     def __init__(self, dots: Sequence[Dot]) -> None:
         self._x, self._y, self.radius_px, self._step, self._light, self._clear, sign = (
@@ -38,7 +38,7 @@ class Pairs:
         return np.asarray(np.hypot(self._x[one] - self._x[two], self._y[one] - self._y[two]))
 
     def score_of(self, ends: Ints) -> Floats:
-        """Return how clearly pairs (p, 2) may be sticks, as far as their dots tell."""
+        """Return the scores (p,) of pairs (p, 2) as sticks, judged by their dots alone."""
         one, two = ends.T
         step = np.minimum(self._step[one], self._step[two])
         likeness = np.exp(
@@ -47,7 +47,7 @@ class Pairs:
         return np.asarray(likeness * self._clear[one] * self._clear[two] * np.sqrt(step))
 
     def unlike(self, ends: Ints, other: Ints) -> Floats:
-        """Return χ² of pairs (p, 2) and another one (2,) as sticks of one make: step of their dots, light, length."""
+        """Return χ² (p,) of the differences of pairs (p, 2) from another one (2,): dots' step, light, and length."""
         found = np.zeros(len(ends))
         for what, limit in ((self._step, LIKE), (self._light, LIKE)):
             found += (SIGMAS * np.log(what[ends].sum(axis=1) / what[other].sum()) / math.log(limit)) ** 2

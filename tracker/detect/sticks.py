@@ -1,4 +1,4 @@
-"""Which four dots are the markers, and which two lie on one stick."""
+"""Choice of the four dots that are the markers, and of the two on each stick, from one picture."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ from tracker.detect.dots import find_and_refuse
 _Real = TypeVar("_Real", float, Floats)
 
 CLEAR: Final = 2.0
-"""Score from which a pair of dots is taken at first sight."""
+"""Score above which a pair of dots is accepted from one picture alone."""
 _LEAST: Final = 1.2
 """Score below which two pairs of dots are taken for texture: 80 % explained at a step of 50 grey levels."""
 CLEARER: Final = 2.0
-"""Pairs of which one is clearer by less than this factor are not told apart by a picture."""
+"""Ratio of the scores of two pairs below which one picture does not decide between them."""
 LIKE: Final = 1.6
-"""Markers are of one make: brightness step and light differ by less than this factor; sizes that differ by no more are
-as likely as equal ones."""
+"""Largest ratio of the brightness steps of markers, and of the light around them: all are made in the same way. Sizes
+with a ratio below it are as likely as equal ones."""
 SIZES: Final = 3.0
-"""By which factor the sizes of markers, and the distances of those of one stick, differ at most."""
+"""Largest ratio of the sizes of markers, and of the lengths of both sticks."""
 MOST: Final = 24
-"""Dots among which the sticks are looked for: pairs of pairs go with the fourth power, and no person reads more."""
+"""Most dots that are searched for sticks: the number of pairs of pairs grows with the fourth power, and nobody reads a
+longer list."""
 PARALLEL: Final = 0.2
-"""Sine of the angle (12 degrees) at which two lines have to meet to tell a place, or a plane."""
+"""Sine of the smallest angle (12 degrees) of two lines that define a point, or a plane."""
 _STRIP: Final = 0.8
-"""Share of the line between two dots that has to be stick."""
+"""Smallest share of the line between two dots that has to be as bright as a stick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,17 +48,17 @@ class Stick:
 
     @property
     def length_px(self) -> float:
-        """Distance between its dots."""
+        """Distance between the stick's dots, px."""
         return _gap(self.inner, self.outer)
 
     @property
     def direction_rad(self) -> float:
-        """From its inner dot to the outer one, y down."""
+        """Direction from the inner dot to the outer one, y down."""
         return math.atan2(self.outer.y_px - self.inner.y_px, self.outer.x_px - self.inner.x_px)
 
     @property
     def places_px(self) -> list[list[float]]:
-        """Where its dots are, the inner one first."""
+        """Positions of the dots, the inner one first."""
         return [[dot.x_px, dot.y_px] for dot in (self.inner, self.outer)]
 
     def is_of(self, other: Stick) -> bool:
@@ -65,29 +66,30 @@ class Stick:
         return {id(self.inner), id(self.outer)} == {id(other.inner), id(other.outer)}
 
     def turned(self) -> Stick:
-        """Return the stick with its inner dot as the outer one."""
+        """Return the stick with inner and outer dot exchanged."""
         return replace(self, inner=self.outer, outer=self.inner)
 
     def towards(self, x_px: float, y_px: float) -> Stick:
-        """Return the stick with the dot that is nearer to a place as the inner one."""
+        """Return the stick with the dot that is nearer to a position as the inner one."""
         away = [math.hypot(dot.x_px - x_px, dot.y_px - y_px) for dot in (self.inner, self.outer)]
         return self if away[0] <= away[1] else self.turned()
 
 
 def sticks_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> tuple[Stick, Stick] | None:
-    """Return the sticks in a picture; None also where two dots of no stick stand out more than theirs, if faint.
+    """Return the two sticks in a picture; None without any, or where they are faint and two other dots are clearer.
 
-    ``dots`` are those of :func:`tracker.detect.dots.find_and_refuse`, where they were found already.
+    ``dots`` are those of :func:`tracker.detect.dots.find_and_refuse`, if they were found already.
     """
     found = couples_in(luma, dots=dots)
     return towards_axis(*found[0]) if found else None
 
 
 def couples_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) -> list[tuple[Stick, Stick]]:
-    """Return the couples of pairs of dots that may be the sticks in a picture, the clearest first.
+    """Return the couples (two pairs of dots) that may be the two sticks in a picture, the clearest first.
 
-    After the first one come those that are as clear, within a factor: the picture does not tell them apart. None at all
-    where the first one is faint, and two dots of no stick stand out more: of many dots of texture some four look alike.
+    Only couples with scores within a factor of ``CLEARER`` of the first one's are returned: the picture does not decide
+    between these. There are none where the first couple is faint, and two other dots are clearer: among many dots of
+    texture some four look like two sticks.
     """
     dots = find_and_refuse(luma)[0] if dots is None else dots
     found = choose_sticks(luma, dots)
@@ -107,14 +109,14 @@ def _worst(couple: tuple[Stick, Stick]) -> float:
 
 
 def are_markers(sticks: tuple[Stick, Stick]) -> bool:
-    """Return whether two pairs of dots stand out enough to be taken for the markers."""
+    """Return whether two pairs of dots are clear enough to be taken for the markers."""
     return min(stick.score for stick in sticks) > _LEAST
 
 
 def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[Stick, Stick]]:
     """Return all couples of pairs of dots that may be two sticks, the clearest first.
 
-    Two dots lie on one stick when they are alike and the line between them has the brightness of the stick all along.
+    Two dots lie on one stick if they are similar and the line between them has the stick's brightness throughout.
     """
     pairs = pairs_in(luma, dots)
     found: list[tuple[float, Stick, Stick]] = []
@@ -137,12 +139,12 @@ def pairs_in(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[Stick]:
 
 
 def clearest(dots: Sequence[Dot]) -> list[Dot]:
-    """Return the dots among which the sticks are looked for, the clearest first."""
+    """Return the dots that are searched for sticks, the clearest first."""
     return sorted(dots, key=clearness, reverse=True)[:MOST]
 
 
 def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
-    """Order each stick's dots by their distance from where the two sticks' lines cross."""
+    """Return both sticks with the dot nearer to the crossing of their lines as the inner one."""
     axis = crossing(one, two)
     if axis is None:
         # Parallel sticks: the ends that lie closest together are the inner ones.
@@ -152,7 +154,7 @@ def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
 
 
 def crossing(one: Stick, two: Stick) -> tuple[float, float] | None:
-    """Return where the lines through two sticks cross; None where they are nearly parallel."""
+    """Return the crossing of the lines through two sticks; None where they are nearly parallel."""
     return crossing_point(
         (one.inner.x_px, one.inner.y_px),
         (one.outer.x_px, one.outer.y_px),
@@ -164,7 +166,7 @@ def crossing(one: Stick, two: Stick) -> tuple[float, float] | None:
 def crossing_point(
     a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Return where the lines a–b and c–d cross; None where they meet at less than 12°."""
+    """Return the crossing of the lines a–b and c–d; None where they meet at less than 12°."""
     ux, uy = b[0] - a[0], b[1] - a[1]
     vx, vy = d[0] - c[0], d[1] - c[1]
     cross = ux * vy - uy * vx
@@ -183,10 +185,10 @@ def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
 
 
 def edges_beside(luma: NDArray[np.uint8], stick: Stick) -> tuple[float, float]:
-    """Return how far a stick's edges are from its inner dot, px: to the right of the way to the outer one, and left.
+    """Return the distances, px, of a stick's edges from its inner dot: right and left, as seen towards the outer dot.
 
-    In the picture's coordinates, y down; infinite where one is not seen. Within two diameters of the dot, which need
-    not lie in the middle of the stick, nor the line between both dots along it.
+    In the picture's coordinates, y down; infinite for an edge that is not seen. They are measured within two diameters
+    of the dot, which need not lie on the stick's middle line; nor need the line between both dots be parallel to that.
     """
     radius = stick.inner.radius_px
     return _edges(
@@ -197,13 +199,14 @@ def edges_beside(luma: NDArray[np.uint8], stick: Stick) -> tuple[float, float]:
 def _edges(luma: NDArray[np.uint8], stick: Stick, along: Floats) -> tuple[float, float]:
     """Return the distances of a stick's edges from the line between its dots, right and left of it, px.
 
-    Brightness is taken across the stick at places along it that hold no dot; the edge is where it has gone half way.
+    The median profile across the stick is taken over positions ``along`` it that hold no dot; an edge is at half its
+    rise or fall.
     """
     ax, ay, bx, by = stick.inner.x_px, stick.inner.y_px, stick.outer.x_px, stick.outer.y_px
     ux, uy = (bx - ax) / stick.length_px, (by - ay) / stick.length_px
     radius = max(stick.inner.radius_px, stick.outer.radius_px)
     reach = np.arange(0.0, 3.0 * radius + 4.0, 0.5)
-    # Two standard deviations of the blur to both sides, that of a good lens at least, in half pixels.
+    # Two standard deviations of the blur on both sides, at least that of a good lens, in half pixels.
     wide = round(8.0 * max(stick.inner.edge_px, stick.outer.edge_px, EDGE_PX))
     found = [math.inf, math.inf]
     for number, side in enumerate((1.0, -1.0)):
@@ -213,7 +216,7 @@ def _edges(luma: NDArray[np.uint8], stick: Stick, along: Floats) -> tuple[float,
             continue
         profile = np.median(cv2.remap(luma, x, y, cv2.INTER_LINEAR), axis=0).astype(np.float64)
         middle = float(np.median(profile[reach < radius]))
-        # Half way to the level where the blur ends: the far background may have any brightness.
+        # Half way to the level at the end of the blur: further away the background may have any brightness.
         steps = np.abs(profile[wide:] - profile[:-wide])
         first = np.flatnonzero((steps > 0.25 * stick.inner.step) & (reach[wide // 2 : wide // 2 - wide] > radius))
         if len(first):
@@ -229,22 +232,22 @@ def _gap(a: Dot, b: Dot) -> float:
 
 
 def is_clear(dot: Dot) -> bool:
-    """Return whether a dot and another one like it stand out enough to be taken for markers."""
+    """Return whether a dot is clear enough to be taken for a marker, together with a similar one."""
     return clearness(dot) * dot.explained**4 > _LEAST
 
 
 def clearness(dot: Dot) -> float:
-    """Return how clearly a dot stands out, by its fit and its step in brightness."""
+    """Return the clearness of a dot, from the quality of its fit and its step in brightness."""
     return dot.explained**4 * math.sqrt(dot.step)
 
 
 def least_length(one_px: _Real, two_px: _Real) -> _Real:
-    """Return how far apart two dots of these radii have to be on one stick."""
+    """Return the smallest distance between two dots of these radii on one stick, px."""
     return 1.5 * (one_px + two_px) + 3.0
 
 
 def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
-    """Return how clearly two dots lie on one stick, or in words why they do not."""
+    """Return the score of two dots as a stick's, or in words why they are not on one stick."""
     if (a.contrast > 0) != (b.contrast > 0):
         return "one of the two is dark and the other light"
     for name, ratio, limit in _ratios(a, b):
@@ -261,7 +264,7 @@ def judge_pair(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float | str:
 
 
 def _ratios(a: Dot, b: Dot) -> list[tuple[str, float, float]]:
-    """Return in what two dots may differ, by which factor they do, and by which those of one stick may."""
+    """Return name, ratio and largest allowed ratio of the properties by which two dots are compared."""
     values = (
         ("radius", a.radius_px, b.radius_px, SIZES),
         ("contrast", a.step, b.step, LIKE),
@@ -271,7 +274,7 @@ def _ratios(a: Dot, b: Dot) -> list[tuple[str, float, float]]:
 
 
 def stick_of(a: Dot, b: Dot) -> Stick:
-    """Return two dots as a stick, with how clearly they may be the markers of one."""
+    """Return two dots as a stick, with the score of their similarity, fits and contrast."""
     likeness = math.prod(1.0 / ratio for _, ratio, _ in _ratios(a, b))
     return Stick(a, b, likeness * (a.explained * b.explained) ** 4 * math.sqrt(min(a.step, b.step)))
 
@@ -284,10 +287,9 @@ def strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float:
 
 
 def reaches(luma: NDArray[np.uint8], stick: Stick, x_px: float, y_px: float) -> tuple[float, float]:
-    """Return on how many looks a stick is seen to go on from its inner dot to a place, and on how many it is not.
+    """Return the numbers of points from a stick's inner dot to a position that are as bright as the stick, and not.
 
-    Those are the points of the line between them that are as bright as the stick, and those that are not, one look for
-    every diameter of the dot: what lies closer together looks alike anyway.
+    They are scaled to one point per diameter of the dot: points that are closer together are not independent.
     """
     dot = stick.inner
     distance = max(math.hypot(x_px - dot.x_px, y_px - dot.y_px), 1.0)
@@ -297,9 +299,9 @@ def reaches(luma: NDArray[np.uint8], stick: Stick, x_px: float, y_px: float) -> 
 
 
 def _as_bright(luma: NDArray[np.uint8], dots: tuple[Dot, Dot], end: tuple[float, float], along: Floats) -> Flags:
-    """Return which points of a line from the first of two dots to a place are as bright as the stick around both.
+    """Return whether each point of a line from the first of two dots to ``end`` is as bright as the stick around both.
 
-    ``along`` (2,) is from where to where, as shares of the line.
+    ``along`` (2,) are first and last point, as shares of the line.
     """
     (a, b), height, width = dots, *luma.shape
     distance = math.hypot(end[0] - a.x_px, end[1] - a.y_px)
@@ -312,7 +314,7 @@ def _as_bright(luma: NDArray[np.uint8], dots: tuple[Dot, Dot], end: tuple[float,
 
 
 def _couple_score(one: Stick, two: Stick) -> float:
-    """Return how well two pairs go together as the sticks of one rig; negative where they cannot."""
+    """Return a score of two pairs as the sticks of one rig; −∞ where they cannot be."""
     radii = [dot.radius_px for dot in (one.inner, one.outer, two.inner, two.outer)]
     steps = [dot.step for dot in (one.inner, one.outer, two.inner, two.outer)]
     unlike = max(radii) / min(radii)

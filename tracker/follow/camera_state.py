@@ -1,4 +1,4 @@
-"""How the picture lies against its start: shift and roll, by the base or by the moving stick's circles (compiled)."""
+"""Shift and roll of the picture since the start, from the base or from the moving stick's circles (compiled)."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ from tracker.innovation import SIGMAS, passes
 from tracker.rows import SEEN
 
 SHAKE_PX: Final = 2.0
-"""Standard deviation of where a camera that shakes points: the worst that is asked of the tracker, along each axis."""
+"""Standard deviation of the picture's shift along each axis by a shaking camera: the worst that the tracker is required
+to follow."""
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
-"""Variance of its step from one frame to the next, where both are independent."""
+"""Variance of the change of that shift from one frame to the next, if both are independent."""
 TURN_RAD: Final = math.radians(0.7)
-"""Standard deviation of the base's direction while nothing confirms that the camera was rolled; what it is rolled by
-beyond that is taken into the state."""
+"""Standard deviation of the base's direction while nothing confirms that the camera was rolled; a larger roll is
+included in the state."""
 OFF_CIRCLE: Final = 0.1
-"""Three standard deviations of a marker's distance from its axis, as a share, besides those in px: perspective."""
+"""Three standard deviations of a marker's distance from its axis, relative, in addition to those in px: perspective."""
 KNOWN: Final = 2
 """Votes from which it is known which stick lies above."""
 
 
 @lending
 def seen(scene: Scene, index: int) -> bool:
-    """Return whether a marker's reading is taken."""
+    """Return whether a marker's reading is accepted."""
     return scene.readings[index].state == SEEN  # type: ignore[no-any-return]
 
 
 @lending
 def at(scene: Scene, index: int) -> Point:
-    """Return where a marker is, or is expected where it was not read."""
+    """Return the position of a marker's reading, or its predicted position where it was not read."""
     reading = scene.readings[index]
     if reading.state == SEEN:
         return reading.x, reading.y
@@ -47,22 +48,22 @@ def at(scene: Scene, index: int) -> Point:
 
 @shared
 def circle_sigma_px(away_px: float, varies: float) -> float:
-    """Return the standard deviation of the distance from the axis of a marker that is usually so far ``away_px``.
+    """Return the standard deviation of the distance to the axis of a marker whose usual distance is ``away_px``.
 
-    Seen from aside circles are ellipses, as flat as the stick's own length ``varies``, as a share.
+    In an oblique view circles are ellipses, with the relative flattening ``varies`` of the stick's own length.
     """
     return ((OFF_CIRCLE + varies) * away_px + OFF_CIRCLE_PX) / SIGMAS
 
 
 @shared
 def own_circle_sigma_px(own: Record, end: int) -> float:
-    """Return the same of a marker of a stick; ``own`` is a STICK."""
+    """Return the standard deviation, px, of the distance to the axis of a stick's marker; ``own`` is a STICK."""
     return circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0)
 
 
 @shared
 def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
-    """Return by how many standard deviations a place is off a marker's circle about the axis; 0 while unknown.
+    """Return the distance of a position from a marker's circle in standard deviations; 0 while the axis is unknown.
 
     ``own`` is a STICK, ``shift`` that of the picture.
     """
@@ -75,7 +76,10 @@ def circle_misfit(own: Record, shift: Floats, point: Point, end: int) -> float:
 
 @compiled
 def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
-    """Find by how much the base's readings (2,) are off their places at the start (2, 2); return whether they tell."""
+    """Set ``shift`` (2,) to the base's displacement since the start; return whether any of its readings is seen.
+
+    ``base`` (2,) are its readings, ``zero`` (2, 2) its positions at the start.
+    """
     count, x, y = 0, 0.0, 0.0
     for end in range(2):
         if base[end].state == SEEN:
@@ -89,16 +93,16 @@ def base_shift(base: Record, zero: Floats, shift: Floats) -> bool:
 
 @internal
 def find_shift(scene: Scene) -> bool:
-    """Find the shift of the picture; return whether anything tells it.
+    """Measure the shift of the picture; return whether that was possible.
 
-    That is the base, or the moving stick's circles while the base is not seen.
+    It is measured on the base, or on the moving stick's circles while the base is not seen.
     """
     rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
     copy_to(rig.shift_now, rig.shift)
     if base_shift(scene.readings[i : i + 2], rig.zero, rig.shift_now):
         return True
     off = np.empty((2, 2))
-    # Under the base, or not known to be above it, what is seen of the moving stick may be the base's own dots.
+    # Unless the moving stick is known to lie above the base, its readings may be of the base's own dots.
     if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):
         x, y = 0.5 * (off[0, 0] + off[1, 0]) - rig.offset[0], 0.5 * (off[0, 1] + off[1, 1]) - rig.offset[1]
         away = (x - rig.shift[0]) ** 2 + (y - rig.shift[1]) ** 2
@@ -110,7 +114,7 @@ def find_shift(scene: Scene) -> bool:
 
 @internal
 def circles_off(scene: Scene, out: Floats) -> bool:
-    """Find how far either moving marker is from where its circle puts it (2, 2); False while that is not known."""
+    """Compute the offsets (2, 2) of both moving markers from their circles; False while the axis is not known."""
     stick = scene.rig[0].moving
     axis, i = scene.sticks[stick].axis, 2 * stick
     if not (axis.known and seen(scene, i) and seen(scene, i + 1)):
@@ -125,17 +129,17 @@ def circles_off(scene: Scene, out: Floats) -> bool:
 
 @shared
 def roll_of(scene: Scene, a: Point, b: Point) -> float:
-    """Return by how much a base with its markers at two places says that the picture is turned."""
+    """Return the roll of the picture for a base with its markers at two positions."""
     start_rad = scene.sticks[1 - scene.rig[0].moving].start_rad
     return folded(math.atan2(b[1] - a[1], b[0] - a[0]) - start_rad)
 
 
 @compiled
 def goes_with_picture(scene: Scene, shift: Floats, roll_rad: float) -> bool:
-    """Return whether the moving stick's circles allow a shift (2,) and a roll of the picture that the base tells.
+    """Return whether the moving stick's circles are consistent with a shift (2,) and a roll measured on the base.
 
-    The picture moves as one: what went elsewhere alone is no base. Where one dot tells the shift a roll is not known.
-    True while the circles are not known.
+    The picture moves as a whole: dots that moved differently are not the base. The roll is not known where the shift
+    comes from one dot. True while the circles are not known.
     """
     rig, own, off = scene.rig[0], scene.sticks[scene.rig[0].moving], np.empty((2, 2))
     if not circles_off(scene, off):
@@ -159,9 +163,9 @@ def middle_of(ends: Floats) -> float:
 
 @compiled
 def take_roll(scene: Scene, a: Point, b: Point) -> None:
-    """Start anew from the picture as it is now, turned and shifted as a base with its markers at two places says.
+    """Make the present picture the new reference, by the roll and shift of a base with its markers at two positions.
 
-    All places that are kept as in the picture at the start, of which a shift alone is known, are carried along.
+    All stored positions refer to the picture at the start, with a shift alone: they are transformed.
     """
     rig, moving = scene.rig[0], scene.rig[0].moving
     roll_rad = roll_of(scene, a, b)
@@ -184,6 +188,6 @@ def take_roll(scene: Scene, a: Point, b: Point) -> None:
 
 @lending
 def carry(place: Floats, turn: complex, step: complex) -> None:
-    """Turn a place (2,) about the picture's corner, and shift it."""
+    """Rotate a position (2,) about the picture's corner, and shift it, in place."""
     now = turn * complex(place[0], place[1]) + step
     place[0], place[1] = now.real, now.imag

@@ -1,4 +1,4 @@
-"""The dots of one stick or of two, frame by frame: the state of all that is known of them."""
+"""The dots of one stick or of two, frame by frame, and their state."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tracker.follow.state import Scene, state_type
 
 
 class DotState(Kept):
-    """All that is known of the dots of one stick or of two, as one record; one alone may be ``still``."""
+    """State of the dots of one stick or of two, as one record; a single stick may be ``still``, the base."""
 
     drawn = False
     kept = ("_all",)
@@ -47,28 +47,28 @@ class DotState(Kept):
                 self._suppose_axis(stick, self.ends(1 - stick))
 
     def ends(self, stick: int) -> tuple[Point, Point]:
-        """Return where both markers of a stick are."""
+        """Return the positions of both markers of a stick, px."""
         one, two = (place_of(marker) for marker in self.scene.markers[2 * stick : 2 * stick + 2])
         return one, two
 
     @property
     def radius_px(self) -> float:
-        """Usual radius of a dot."""
+        """Median radius of the dots at the start, px."""
         return float(np.median(self.scene.markers["first_radius"]))
 
     @property
     def length_px(self) -> float:
-        """Usual distance of a stick's dots."""
+        """Median distance between a stick's dots, px."""
         return float(np.median(self.scene.sticks["length"]))
 
     @property
     def shutter_share(self) -> float | None:
-        """Share of a frame's time for which the shutter is open; None where no smear shows beyond doubt."""
+        """Exposure as a share of the frame interval; None where no motion blur is certain."""
         return min(float(self.scene.rig["shutter_share"][0]), 1.0) or None
 
     @property
     def shutter_limits(self) -> tuple[float, float]:
-        """Between which shares it lies."""
+        """Lower and upper bound of the exposure's share of the frame interval."""
         return shutter_limits(self.scene.rig["shutter_cost"][0])
 
     @property
@@ -77,7 +77,7 @@ class DotState(Kept):
         return [float(own["start_rad"]) for own in self.scene.sticks]
 
     def name_moving(self, moving: int) -> None:
-        """Take in which of two sticks moves; the base is where it was seen last."""
+        """Set which of two sticks moves; the other is the base, at the position where it was last seen."""
         if len(self.scene.sticks) == 1:
             return
         scene = self.scene
@@ -89,16 +89,16 @@ class DotState(Kept):
         self._suppose_axis(moving, ends)
 
     def _suppose_axis(self, stick: int, other: tuple[Point, Point]) -> None:
-        """Suppose that a stick turns about the point where its line crosses that of the other one."""
+        """Set the first guess of a stick's axis: the point where its line crosses that of the other stick."""
         centre = crossing_point(*other, *self.ends(stick))
         if centre is not None:
-            # Markers are put on the middle of a stick within their radius.
+            # Markers lie on the middle line of a stick to within their radius.
             suppose_axis(self.scene.sticks[stick]["axis"], *centre, self.radius_px)
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Follow the markers into the next frame and return their readings, which the next frame overwrites.
 
-        The axis of one stick alone is taken as the picture shows it.
+        ``shift`` is not used: the axis of a stick that is followed alone moves with the picture.
         """
         del shift
         stage = advance(self.scene, luma, time_s, START)
@@ -108,12 +108,12 @@ class DotState(Kept):
         return self.scene.readings
 
     def miss(self, time_s: float) -> None:
-        """Pass over a frame that shows nothing."""
+        """Skip a frame without a usable picture."""
         skip(self.scene, time_s)
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a noted state, exactly; it has to be made from the same first frame."""
-        # The scene's parts are views of it.
+        """Restore a saved state exactly; the object has to be made from the same first frame."""
+        # The scene's arrays are views of ``_all``, which therefore has to stay the same object.
         known = self._all
         super().restore(state)
         known[...], self._all = self._all, known
@@ -122,6 +122,6 @@ class DotState(Kept):
 
 
 def _seen_last(marker: np.void) -> Point:
-    """Return where a marker was read last, before the camera has moved: a lost one is carried on."""
+    """Return a marker's last reading, without the picture's shift; the position of a lost marker is extrapolated."""
     last = marker["history"][marker["count"] - 1] if marker["count"] else [0.0, marker["x"], marker["y"]]
     return float(last[1]), float(last[2])

@@ -1,4 +1,4 @@
-"""Two sticks of any kinds through a film, frame by frame."""
+"""Tracking of two sticks of any kinds through a film, frame by frame."""
 
 from __future__ import annotations
 
@@ -31,52 +31,52 @@ class Stick(Protocol):
     """Reads both markers of one stick, or all four of two, frame by frame."""
 
     drawn: bool
-    """Whether its template is drawn: what a smeared picture leaves of it is no noise then."""
+    """Whether the stick's template is drawn: its residuals in a blurred picture are then not noise alone."""
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
-        """Return what is read of its markers in the next frame (n,), records of READING with their states.
+        """Return the readings (n,) of the stick's markers in the next frame, records of READING with their states.
 
-        ``shift`` (2,) is that of the picture since the start, px, as the base told it last.
+        ``shift`` (2,) is that of the picture since the start, px, as last measured on the base.
         """
 
     def miss(self, time_s: float) -> None:
-        """Pass over a frame that shows nothing."""
+        """Skip a frame without a usable picture."""
 
     @property
     def radius_px(self) -> float:
-        """Size of a marker."""
+        """Size of a marker, px."""
 
     @property
     def length_px(self) -> float:
-        """Distance of both markers."""
+        """Distance between both markers, px."""
 
     @property
     def shutter_share(self) -> float | None:
-        """Share of a frame's time for which the shutter is open; None where the markers do not tell it."""
+        """Exposure as a share of the frame interval; None where the markers do not show it."""
 
     @property
     def shutter_limits(self) -> tuple[float, float]:
-        """Between which shares it lies."""
+        """Lower and upper bound of the exposure's share of the frame interval."""
 
     def to_state(self) -> dict[str, Any]:
-        """Return what :meth:`restore` needs."""
+        """Return the state that :meth:`restore` needs."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a noted state, exactly."""
+        """Restore a saved state exactly."""
 
 
 def nothing(state: int, *, markers: int = 2) -> NDArray[np.void]:
-    """Return readings that are not taken, and why."""
+    """Return empty readings of some markers with a state that says why there are none."""
     readings = np.zeros(markers, READING)
     readings["state"] = state
     return readings
 
 
 class Follower(Kept):
-    """Follows two sticks, of which dots of both are followed as one: ``moving`` is None until it shows.
+    """Follows two sticks; ``moving`` is the index of the one that moves, None until it is known.
 
-    Tags and texture are followed each by itself, the base first where it is known: none is taken for another stick's
-    marker.
+    The dots of two sticks are followed together. Sticks with tags or texture are followed separately, the base first
+    where it is known: their markers cannot be mistaken for those of the other stick.
     """
 
     kept = ("moving", "_brightness", "_noise", "_shift", "_zero", "_starts", "_last", "sticks")
@@ -128,21 +128,21 @@ class Follower(Kept):
         return readings
 
     def _follow_shift(self, base: NDArray[np.void]) -> None:
-        """Note by how much the base is off where it was seen first."""
+        """Update the picture's shift from the base's displacement since it was first seen."""
         seen = base["state"] == SEEN
         at = np.stack([base["x"], base["y"]], axis=1)
         self._zero = np.where(np.isnan(self._zero) & seen[:, None], at - self._shift, self._zero)
         base_shift(base, self._zero, self._shift)
 
     def _share_noise(self, readings: NDArray[np.void]) -> None:
-        """Take the noise of the picture for the same on both tags: what a smeared one leaves beyond it is no noise.
+        """Scale covariances to the same noise for both tags: the larger residual of a blurred tag is not noise.
 
-        Of a tag that is seen alone nothing tells how much that is: the noise is then that of the last frame with both.
+        For a tag that is seen alone the noise is at most that of the last frame with both.
         """
         seen = readings["state"] == SEEN
         if not seen.any():
             return
-        # Never nought: a fit leaves a picture's rounding at least.
+        # Never zero: a residual is at least the rounding of the picture.
         residual = readings["residual"][seen]
         noise = float(residual.min())
         if seen.all() or self._noise is None:
@@ -155,10 +155,10 @@ class Follower(Kept):
         return nothing(state, markers=4)
 
     def _look_for_motion(self, readings: NDArray[np.void]) -> None:
-        """Settle which stick moves: the one that turns; one that is not seen may have turned with the camera.
+        """Decide which stick moves: the one that turns by more than the other, which may have turned with the camera.
 
-        Only what turns in sight counts, from the frame in which a stick came back: what was found again may be another,
-        unless it lies on the circles of a stick whose axis is known.
+        Turns are counted from the frame in which a stick was found again: after a gap the dots may be others, unless
+        they lie on the circles of a stick whose axis is known.
         """
         now = [
             math.nan if readings["state"][i : i + 2].any() else direction(*map(place_of, readings[i : i + 2]))
@@ -172,7 +172,7 @@ class Follower(Kept):
         angles = [turned(one, first) for one, first in zip(now, self._starts.tolist(), strict=True)]
         at, covariance = np.stack([readings["x"], readings["y"]], axis=1), square(readings["covariance"])
         inner, outer = (at[::2], covariance[::2]), (at[1::2], covariance[1::2])
-        # Of a direction against another one as noisy; markers that are not seen tell none.
+        # Noise of the difference of two directions; NaN for markers that are not seen.
         with np.errstate(invalid="ignore", divide="ignore"):
             noise = SIGMAS * np.sqrt(2.0 * stick_direction(inner, outer)[1])
         for stick in (0, 1):
@@ -181,14 +181,14 @@ class Follower(Kept):
                 self._name_moving(stick)
 
     def _name_moving(self, moving: int) -> None:
-        """Settle which stick moves."""
+        """Set which stick moves."""
         self.moving = moving
         for stick in self.sticks:
             if isinstance(stick, DotState):
                 stick.name_moving(moving)
 
     def report(self) -> dict[str, Any]:
-        """Return sizes for ``track.json``: of markers and sticks, and the shutter, which only dots tell."""
+        """Return figures for ``track.json``: sizes of markers and sticks, and the exposure, which only dots show."""
         surest = min(self.sticks, key=lambda stick: stick.shutter_limits[1] - stick.shutter_limits[0])
         return {
             "radius_px": float(np.nanmedian([stick.radius_px for stick in self.sticks])),

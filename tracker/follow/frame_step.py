@@ -1,7 +1,7 @@
 """The frame step: predict, read by Lucas–Kanade, judge, and learn (compiled).
 
-It stops where a stick that should be seen was not found where it was predicted, and says where: then
-:mod:`tracker.follow.redetect` looks for it, and the step goes on. A usual frame is one call.
+The step is interrupted where a stick that should be seen was not found at its predicted position, and returns that
+stage: :mod:`tracker.follow.redetect` searches for the stick, and the step is resumed. A usual frame takes one call.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from tracker.follow.state import Scene
 from tracker.rows import SHADOWED
 
 START, FIRST, SECOND, DONE = range(4)
-"""Where a step begins; where it stops, since the stick that is judged first or second (the base and the moving one,
-once they are known) has to be looked for; and where it ends."""
+"""Stages: the start of a step; interruptions to search for the stick that is judged first or second (base and moving
+one, once they are known); and its end."""
 
 
 @shared
@@ -34,9 +34,9 @@ def stick_at(scene: Scene, stage: int) -> int:
 
 @internal
 def read_all(scene: Scene, luma: Luma) -> None:
-    """Read all markers from where they are predicted, the moving stick's first.
+    """Read all markers near their predicted positions, the moving stick's first.
 
-    A base marker that the moving stick reaches is read only while it may tell which stick lies above.
+    A base marker that the moving stick reaches is read only until it is known which stick lies above.
     """
     rig = scene.rig[0]
     for base in (False, True):
@@ -52,7 +52,7 @@ def read_all(scene: Scene, luma: Luma) -> None:
 
 @internal
 def judge_stick(scene: Scene, stage: int) -> bool:
-    """Judge a stick; return whether it has to be looked for."""
+    """Judge the stick of a stage; return whether it has to be searched for."""
     stick = stick_at(scene, stage)
     if stick < 0:
         return False
@@ -67,7 +67,7 @@ def judge_stick(scene: Scene, stage: int) -> bool:
 
 @compiled
 def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
-    """Go on with a frame from a stage; return the one at which it stops."""
+    """Process a frame from a stage on; return the stage at which it is interrupted, or ``DONE``."""
     rig = scene.rig[0]
     if stage == START:
         copy_to(rig.shift_now, rig.shift)

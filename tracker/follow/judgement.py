@@ -1,8 +1,8 @@
-"""Judging the sticks against each other: what is covered, what stands still, what goes around the axis (compiled).
+"""Tests of the readings of both sticks against each other: occlusion, a base at rest, circles (compiled).
 
-The base does not move but for the camera's own shaking; the moving stick turns around an axis that is learned. Where
-the moving stick passes over the base's markers these are not read but held: two dots of one look in one place cannot be
-told apart by how they look.
+The base moves only with the camera; the moving stick turns about an axis that is learned. Where the moving stick passes
+over the base's markers these are held instead of read: two dots with the same appearance at the same position cannot be
+distinguished.
 """
 
 from __future__ import annotations
@@ -36,37 +36,36 @@ from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
 SURE_RAD: Final = math.radians(0.13)
-"""Standard deviation of the base's direction from frame to frame, while the moving stick, which may lie over it, is
-not seen."""
+"""Standard deviation of the base's direction from frame to frame while the moving stick, which may lie over the base,
+is not seen."""
 _LENGTH_PX: Final = 0.8
 _LENGTH: Final = 0.01
-"""Three standard deviations of where one marker of a stick is against the other, px: noise of both; and of their
-distance, share: the tilt of 8 degrees that the sticks of a rig may have against each other."""
+"""Three standard deviations of the distance of a stick's markers: in px, by the noise of both; and relative, by the
+tilt of 8 degrees that the sticks of a rig may have against each other."""
 CLOSE: Final = 0.6
-"""Distance from a base dot, in radii, below which dots cannot be told apart."""
+"""Distance from a base dot, in radii, below which dots cannot be distinguished."""
 NEAR: Final = 1.6
-"""The same after a gap, and where a dot is to show which stick is above: two dots touch at 2."""
+"""The same after a gap, and for dots that show which stick is above: two dots touch at 2."""
 UNSEEN_PX: Final = 2.0 * SHAKE_PX
-"""How far a base dot may have gone with the picture since it was seen."""
+"""Largest displacement of a base dot with the picture since it was seen."""
 MOVED_RAD: Final = math.radians(1.0)
-"""Turn that no base makes: of a stick from the start by which it is the moving one, or of the moving one against the
-base's last direction, by which its dots cannot be the base's."""
+"""Turn that no base makes: a stick that has turned by more since the start is the moving one, and dots of the moving
+stick that point away by more from the base's last direction are not the base's."""
 MOST_VOTES: Final = 20
-"""Votes that are kept at most."""
+"""Limit of the sum of votes, in either direction."""
 SOON: Final = KEPT - 1
-"""Frames after which a lost marker is no longer taken to be next to where it is expected: its readings reach back no
-further."""
+"""Frames after which a lost marker is no longer assumed to be near its prediction: its history is no longer."""
 _ALONE, _TWO, _OWN = range(3)
 """One dot of the moving stick is seen; two are; both are known to be its own."""
 BEYOND: Final = 0.6
-"""By how much of its markers' distance a stick is taken to go on beyond each of them."""
+"""Assumed length of a stick beyond each of its markers, over their distance."""
 _ROOM_PX: Final = 2.5
-"""Least distance of the moving stick's edge from the window of a base marker that is read: its blur, and its shade."""
+"""Smallest distance of the moving stick's edge from the window of a base marker that is read: for blur and shadow."""
 
 
 @lending
 def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
-    """Return the distance of a point from the line a–b, drawn out by a share of its length on both sides."""
+    """Return the distance of a point from the segment a–b, extended by a share of its length on both sides."""
     ux, uy = b[0] - a[0], b[1] - a[1]
     along = ((point[0] - a[0]) * ux + (point[1] - a[1]) * uy) / max(ux * ux + uy * uy, 1e-9)
     along = min(max(along, -beyond), 1.0 + beyond)
@@ -75,10 +74,13 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
 
 @shared
 def covers(scene: Scene, stick: int, point: Point, index: int) -> bool:
-    """Return whether a stick, as it is seen or expected, reaches into the window of another's marker at a place."""
+    """Return whether a stick, as read or predicted, reaches into the window of another stick's marker at a position.
+
+    ``index`` is that of the marker.
+    """
     i = 2 * stick
     shape = scene.markers[i].shape
-    # Where its edges are not seen it is at least as wide as what is compared with its dots.
+    # Where its edges are not seen the stick is at least as wide as its dots' windows.
     width = shape.strip if math.isfinite(shape.strip) else shape.window
     away = to_strip(point, at(scene, i), at(scene, i + 1), BEYOND)
     return away < scene.markers[index].shape.radius + width + _ROOM_PX  # type: ignore[no-any-return]
@@ -89,11 +91,11 @@ def covers(scene: Scene, stick: int, point: Point, index: int) -> bool:
 
 @lending
 def _length_misfit(own: Record, length: float, lost: int) -> float:
-    """Return by how many standard deviations a distance of a stick's markers is off.
+    """Return the deviation of a distance between a stick's markers from the expected one, in standard deviations.
 
-    Seen from aside its length changes as it turns: by more, the longer the stick was not seen, but within the bounds
-    that it has shown. That of one that stands still may change slowly, as a lens that focuses anew makes it, and stays
-    near what it was at the start.
+    In an oblique view the length changes as the stick turns: by more, the longer the stick was not seen, but within the
+    bounds observed so far. The length of the base may change slowly, by refocusing of the lens, and stays near that at
+    the start.
     """
     off = abs(length - own.length)
     if own.still:
@@ -107,16 +109,16 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
 
 @compiled
 def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expected_px: float) -> tuple[float, int]:
-    """Return χ² of two places as both markers of a stick, and its degrees of freedom; ``own`` is a STICK.
+    """Return χ² of two positions as both markers of a stick, and its degrees of freedom; ``own`` is a STICK.
 
-    Told by their distance (``expected_px`` from where both were predicted), the direction of a stick that stands still,
-    and the circles of one that turns, where it was ``lost`` for some frames: followed from frame to frame it may find
-    that the axis is not where it was thought to be.
+    It is computed from their distance (``expected_px`` between the predictions), from the direction of the base, and
+    from the circles of a turning stick that was ``lost`` for some frames: while it is followed from frame to frame the
+    circles are not tested, so that a wrong estimate of the axis can be corrected.
     """
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     off = _length_misfit(own, length, lost)
     if lost == 0 and not own.still:
-        # Seen from aside, its length in the picture changes from frame to frame where it turns fast.
+        # In an oblique view its length in the picture changes from frame to frame if it turns fast.
         off = min(off, _length_misfit(own, own.length + length - expected_px, 0))
     found, freedom = off * off, 1
     if own.still:
@@ -130,9 +132,9 @@ def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expe
 
 @shared
 def sure_misfit(rig: Record, a: Point, b: Point) -> float:
-    """Return by how many standard deviations the base has turned since the moving stick was seen elsewhere.
+    """Return the base's turn since the moving stick was last seen elsewhere, in standard deviations.
 
-    While that is not seen it may lie anywhere, even over the base.
+    A moving stick that is not seen may lie anywhere, even over the base.
     """
     return turned(math.atan2(b[1] - a[1], b[0] - a[0]), rig.last_rad) / SURE_RAD
 
@@ -145,9 +147,9 @@ def further(off_px: float, other_px: float) -> bool:
 
 @internal
 def judge_pair(scene: Scene, stick: int) -> None:
-    """Refuse the marker that is further from its prediction where both are not of one rigid stick; of the base both.
+    """Reject the marker that is clearly further from its prediction if both are not of one rigid stick, or else both.
 
-    A base that is not where it stood is another stick.
+    Of the base both are rejected: a base at another position is another stick.
     """
     rig, i, j = scene.rig[0], 2 * stick, 2 * stick + 1
     if not (seen(scene, i) and seen(scene, j)):
@@ -174,9 +176,9 @@ def judge_pair(scene: Scene, stick: int) -> None:
 
 @lending
 def _cover(scene: Scene, index: int) -> int:
-    """Do not take a base marker that the moving stick reaches; return evidence that the moving stick is above.
+    """Reject the reading of a base marker that the moving stick reaches; return evidence that the latter is above.
 
-    Positive where the dot is hidden right under it, negative where it is seen whole there.
+    The evidence is positive for a dot that is hidden right under the stick, negative for one that is seen whole there.
     """
     marker, reading, i = scene.markers[index], scene.readings[index], 2 * scene.rig[0].moving
     here = (marker.x, marker.y)
@@ -192,17 +194,17 @@ def _cover(scene: Scene, index: int) -> int:
 
 @lending
 def vote(rig: Record, evidence: int) -> None:
-    """Take in evidence of which stick is above."""
+    """Add evidence of which stick is above to the votes."""
     rig.above = max(-MOST_VOTES, min(MOST_VOTES, rig.above + evidence))
 
 
 @internal
 def judge_base(scene: Scene) -> bool:
-    """Judge the base; return whether it has to be looked for.
+    """Judge the base; return whether it has to be searched for.
 
-    While the moving stick is seen, the picture has to have moved as its circles say. While it is not, it may lie
-    anywhere, even over the base: then only the base's own direction will do, and one dot alone has to be where the base
-    was when the moving stick was last seen elsewhere.
+    While the moving stick is seen, the base's shift has to be consistent with the moving stick's circles. A moving
+    stick that is not seen may lie anywhere, even over the base: then the base has to keep its direction, and one dot
+    alone its position, from when the moving stick was last seen elsewhere.
     """
     rig, base = scene.rig[0], 1 - scene.rig[0].moving
     i, j, k = 2 * base, 2 * base + 1, 2 * rig.moving
@@ -231,7 +233,7 @@ def judge_base(scene: Scene) -> bool:
 
 @internal
 def _base_goes_along(scene: Scene, i: int, j: int) -> bool:
-    """Return whether the picture went as the base's markers, as far as they are seen, say."""
+    """Return whether the moving stick's circles are consistent with the shift of the base's markers that are seen."""
     shift, roll_rad = np.empty(2), 0.0
     if not base_shift(scene.readings[i : j + 1], scene.rig[0].zero, shift):
         return True
@@ -250,7 +252,7 @@ def _gone(scene: Scene, index: int) -> bool:
 
 @shared
 def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
-    """Return whether a place lies within some radii of a dot of the base; ``more_px`` where that is not seen."""
+    """Return whether a position lies within some radii of a base dot; ``more_px`` is added for one that is not seen."""
     i = 2 - 2 * scene.rig[0].moving
     for index in (i, i + 1):
         marker = scene.markers[index]
@@ -263,10 +265,10 @@ def near_base(scene: Scene, point: Point, radii: float, more_px: float) -> bool:
 
 @internal
 def both_own(scene: Scene) -> bool:
-    """Return whether both dots are known to be the moving stick's, next to the base's dots as they may be.
+    """Return whether both dots are known to be the moving stick's, even close to the base's dots.
 
-    Had one of them been a dot of the base, it would be off its circle against the other; had both, the stick would
-    point as the base does. Neither depends on a shake of the camera.
+    If one of them were a dot of the base, it would be off its circle relative to the other; if both were, the stick
+    would point in the base's direction. Neither depends on a shake of the camera.
     """
     i, off = 2 * scene.rig[0].moving, np.empty((2, 2))
     if scene.markers[i].lost or scene.markers[i + 1].lost or not circles_off(scene, off):
@@ -280,7 +282,7 @@ def both_own(scene: Scene) -> bool:
 
 @internal
 def judge_moving(scene: Scene) -> bool:
-    """Refuse readings that could be of a base dot or are off their circle; return whether to look for the stick."""
+    """Reject readings that may be of a base dot or are off their circle; return whether to search for the stick."""
     rig, i, j = scene.rig[0], 2 * scene.rig[0].moving, 2 * scene.rig[0].moving + 1
     judge_pair(scene, rig.moving)
     company = _ALONE if seen(scene, i) != seen(scene, j) else (_OWN if both_own(scene) else _TWO)
@@ -288,7 +290,7 @@ def judge_moving(scene: Scene) -> bool:
         if seen(scene, index):
             _judge_dot(scene, index, company)
     if min(scene.markers[i].lost, scene.markers[j].lost) > SOON and seen(scene, i) != seen(scene, j):
-        # One dot alone, after a gap, could be anything that is round.
+        # One dot alone, after a gap, may be any round object.
         for index in (i, j):
             if seen(scene, index):
                 scene.readings[index].state = LOST
@@ -297,10 +299,10 @@ def judge_moving(scene: Scene) -> bool:
 
 @compiled
 def note_covered(scene: Scene) -> None:
-    """Say of a moving marker that went below the base, and was not seen since, that the base lies over it.
+    """Set moving markers that went below the base, and have not been seen since, to the state ``shadowed``.
 
-    It was seen until then, not far from the base's edge, and the stick not on the base's own surface: there it would be
-    above, as one that is known to be, and what hides it is something else.
+    Such a marker was seen until then, not far from the base's edge, and no marker of its stick on the base's own
+    surface: there, as for a stick that is known to be above, the occluder is something else.
     """
     rig, i, base = scene.rig[0], 2 * scene.rig[0].moving, 1 - scene.rig[0].moving
     one, two = scene.markers[2 * base], scene.markers[2 * base + 1]
@@ -311,7 +313,7 @@ def note_covered(scene: Scene) -> None:
         above = above or (marker.lost == 0 and away < width)
     for index in (i, i + 1):
         marker, hidden, path = scene.markers[index], not seen(scene, index), scene.readings[index].path
-        # A step that is longer than the base is wide may lead past it.
+        # A step that is longer than the base is wide may cross the base.
         near = marker.lost == 0 and math.hypot(path[0], path[1]) < 2.0 * width
         goes_below = near and not above and covers(scene, base, at(scene, index), index)
         marker.below = hidden and (marker.below > 0 or goes_below)
@@ -321,11 +323,11 @@ def note_covered(scene: Scene) -> None:
 
 @lending
 def _judge_dot(scene: Scene, index: int, company: int) -> None:
-    """Refuse one dot of the moving stick; ``company`` is what is known of both."""
+    """Judge one dot of the moving stick; ``company``: ``_ALONE``, ``_TWO`` or ``_OWN``."""
     rig, marker, reading, place = scene.rig[0], scene.markers[index], scene.readings[index], at(scene, index)
     partner = scene.markers[index + 1 - 2 * (index % 2)]
     b = 2 - 2 * rig.moving
-    # Seen whole in the middle of the base stick, it is above; next to a base dot that takes both to be its own.
+    # Seen whole on the base stick's middle line, it is above; near a base dot only if both are known to be its own.
     if company == _OWN or not near_base(scene, place, NEAR, 0.0):
         one, two = scene.markers[b], scene.markers[b + 1]
         if to_strip(place, (one.x, one.y), (two.x, two.y), 0.1) < 1.2 * one.shape.radius:
@@ -335,10 +337,10 @@ def _judge_dot(scene: Scene, index: int, company: int) -> None:
     radii = CLOSE if followed and not alone else NEAR
     near = near_base(scene, place, radii, UNSEEN_PX if alone else 0.0)
     if near and company != _OWN and (alone or rig.above < KNOWN):
-        # One dot alone next to a base dot may be either, whichever stick is above.
+        # One dot alone near a base dot may be either of the two, whichever stick is above.
         reading.state = SHADOWED
     elif alone:
-        # While its partner is hidden nothing but its circle tells that it slides onto something else.
+        # While its partner is hidden, only the circle shows that a reading slides onto another object.
         off = circle_misfit(scene.sticks[rig.moving], rig.shift_now, place, index % 2)
         if not passes(off * off, 1):
             reading.state = HIDDEN

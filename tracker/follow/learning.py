@@ -1,8 +1,8 @@
-"""What a frame leaves behind (compiled): histories, running means of fit and shape, lengths, axis, shutter, its row.
+"""Update of the state by a frame (compiled): histories, running means of fit and shape, lengths, axis, exposure, row.
 
-Uneven light shifts a dot (a slope of 0.1 grey levels per pixel by 0.005 px), but a free slope in every frame costs a
-third of the precision, since it looks like an offset. So slopes are measured and averaged over frames, and taken as
-known.
+Uneven light shifts a dot (a gradient of 0.1 grey levels per pixel by 0.005 px), but a free gradient in every frame
+costs a third of the precision, since it looks like an offset. So the gradient is measured, averaged over frames, and
+then taken as known.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from tracker.follow.state import KEPT, Scene
 from tracker.rows import SEEN
 
 _CHANGE_PX: Final = 1.0 / PHASES
-"""Change of a rim's place from which a template is rendered anew: smaller ones are followed to first order, as places
-between those at which models are kept."""
+"""Change of the rim's position above which the template is rendered again: smaller ones are followed to first order, as
+are positions between those of cached models."""
 _ROWS: Final = 16
-"""Every so many rows one tells how bright a picture is: as well as all of them, in an eighth of the time."""
+"""Step between the rows from which the picture's brightness is computed: as accurate as all rows, in an eighth of the
+time."""
 SIZES: Final = (0.7, 1.4)
-"""Size over the first one within which a marker is followed: of a stick that turns in a plane seen from up to 45
-degrees aside."""
+"""Range of a marker's size over its first one: that of a stick in a plane seen at up to 45 degrees from its normal."""
 
 
 @internal
 def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
-    """Take in how well a sharp reading fits, and follow slow changes of shape and light."""
+    """Update a marker's statistics of fit from a sharp reading, and follow slow changes of shape and light."""
     for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
         off = share_of_step(value, reading.step) - kept[0]
         kept[0] += RATE * off
@@ -59,18 +59,18 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
 
 @inlined
 def _follow(mean: Floats, values: Floats) -> None:
-    """Bring running means (n,) nearer to new values."""
+    """Update running means (n,) with new values."""
     for i in range(len(mean)):
         mean[i] += RATE * (values[i] - mean[i])
 
 
 @internal
 def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
-    """Note a reading in a marker's history."""
+    """Add a reading to a marker's history, and update the predictors' errors."""
     x, y, h = reading.x - shift[0], reading.y - shift[1], marker.history
     count = marker.count
     if marker.lost > 0:
-        # Only readings close to each other tell a velocity.
+        # Only readings close in time give a velocity.
         kept = min(count, 1) if marker.lost <= SOON else 0
         if kept:
             copy_to(h[0], h[count - 1])
@@ -90,7 +90,7 @@ def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
 
 @lending
 def miss(marker: Record, x: float, y: float) -> None:
-    """Note that a marker was not read, and where it is taken to be."""
+    """Count a frame in which a marker was not read, and set its assumed position."""
     marker.x, marker.y = x, y
     marker.lost += 1
     if marker.lost > STALE:
@@ -99,7 +99,7 @@ def miss(marker: Record, x: float, y: float) -> None:
 
 @internal
 def note(scene: Scene, luma: Luma, time_s: float) -> None:
-    """Take in what was read of all markers."""
+    """Update the state with the readings of all markers."""
     rig = scene.rig[0]
     copy_to(rig.shift, rig.shift_now)
     for index in range(len(scene.markers)):
@@ -119,7 +119,7 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
 
 @compiled
 def skip(scene: Scene, time_s: float) -> None:
-    """Pass over a frame that shows nothing: markers are carried on, and lost for one frame more."""
+    """Skip a frame without a usable picture: markers are extrapolated, and lost for one more frame."""
     predict(scene, time_s)
     for index in range(len(scene.markers)):
         predicted = scene.readings[index].predicted
@@ -131,7 +131,7 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
     rig, marker, reading = scene.rig[0], scene.markers[index], scene.readings[index]
     if reading.state != SEEN:
         if is_base(rig, index // 2):
-            # It goes with the picture.
+            # The base moves with the picture.
             end = index % 2
             miss(marker, rig.zero[end, 0] + rig.shift[0], rig.zero[end, 1] + rig.shift[1])
         else:
@@ -146,7 +146,7 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
 
 @internal
 def _note_stick(scene: Scene, stick: int) -> None:
-    """Follow the distance of a stick's markers, and learn its axis where it turns."""
+    """Update the distance of a stick's markers, and its axis if it turns."""
     rig, own, i = scene.rig[0], scene.sticks[stick], 2 * stick
     if not (seen(scene, i) and seen(scene, i + 1)):
         return
@@ -157,7 +157,7 @@ def _note_stick(scene: Scene, stick: int) -> None:
     own.shortest, own.longest = min(own.shortest, own.length), max(own.longest, own.length)
     base = 2 - 2 * stick
     if rig.moving >= 0 and not (seen(scene, base) and seen(scene, base + 1)):
-        # One dot of the base alone that slides would take the axis along.
+        # With one base dot alone, a misread one would shift the axis.
         return
     dx, dy = rig.shift[0], rig.shift[1]
     learn_axis(own.axis, (ax - dx, ay - dy), (bx - dx, by - dy))
@@ -169,7 +169,7 @@ def _note_stick(scene: Scene, stick: int) -> None:
 
 @shared
 def level_of(luma: Luma) -> float:
-    """Return how bright a picture is, a mean grey level, by some of its rows."""
+    """Return the mean grey level of a picture, from every ``_ROWS``-th row."""
     total, count = 0, 0
     for y in range(0, luma.shape[0], _ROWS):
         for x in range(luma.shape[1]):
@@ -180,7 +180,7 @@ def level_of(luma: Luma) -> float:
 
 @shared
 def write_row(readings: Record, rows: Record, time_s: float, level: float) -> None:
-    """Write what is noted of a frame (see :mod:`tracker.rows`) into rows (1,); of unseen markers nothing but why."""
+    """Write the readings of a frame into rows (1,) (see :mod:`tracker.rows`); for unseen markers only the state."""
     row = rows[0]
     row.time_s, row.level = time_s, level
     for index in range(len(readings)):

@@ -1,4 +1,4 @@
-"""One marker as following begins: its record, and what is kept to read it."""
+"""One marker at the start of tracking: its record, and the cache for reading it."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from tracker.follow.state import MARKER
 from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15
-"""Spread of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07, and
-no noise is white; the worst sector twice as much."""
+"""Mean deviation of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07,
+and no noise is white; the worst sector has twice as much."""
 _MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
-"""Misses at the start: the steady way is taken until another one has proved better."""
+"""Mean square errors of the predictors at the start: constant speed is used until another one has proved better."""
 
 
 class Marker:
     """A round dot as fitted in the first picture.
 
-    ``strip_px`` is half the width of the stick that carries it, ``edges_px`` how far its edges are from the dot.
+    ``strip_px`` is half the width of the stick that carries the dot, ``edges_px`` the distances of its two edges.
     """
 
     def __init__(
@@ -48,19 +48,19 @@ class Marker:
         self.look: Look = (pixels, np.empty((slots, rows, pixels.shape[1])), np.zeros((slots, rows)))
 
     def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> NDArray[np.void] | None:
-        """Return what is read near a position, a record of READING; None where the window leaves the picture."""
+        """Return the reading (READING) near a position; None where the window leaves the picture."""
         out = np.zeros(1, READING)
         inside = read_dot(luma, x_px, y_px, self.record[0], self.look, (0.0, 0.0), out[0])
         reading: NDArray[np.void] = out[0]
         return reading if inside else None
 
     def unused_look(self) -> Look:
-        """Return a look for what follows it from here: what is kept in one goes with a shape that following changes."""
+        """Return an empty look for the tracker: a cache belongs to a shape, and tracking changes the shape."""
         pixels, models, extras = self.look
         return pixels, np.empty_like(models), np.zeros_like(extras)
 
     def begin(self, reading: NDArray[np.void]) -> None:
-        """Begin with the first reading, which is known to be of the marker."""
+        """Initialise the record with the first reading, which is known to be of the marker."""
         for name in ("x", "y", "light"):
             self.record[name] = reading[name]
         self.record["step"] = abs(reading["step"])
@@ -69,22 +69,22 @@ class Marker:
 
     @property
     def x_px(self) -> float:
-        """Where it was found, to the right."""
+        """Position where the marker was found, to the right, px."""
         return float(self.record["x"][0])
 
     @property
     def y_px(self) -> float:
-        """Where it was found, down."""
+        """Position where the marker was found, down, px."""
         return float(self.record["y"][0])
 
     @property
     def radius_px(self) -> float:
-        """Radius as it was found."""
+        """Radius when the marker was found, px."""
         return float(self.record["first_radius"][0])
 
 
 def markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
-    """Return both markers of a stick, read for the first time; one at the border is no result."""
+    """Return both markers of a stick, read for the first time; :class:`NoResultError` for one at the border."""
     strip_px = half_width(luma, stick)
     edges_px = edges_beside(luma, stick), edges_beside(luma, stick.turned())[::-1]
     return [
@@ -106,7 +106,7 @@ def _marker(luma: NDArray[np.uint8], dot: Dot, marker: Marker) -> Marker:
 
 
 def given_markers(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
-    """Return the markers, two of each stick, next to the positions that were given."""
+    """Return the markers, two of each stick, found near the positions that were given."""
     assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
     found = given_dots(frame, hints, sticks=sticks)
     return [marker for stick in found for marker in markers_on(frame.luma, stick)]

@@ -1,4 +1,4 @@
-"""Where each marker should be in the next frame: by its own last motion, or by the axis and what is seen (compiled)."""
+"""Prediction of each marker in the next frame: by its own last motion, or by the axis and its partner (compiled)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from tracker.follow.rotation_axis import STANDS_PX, arm_px, direction_from, fold
 from tracker.follow.state import Scene
 
 STALE: Final = 15
-"""Frames for which a lost marker is carried on along its last motion: half a second at 30 frames a second."""
+"""Frames for which a lost marker is extrapolated along its last motion: half a second at 30 frames a second."""
 JUMP: Final = 0.2
-"""Standard deviation of where a stick is against its prediction, over its markers' distance, whatever the picture's
-size: a stick that starts at once, a camera that is bumped."""
+"""Standard deviation of a stick's jump from its prediction, over its markers' distance, at any size of the picture: a
+stick that starts abruptly, a camera that is bumped."""
 _GROWTH: Final = 2.5
-"""Power of the frames since it was seen with which that grows: a motion whose acceleration changes at random
-(Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
+"""Exponent with which that standard deviation grows with the frames since the stick was seen: a motion whose
+acceleration is a random walk (Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
 REST, STEADY, AVERAGED, CURVED = range(4)
-"""The ways to predict: at rest, steady, averaged over three steps, curved."""
+"""The predictors: at rest, constant speed, speed averaged over three steps, parabola."""
 
 
 @shared
@@ -34,9 +34,9 @@ def is_base(rig: Record, stick: int) -> bool:
 
 @compiled
 def ways(marker: Record, time_s: float) -> Floats:
-    """Return where a marker's last readings carry it by each way (4, 2).
+    """Return the positions (4, 2) of a marker at a time that each predictor extrapolates from the last readings.
 
-    A smooth fast motion wants the curved way, a shaking camera the averaged one.
+    The parabola suits a smooth fast motion, the averaged speed a shaking camera.
     """
     out = np.empty((4, 2))
     count, h = marker.count, marker.history
@@ -63,15 +63,15 @@ def ways(marker: Record, time_s: float) -> Floats:
 
 @shared
 def jump_px(length_px: float, lost: int) -> float:
-    """Return the standard deviation of where a marker of a stick is that was seen ``lost`` frames ago."""
+    """Return the standard deviation, px, of the position of a marker that was seen ``lost`` frames ago."""
     return JUMP * length_px * math.pow(lost, _GROWTH)
 
 
 @shared
 def by_other_px(own: Record, end: int) -> float:
-    """Return how far a marker may be, px, from where the other one of its stick says: one on the axis says nothing.
+    """Return the standard deviation, px, of a marker's position predicted from the other marker of its stick.
 
-    ``own`` is the STICK.
+    It is very large where the other marker lies on the axis. ``own`` is the STICK.
     """
     arm = max(arm_px(own.axis, 1 - end), 1e-9)
     return math.hypot(jump_px(own.length, 1), STANDS_PX * arm_px(own.axis, end) / arm)
@@ -79,7 +79,7 @@ def by_other_px(own: Record, end: int) -> float:
 
 @internal
 def predict(scene: Scene, time_s: float) -> None:
-    """Fill in where every marker is expected, and how far it is expected to have moved since the last frame."""
+    """Set the predicted position of every marker, and its predicted motion since the last frame."""
     rig = scene.rig[0]
     for index in range(len(scene.markers)):
         marker, reading = scene.markers[index], scene.readings[index]
@@ -105,7 +105,7 @@ def predict(scene: Scene, time_s: float) -> None:
 
 @lending
 def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
-    """Expect lost markers on their circles: by the other one where that tells more, or by the last turning."""
+    """Predict lost markers on their circles: from the other marker where it is more precise, or from the last turn."""
     shift, own = scene.rig[0].shift, scene.sticks[stick]
     axis = own.axis
     last_known, last = _last_turning(scene, stick, time_s)
@@ -125,9 +125,9 @@ def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
 
 @lending
 def _last_turning(scene: Scene, stick: int, time_s: float) -> tuple[bool, float]:
-    """Return whether the last turning of a stick is known, and the direction to which it leads.
+    """Return whether the last turn of a stick is known, and the direction extrapolated from it.
 
-    Both markers tell it, each as well as its arm is long.
+    That is the mean of both markers' directions, weighted by the squares of their arms.
     """
     axis, first, off, weight = scene.sticks[stick].axis, 0.0, 0.0, 0.0
     if scene.markers[2 * stick].lost + scene.markers[2 * stick + 1].lost > 2 * STALE:

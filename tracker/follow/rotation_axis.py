@@ -1,8 +1,8 @@
-"""Where a stick's axis is in the picture and how its markers go around it, learned while it turns (compiled).
+"""Recursive estimate of a stick's axis and its markers' arms in the picture, while the stick turns (compiled).
 
 Each marker of a stick that turns is at p = c + q exp(iψ) in the complex plane, with ψ the direction of the line through
-both markers: linear in the axis c and the two arms q, so that four sums over the frames so far are all that is kept.
-Tilt makes circles into ellipses; for finding a marker again a few pixels do not matter.
+both markers: linear in the axis c and the two arms q, so that four sums over the frames so far are sufficient. Tilt
+turns circles into ellipses; for finding a marker again a few pixels do not matter.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ AXIS: Final = np.dtype(
         ("last_rad", "f8"),
     ]
 )
-"""Axis c and arms q (inner, outer), px, in the picture of the camera as it stood at the start. Sums over the frames
-that were added: their number, exp(iψ), both places, and each place times exp(−iψ). A first guess of the axis, and its
-weight. The direction at which a frame was added last."""
+"""Axis c and arms q (inner, outer), px, in the picture of the camera at its position at the start. Sums over the frames
+that were added: their number, exp(iψ), both positions, and each position times exp(−iψ). A first guess of the axis, and
+its weight. The direction at which a frame was last added."""
 STANDS_PX: Final = 0.8
-"""Standard deviation of a marker against where it should be: noise, and an edge of the other stick nearby."""
+"""Standard deviation of a marker's position from the expected one: noise, and an edge of the other stick nearby."""
 OFF_CIRCLE_PX: Final = 5.0
-"""Three standard deviations of a marker's distance from its axis: what a first guess of the axis is off."""
+"""Three standard deviations of a marker's distance from its axis: the error of a first guess of the axis."""
 _KNOWN: Final = (SIGMAS * STANDS_PX / OFF_CIRCLE_PX) ** 2
-"""Weight, in frames, from which the axis is known as well as that."""
+"""Weight, in frames, above which the axis is known as precisely as by that guess."""
 STEP_RAD: Final = math.radians(3.0)
-"""How far the stick has to turn before another frame is added: closer ones tell the same."""
+"""Turn of the stick after which another frame is added: closer frames carry no new information."""
 
 
 @lending
 def folded(angle: float) -> float:
-    """Return an angle within half a turn of zero."""
+    """Return an angle wrapped to [−π, π)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
@@ -59,14 +59,14 @@ def turned(one: float, other: float) -> float:
 
 @compiled
 def suppose_axis(axis: Record, x: float, y: float, sigma_px: float) -> None:
-    """Take a first guess of the axis and its standard deviation, which motion will soon outweigh."""
+    """Set a first guess of the axis and its standard deviation; motion soon outweighs it."""
     axis.guess, axis.guessed = complex(x, y), (STANDS_PX / sigma_px) ** 2
     solve_axis(axis)
 
 
 @compiled
 def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
-    """Take in one frame with both markers, if it is of something new."""
+    """Add a frame with both markers to the sums, if the stick has turned by ``STEP_RAD`` since the last one."""
     angle = math.atan2(outer[1] - inner[1], outer[0] - inner[0])
     if turned(angle, axis.last_rad) < STEP_RAD:
         return
@@ -82,7 +82,7 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
 
 @lending
 def carry_axis(axis: Record, turn: complex, step: complex) -> None:
-    """Take in that the picture is turned, by a complex number of size one, and then shifted: places, not arms."""
+    """Transform the sums for a picture that is rotated by a complex number of modulus one, and then shifted."""
     axis.back += step * (turn * axis.unit).conjugate()
     axis.unit *= turn
     axis.places = turn * axis.places + 2.0 * axis.frames * step
@@ -93,14 +93,14 @@ def carry_axis(axis: Record, turn: complex, step: complex) -> None:
 
 @shared
 def axis_weight(axis: Record) -> float:
-    """Return how well the axis is known: over how many markers, each with an error of its own, its place is a mean."""
+    """Return the axis' weight: the number of independent marker positions with the same precision."""
     turned_frames = 2.0 * axis.frames - 2.0 * abs(axis.unit) ** 2 / max(axis.frames, 1.0)
     return axis.guessed + turned_frames  # type: ignore[no-any-return]
 
 
 @internal
 def solve_axis(axis: Record) -> None:
-    """Solve the normal equations: of the arms for a given axis, so that one equation is left for that."""
+    """Solve the normal equations: eliminating the arms leaves one equation for the axis."""
     n, weight = axis.frames, axis_weight(axis)
     axis.known = n > 0.0 and (axis.guessed > 0.0 or weight > _KNOWN)
     if axis.known:
@@ -114,18 +114,18 @@ def solve_axis(axis: Record) -> None:
 
 @shared
 def arm_px(axis: Record, end: int) -> float:
-    """Return the distance of the inner (0) or outer (1) marker from the axis."""
+    """Return the distance of the inner (0) or outer (1) marker from the axis, px."""
     return math.hypot(axis.arm[end, 0], axis.arm[end, 1])
 
 
 @shared
 def direction_from(axis: Record, x: float, y: float, end: int) -> float:
-    """Return the stick's direction when one of its markers is at a place."""
+    """Return the stick's direction for a position of its inner (0) or outer (1) marker."""
     return math.atan2(y - axis.centre[1], x - axis.centre[0]) - math.atan2(axis.arm[end, 1], axis.arm[end, 0])
 
 
 @shared
 def on_circle(axis: Record, direction_rad: float, end: int) -> Point:
-    """Return where a marker is when the stick points in a direction."""
+    """Return the position of the inner (0) or outer (1) marker for a direction of the stick."""
     cos, sin, qx, qy = math.cos(direction_rad), math.sin(direction_rad), axis.arm[end, 0], axis.arm[end, 1]
     return axis.centre[0] + cos * qx - sin * qy, axis.centre[1] + sin * qx + cos * qy

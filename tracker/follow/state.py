@@ -1,4 +1,4 @@
-"""What is known while a film is followed: records that compiled and plain code share, and the arrays that hold them."""
+"""The state of the tracker: records that compiled and plain code share, and the arrays that hold them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tracker.appearance.motion_blur import SHARES
 from tracker.follow.rotation_axis import AXIS
 
 KEPT: Final = 4
-"""Readings that are kept of each marker: a parabola takes three, the mean speed over three steps four."""
+"""Readings in each marker's history: a parabola needs three, the mean speed over three steps four."""
 
 MARKER: Final = np.dtype(
     [
@@ -34,17 +34,17 @@ MARKER: Final = np.dtype(
         ("shape", SHAPE),
     ]
 )
-"""A marker. x, y: where it is, or is taken to be while it is not seen, px. lost: frames since it was read. below:
-whether it went below the base and was not seen since. history: (time_s, x, y) of the last ``count`` readings less the
-shift of the camera, the newest last. miss: running mean square errors of the ways to predict it, px². light, step:
-running means, grey levels. residual, patch: of the fit, logarithms of their share of the step, running mean and mean
-deviation. slope: of the light. change: of radius and stretch against ``shape``, running means."""
+"""A marker. x, y: its position, predicted while it is not seen, px. lost: frames since it was read. below: whether it
+went below the base and has not been seen since. history: (time_s, x, y) of the last ``count`` readings minus the
+picture's shift, the newest last. miss: running mean square errors of the four predictors, px². light, step: running
+means, grey levels. residual, patch: logarithms of the fit's residual and worst sector over the step, running mean and
+mean deviation. slope: gradient of the light. change: radius and stretch minus those of ``shape``, running means."""
 
 STICK: Final = np.dtype(
     [("length", "f8"), ("shortest", "f8"), ("longest", "f8"), ("start_rad", "f8"), ("still", "i8"), ("axis", AXIS)]
 )
-"""A stick: distance of its markers in the picture, px, now and within which bounds so far; its direction at the start
-(y down), or as it stands once it is known to be the base; whether it is known not to turn; and the axis about which it
+"""A stick: distance of its markers in the picture, px, now, and its bounds so far; its direction at the start (y down),
+or, once it is known to be the base, its present direction; whether it is known not to turn; and the axis about which it
 turns."""
 
 RIG: Final = np.dtype(
@@ -66,16 +66,16 @@ RIG: Final = np.dtype(
         ("fast", "i8"),
     ]
 )
-"""Both sticks and the camera. moving: which stick moves, −1 while that is not known. above: votes that the moving stick
-lies above the base. shift: of the picture
-since the start, px, and as this frame tells it; unknown: frames since it was last told. zero: the base's markers at the
-start. last_rad: direction of the base when last seen. anchor: the shift when the
-moving stick was last seen, while it is not. offset: how far the moving stick's circles are off where the base says.
-The rest is for :mod:`tracker.appearance.motion_blur`."""
+"""Both sticks and the camera. moving: index of the stick that moves, −1 while it is not known. above: votes that the
+moving stick lies above the base. shift, shift_now: shift of the picture since the start, px, up to the last frame and
+measured in this frame; unknown: frames since it was last measured. zero: the base's markers at the start. last_rad:
+direction of the base when last seen. anchor: while the moving stick is not seen (anchored), the shift when it was last
+seen. offset: displacement of the moving stick's circles from where the base's shift puts them, px. The rest is for
+:mod:`tracker.appearance.motion_blur`."""
 
 
 class Scene(NamedTuple):
-    """What the compiled frame step works on: all of the state, and the readings of the frame at hand.
+    """Input of the compiled frame step: the whole state, and the readings of the present frame.
 
     Inner and outer marker of n sticks, the sticks, the rig (1,), the markers' readings, and their looks (always four,
     see :mod:`tracker.appearance.lucas_kanade`).
@@ -89,5 +89,5 @@ class Scene(NamedTuple):
 
 
 def state_type(sticks: int) -> np.dtype[np.void]:
-    """Return the type of one record that holds all of the state, for a number of sticks."""
+    """Return the type of the record that holds the whole state, for a number of sticks."""
     return np.dtype([("markers", MARKER, (2 * sticks,)), ("sticks", STICK, (sticks,)), ("rig", RIG, (1,))])

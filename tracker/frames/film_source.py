@@ -273,7 +273,7 @@ class FilmSource:
             raise InputError(
                 f"is not a film that can be read ({reason_of(error)})",
                 where=self.name,
-                do="check that the copy is whole; a film whose recording was cut off may be repaired with ffmpeg",
+                do="check that the copy is whole; a film whose recording was cut off may be mended with ffmpeg",
             ) from error
 
     def stream(self, container: Any) -> Any:

@@ -116,7 +116,7 @@ class GivenTimes:
             "has no time for this frame",
             where=f"--timestamps for {self.name}, frame {index}",
             limit=f"one row for every frame; the table ends with frame {len(self.times_s) - 1}",
-            do="complete the table, or leave --timestamps out",
+            do="complete the table, or leave --timestamps away",
         )
 
     def note_rows_left(self, damage: Damage, count: int) -> None:

@@ -142,7 +142,7 @@ class PictureSource:
         if self.bits is not None:
             content["bits_in_use"] = self.bits
         if not self.given:
-            content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} a second are assumed; give it with --fps"
+            content["note"] = f"no frame rate was given: {DEFAULT_FPS:g} a second are taken; give it with --fps"
         return content
 
 
