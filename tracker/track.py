@@ -23,6 +23,7 @@ from tracker.angle.camera_motion import unmoved
 from tracker.checkpoint import RowStore, source_key
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.follow.judgement import MOVED_RAD
 from tracker.frames.frame import REPORT_EVERY, FrameSource
 from tracker.hypotheses import Choice
 from tracker.initialise import Start, find_start
@@ -146,7 +147,7 @@ def _moves(table: NDArray[np.void], stick: int) -> bool:
 
 def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoResultError:
     """Return the error that neither stick moves, with the dots or tags that were followed."""
-    tags = start.hints
+    tags, least_deg = start.hints, round(math.degrees(_DOUBTFUL_RAD if start.doubtful else MOVED_RAD), 3)
     do = (
         "name the tag of the moving stick with --markers"
         if tags
@@ -158,7 +159,8 @@ def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoRe
         value=f"tags {tags.ids[0]} and {tags.ids[1]} of {tags.family} were followed"
         if tags
         else _followed(table, start),
-        limit="a motion of 1 degree and more" + ("" if tags else f"; dots of 3 to {HUGE_PX:g} px radius"),
+        limit=f"a motion of {least_deg:g} degree{'' if least_deg == 1.0 else 's'} and more"
+        + ("" if tags else f"; dots of 3 to {HUGE_PX:g} px radius"),
         do=f"film a motion{', or ' if tags else ' if these four dots are the markers; '}{do}",
     )
 

@@ -67,8 +67,16 @@ class Orientation(Frozen, Shown):
 
     def with_errors(self, tracks: MarkerTracks) -> MarkerTracks:
         """Return the tracks with covariances scaled to the errors that the sticks' lengths show."""
-        scale = np.repeat(self.error_scale, 2, axis=1)[..., None, None] ** 2
-        return replace(tracks, covariance_px2=tracks.covariance_px2 * scale + FLOOR_PX**2 * np.eye(2))
+        return replace(tracks, covariance_px2=scaled_covariance(tracks.covariance_px2, self.error_scale))
+
+
+def scaled_covariance(covariance_px2: Floats, scale: Floats) -> Floats:
+    """Return the covariances (n, 4, 2, 2) of the markers' positions, scaled by their sticks' errors, with the floor.
+
+    ``scale`` (n, 2) holds the errors of base and moving markers over the standard deviations of their fits.
+    """
+    squared = np.repeat(scale, 2, axis=1)[..., None, None] ** 2
+    return np.asarray(covariance_px2 * squared + FLOOR_PX**2 * np.eye(2))
 
 
 def from_plane(

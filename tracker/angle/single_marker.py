@@ -16,8 +16,7 @@ from torsight.core.optics.hanging import direction_bins, spread_rows
 from torsight.core.units import Floats
 from tracker.angle.length_noise import LEAST_FRAMES
 from tracker.angle.row_time import Complex, circles
-
-Points = tuple[Floats, Floats]
+from tracker.stick_direction import Points
 
 _CORRELATED: Final = 4.0
 """Number of frames over which the residuals of a tilted circle are correlated."""

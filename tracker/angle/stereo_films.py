@@ -23,7 +23,7 @@ from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.length_noise import LEAST_FRAMES, in_motion
-from tracker.angle.plane import FLOOR_PX, StickErrors, usual_of
+from tracker.angle.plane import StickErrors, scaled_covariance, usual_of
 from tracker.stick_direction import Points
 
 MISREAD: Final = BY_CHANCE**2
@@ -89,8 +89,7 @@ class Film:
 
     def scaled(self, errors: StickErrors) -> Film:
         """Return the film with covariances scaled by its sticks' lengths, without sticks of impossible length."""
-        scale = np.repeat(errors.scale, 2, axis=1)[..., None, None] ** 2
-        covariance = self.tracks.covariance_px2 * scale + FLOOR_PX**2 * np.eye(2)
+        covariance = scaled_covariance(self.tracks.covariance_px2, errors.scale)
         gone = np.repeat(np.stack((errors.base.outlier, errors.moving.outlier), axis=1), 2, axis=1)
         return replace(self, tracks=replace(self.tracks, covariance_px2=covariance)).without(gone)
 

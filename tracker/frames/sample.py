@@ -135,4 +135,5 @@ class Clip:
                         return
                     yield int(np.searchsorted(pts, frame.pts)), closed(luma_of(frame, source.display))
             except av.error.FFmpegError as error:
-                self.damage.add(self.first, 0.0, f"cannot be decoded here ({reason_of(error)})")
+                time_s = float(self._timestamps.time_s[self.first])
+                self.damage.add(self.first, time_s, f"cannot be decoded here ({reason_of(error)})")
