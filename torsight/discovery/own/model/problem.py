@@ -139,7 +139,7 @@ class ModelProblem(GivenProblem):
 
     @cached_property
     def far(self) -> Floats:
-        """What a call that gives no numbers predicts (n,): so far off that no fit goes there."""
+        """Prediction (n,) in place of a call that gives no numbers: so far off that no fit goes there."""
         spread = float(np.nanstd(self.observed)) or 1.0
         return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
 
