@@ -189,7 +189,7 @@ def _place(p: Parameter, u: float) -> float:
 
     With a null value, distances from it are spaced logarithmically, from a tenth of the start's distance to the bound,
     or to ten times that distance without a bound. Without a null value, the range between the bounds is divided evenly;
-    without bounds, values are spaced logarithmically from a tenth to ten times the start.
+    where a bound is missing, values are spaced logarithmically from a tenth to ten times the start.
     """
     if p.null is not None:
         distance = abs(p.value - p.null) or _scale(p)
