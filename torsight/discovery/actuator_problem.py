@@ -82,7 +82,7 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def rows(self) -> Ints:
-        """Rows of the drive that stand for the record."""
+        """Rows of the drive that represent the record."""
         return kept_rows(self.drive, self._way, self._at_rest)
 
     @cached_property

@@ -250,7 +250,7 @@ def single_reading_deg(problem: ActuatorProblem, chosen: Explanation, stretches:
 
 
 def _row_noise_deg(problem: ActuatorProblem, chosen: Explanation, stretches: Stretches) -> float:
-    """Return the reading noise of a row, degrees: the given one, else one estimated from the residual."""
+    """Return the reading noise of a row, degrees: the given one, else one that is estimated from the record."""
     drive = problem.drive
     given = drive.angle_sigma_rad[np.isfinite(drive.angle_rad)] / DEG
     # A sigma of half a turn or more means that whole turns are uncertain: that is no noise of a reading.

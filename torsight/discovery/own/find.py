@@ -57,7 +57,7 @@ def find_missing(
     settings : Settings, optional
         Probabilities and budgets of the decision.
     seed : int
-        Stored with the answer; the search draws no random numbers.
+        Not used: the search draws no random numbers.
     processes : bool, optional
         Whether a model of ``model_problem`` is called in processes of its own. By default a slow model is compiled if
         numba can do that, else called in processes.

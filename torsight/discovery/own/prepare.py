@@ -43,11 +43,11 @@ MUCH_BETTER: Final = 0.8
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value above which a single block determines the value."""
 _NEAR: Final = 0.004
-"""Step, in parameter scales, of the central differences by which parameters are distinguished ..."""
+"""Step, in parameter scales, of the central differences by which parameters are distinguished, ..."""
 _ALIKE: Final = 1e-3
-"""... and smallest singular value of their normalised columns up to which they cannot be. For a value at a tenth of its
-start the step is 1 % of the value, which changes the difference by 1e-4; a solver's tolerance of 1e-6 changes it by
-2e-4."""
+"""... and threshold for the smallest singular value of the normalised differences, up to which they cannot be
+distinguished. For a value at a tenth of its start the step is 1 % of the value, which changes the difference by 1e-4; a
+solver's tolerance of 1e-6 changes it by 2e-4."""
 _PART: Final = 0.1
 """Share of the largest coefficient in such a combination from which a parameter is named."""
 _LEAST_SCALE: Final = 0.2
@@ -189,7 +189,7 @@ def _place(p: Parameter, u: float) -> float:
 
     With a null value, distances from it are spaced logarithmically, from a tenth of the start's distance to the bound,
     or to ten times that distance without a bound. Without a null value, the range between the bounds is divided evenly;
-    without bounds, values are spaced logarithmically from a tenth to ten times the start.
+    where a bound is missing, values are spaced logarithmically from a tenth to ten times the start.
     """
     if p.null is not None:
         distance = abs(p.value - p.null) or _scale(p)

@@ -247,8 +247,8 @@ def without_readings(problem: ModelProblem, base: Fit) -> tuple[ModelProblem, li
         out = "it was left out of the drivers, because it" if left_out else "it"
         beside = "".join(f"; the law '{law}' over it explains noise, too" for law in laws)
         notes.append(
-            f"'{name}' is computed from '{output}' as it was read, noise included: {out} would explain the residual "
-            f"alone{beside}; give what the model computes, or the variable from another sensor"
+            f"'{name}' is computed from '{output}' as it was read, noise included: {out} would explain the residual on "
+            f"its own{beside}; give what the model computes, or the variable from another sensor"
         )
     return replace(problem, drivers=kept), notes
 

@@ -1,4 +1,4 @@
-"""How a model of one's own is declared: parameters, candidates, and laws at ports of its own."""
+"""Declarations of a model of one's own: parameters, candidates, and laws at ports of the model."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def candidate(
 
 @dataclass(frozen=True, slots=True)
 class LawPort:
-    """Where a function of one variable enters a model; see :func:`law`."""
+    """A port at which a function of one variable enters a model; see :func:`law`."""
 
     name: str
     driver: str

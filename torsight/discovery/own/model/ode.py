@@ -338,7 +338,7 @@ class Ode:
         return when
 
     def _after(self, found: Any, inputs: Callable[[float], Any], p: Any) -> tuple[float, Floats]:
-        """Return when the first event happened, and the states a moment after it."""
+        """Return the time a moment after the first event, and the states then."""
         k = min((k for k, times in enumerate(found.t_events) if len(times)), key=lambda k: float(found.t_events[k][0]))
         t, x = float(found.t_events[k][0]), np.asarray(found.y_events[k][0], np.float64)
         then = self.events[k].then
@@ -376,8 +376,8 @@ def ode(
     states : sequence of str
         Names of the states.
     output : callable, or names
-        ``output(x, record, p)`` gives what is measured from the states by name, (rows,) each; or the names of states
-        that are measured themselves.
+        ``output(x, record, p)`` gives the measured outputs from the states by name, (rows,) each; or the names of
+        states that are measured themselves.
     inputs : sequence of str, or mapping to ``"lines"`` or ``"held"``
         Columns of the record that drive the model, and their course between rows: linear (all of a sequence), or the
         row's value until the next row, as for a command or the power of a switch.

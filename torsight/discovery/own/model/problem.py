@@ -119,7 +119,7 @@ class ModelProblem(GivenProblem):
         return added_laws(self.layout, free, np.where(self.valid, self.observed, np.nan))
 
     def _added(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats | float:
-        """Return what laws over drivers add to the outputs (n,), in the engine's units."""
+        """Return the sum (n,) of the laws that are added to the outputs, in the engine's units."""
         on = [form for form in self.forms if form.id in effects and form.id in self.added]
         if not on:
             return 0.0
@@ -139,7 +139,7 @@ class ModelProblem(GivenProblem):
 
     @cached_property
     def far(self) -> Floats:
-        """What a call that gives no numbers predicts (n,): so far off that no fit goes there."""
+        """Prediction (n,) in place of a call that gives no numbers: so far off that no fit goes there."""
         spread = float(np.nanstd(self.observed)) or 1.0
         return np.where(np.isfinite(self.observed), self.observed + _FAR * spread, 0.0)
 
@@ -186,7 +186,7 @@ class ModelProblem(GivenProblem):
         return [one.outputs for one in called if one.outputs is not None]
 
     def measured(self) -> list[Floats]:
-        """Return what was measured (rows, outputs) for every record."""
+        """Return the measured outputs (rows, outputs) of every record."""
         return lay.observed_of(self.model.records, self.model.outputs)
 
     def times(self) -> list[Floats]:

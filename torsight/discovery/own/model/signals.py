@@ -63,7 +63,7 @@ def drivers_of(
         if twin is not None:
             notes.append(
                 f"'{name}' is what is measured ({twin}), noise included: it was left out of the drivers, because it "
-                "would explain the residual alone; give the variable from another sensor, or a law's driver"
+                "would explain the residual on its own; give the variable from another sensor, or a law's driver"
             )
         elif all(np.isfinite(one).all() for one in own):
             found[name] = own
