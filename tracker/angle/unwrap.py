@@ -47,7 +47,7 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
     for number, run in enumerate(runs):
         local = locals_[number]
         if number == 0:
-            # The same direction within (−π, π].
+            # The first angle is wrapped to (−π, π].
             local = local + math.pi - (math.pi - local[0]) % math.tau - local[0]
         else:
             before = runs[number - 1][-1]

@@ -61,7 +61,7 @@ def look(luma: NDArray[np.uint8], *, taken: tuple[Stick, Stick] | None = None) -
     told = [(dot, True, True, "") for dot in markers]
     told += [(dot, True, False, _why(luma, dot, dots, paired, found)) for dot in others]
     places: list[tuple[Dot | Refused, bool, bool, str]] = [*told]
-    if found is None:  # what is no dot matters only where the markers may be among it
+    if found is None:  # positions without a dot matter only if the markers may be among them
         places += [(at, False, False, at.reason) for at in _apart(refused, dots)]
     candidates = tuple(
         Candidate(number, at.x_px, at.y_px, at.radius_px, is_dot, taken_for_one, reason)

@@ -216,7 +216,7 @@ class FilmSource:
         step = 1.0 / (self.rate_fps or DEFAULT_FPS)
         if pts is None or start is None:
             return last_s + step if np.isfinite(last_s) else 0.0
-        # Rounded once, as the fraction would be.
+        # Rounded once, by the division, as if computed with fractions.
         time_s = (pts - start) * base.numerator / base.denominator
         # Two frames may have the same timestamp: some containers' clocks are coarser than the frame rate.
         return time_s if time_s > last_s else last_s + 1e-3 * step

@@ -87,7 +87,7 @@ class TagStick(Kept):
         return "hidden" if fit.kept < KEPT else ""
 
     def _detect(self, luma: NDArray[np.uint8]) -> tuple[Fit | None, str]:
-        """Look for the tag in the whole picture."""
+        """Search for the tag in the whole picture; return its fit, or the reason for rejecting it ("" if not found)."""
         found = [tag for tag in find_tags(luma, self.family) if tag.number == self.number]
         if not found:
             return None, ""
@@ -108,7 +108,7 @@ class TagStick(Kept):
         return (None, why) if why else (fit, "")
 
     def to_state(self) -> dict[str, Any]:
-        """Return what :meth:`restore` needs."""
+        """Return the state that :meth:`restore` needs."""
         if self._found is None:
             return {}
         tag, track = self._found

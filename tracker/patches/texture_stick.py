@@ -258,8 +258,8 @@ class TextureStick(Kept):
     def turn_that_looks_alike_deg(self, first: NDArray[np.uint8]) -> float:
         """Return the smallest rotation after which the stick would look the same, degrees; NaN where there is none.
 
-        ``first`` is the picture from which the patches were taken. The search reaches about as far as the stick's
-        length.
+        ``first`` is the picture from which the patches were taken. The standard deviation of the position in that
+        search is the stick's length.
         """
         expected = Prediction((self._points[0], self._points[1]), self.length_px, self._own[0], np.zeros(2))
         others = [[place(fit.warp) for fit in pair] for pair in self._alike(first, expected, lost=1)]
