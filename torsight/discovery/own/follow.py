@@ -86,7 +86,7 @@ def led_on(problem: ModelProblem, fitter: Fitter, stretched: Stretched) -> Fit:
     over = replace(space, prior_mean=found.x, prior_sigma=_UNSURE * unsure)
     for share in _BEGINNINGS:
         # Steps of the differences are at most the uncertainty of the fit before: over a longer time slopes are steeper.
-        weight = fitter.weight.only(since <= share * _span_s(problem))
+        weight = fitter.weight.only(since <= share * span_s(problem))
         finer = np.minimum(space.scale, unsure / STEP_SHARE)
         found = _solved(problem, found.x, weight, replace(over if share < 1.0 else space, scale=finer))
         unsure = np.minimum(unsure, left_open(found, weight))
@@ -102,7 +102,7 @@ def kept_s(problem: ModelProblem, stretched: Stretched) -> float:
     measured, least = problem.measured(), problem.resolution * problem.layout.scale
     noise = np.array([max(noise_of(measured, k), float(least[k])) for k in range(len(least))])
     values = dict(zip([p.name for p in problem.parameters], stretched.solution.x.tolist(), strict=True))
-    length_s, least_s = 2.0 * _span_s(problem), shortest_s(problem)
+    length_s, least_s = 2.0 * span_s(problem), shortest_s(problem)
     bent, grown = _of_an_error(problem, stretched.ode, values, noise=noise, length_s=length_s)
     if bent <= 1.0:
         return math.inf
@@ -156,14 +156,15 @@ def anew(model: Model, length_s: float) -> Model:
     return replace(model, predict=ode.begun_anew(length_s)) if isinstance(ode, Ode) and ode.measured else model
 
 
-def _span_s(problem: ModelProblem) -> float:
+def span_s(problem: ModelProblem) -> float:
+    """Return the duration of the longest record, s."""
     return max(float(np.ptp(one)) for one in problem.times())
 
 
 def shortest_s(problem: ModelProblem) -> float:
     """Return the duration of the shortest stretches, s."""
     row = max(float(np.median(np.diff(one))) for one in problem.times())
-    return max(_span_s(problem) / _STRETCHES, _LEAST_ROWS * row)
+    return max(span_s(problem) / _STRETCHES, _LEAST_ROWS * row)
 
 
 def _solved(over: ModelProblem, x: Floats, weight: Weight, within: Space) -> Solution:

@@ -26,7 +26,7 @@ from torsight.discovery.inference.solver import STEP_SHARE, linear_change
 from torsight.discovery.inference.validate import block_labels
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.answer.laws import usual_forms, with_nodes
-from torsight.discovery.own.follow import Stretched, begun_anew, follows, kept_s, led_on, over_stretches
+from torsight.discovery.own.follow import Stretched, begun_anew, follows, kept_s, led_on, over_stretches, span_s
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import without_readings
 
@@ -76,7 +76,9 @@ def prepare(problem: ModelProblem) -> Prepared:
                 f"measured begin anew every {length_s:.3g} s, and the model is compared with the record in between; "
                 "ode(…, solver=Solver(restart_s=…)) sets another time"
             )
-            return replace(again, warnings=(note, *again.warnings))
+            # A longer time only gives the fit the stretches' estimates as starts.
+            restarts = length_s < span_s(problem)
+            return replace(again, warnings=(note, *again.warnings)) if restarts else again
     problem, left_out = without_readings(problem, base)
     problem, notes = _once(problem, fitter, base)
     notes += left_out
