@@ -117,11 +117,11 @@ class Choice:
         """Return the choice among couples with their probabilities, the most probable first."""
         taken, others = couples[0], [one for one in couples[1:] if not one.swaps(couples[0])]
         apart = [one.apart_rad(taken) for one in others]
-        unlike = [one for one, rad in zip(others, apart, strict=True) if rad > MOVED_RAD]
+        unlike = {id(one): one for one, rad in zip(others, apart, strict=True) if rad > MOVED_RAD}
         return cls(
             taken,
-            tuple(one for one in unlike if one.probability > 1.0 - SURE),
-            sum(one.probability for one in couples if one not in unlike),
+            tuple(one for one in unlike.values() if one.probability > 1.0 - SURE),
+            sum(one.probability for one in couples if id(one) not in unlike),
             # If no couple is right, the angle is uniformly distributed over a turn.
             sum(one.probability * rad**2 for one, rad in zip(others, apart, strict=True))
             + (1.0 - sum(one.probability for one in couples)) * math.pi**2 / 3.0,
@@ -196,6 +196,7 @@ class Weighing:
         self._paths = DotPaths(luma, dots)
         self._time_s: list[float] = []
         self._pairs = Pairs(self._paths.dots)
+        self._strips: dict[tuple[int, int], float] = {}
 
     def add(self, frame: Frame) -> None:
         """Follow every dot into the next frame."""
@@ -273,27 +274,32 @@ class Weighing:
         misfit += beside_px**2 / spread + np.log(spread) + pairs.unlike(ends, own)
         clear = np.log(pairs.score_of(ends)) + np.log(pairs.score_of(own[None]))
         score = CLEARNESS * clear - 0.5 * misfit
-        bounds = [
-            _Bound(float(score[k]), tuple(ends[k].tolist()), tuple(own.tolist()), axis)
-            for k in np.argsort(-score, kind="stable")[:MOST].tolist()
-        ]
+        first, bounds = (int(own[0]), int(own[1])), list[_Bound]()
+        for k in np.argsort(-score, kind="stable")[:MOST].tolist():
+            second = (int(ends[k, 0]), int(ends[k, 1]))
+            bounds.append(_Bound(float(score[k]) + self._strip(first) + self._strip(second), second, first, axis))
         beside_px2 = pairs.radius_px[own].max() ** 2 + axis.beside_px**2 + axis.variance_px2
         none = 2.0 * CLEARNESS * math.log(CLEAR) - 0.5 * ((moving.turns[0] + rest.sum()) / shake + LIMITS[3])
         return bounds, float(none - 0.5 * math.log(beside_px2))
 
+    def _strip(self, pair: tuple[int, int]) -> float:
+        """Return the log likelihood of two dots, by their numbers, as a stick's, from the line between them."""
+        if pair not in self._strips:
+            one, two = (self._paths.dots[number] for number in pair)
+            # The share is that of eight points at least.
+            self._strips[pair] = CLEARNESS * math.log(max(strip_share(self._luma, one, two), 0.125))
+        return self._strips[pair]
+
     def _goes_on(self, base: Stick, moving: Stick, axis: _Axis) -> float:
-        """Return the logarithm of the likelihood of two sticks by the lines between their dots and to the axis."""
+        """Return the log likelihood of two sticks from the lines between their dots and the axis."""
         radius_px, (x, y) = max(base.inner.radius_px, base.outer.radius_px), (axis.place.real, axis.place.imag)
-        shares = [strip_share(self._luma, one.inner, one.outer) for one in (base, moving)]
-        # The share is that of eight points at least.
-        strips = CLEARNESS * sum(math.log(max(share, 0.125)) for share in shares)
         if axis.variance_px2 >= radius_px**2:
-            return strips
+            return 0.0
         (bright, dark), (of_bright, of_dark) = (reaches(self._luma, one.towards(x, y), x, y) for one in (base, moving))
         share = (of_bright + 1.0) / (of_bright + of_dark + 2.0)
         goes_on = bright * math.log(share) + dark * math.log(1.0 - share)
         goes_on += math.log(1.0 - SURE) * (_holds(base, x, y) != _holds(moving, x, y))
-        return strips + goes_on + math.log(1.0 - SURE) * _any_lies_at(base, moving, axis.place)
+        return goes_on + math.log(1.0 - SURE) * _any_lies_at(base, moving, axis.place)
 
     def read(self, couple: Couple) -> float:
         """Return the share of frames in which at least one stick of a couple is read, as the other one may be hidden.
