@@ -178,5 +178,5 @@ def require_same_camera(first: Picture, other: Picture) -> None:
             where=other.name,
             value=other.device,
             limit=f"{first.device} as {first.name}",
-            do="calibrate each camera, and each setting of its zoom, by itself",
+            do="calibrate each camera, and each setting of its zoom, separately",
         )

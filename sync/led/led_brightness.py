@@ -105,7 +105,7 @@ def led_changes(time_s: Floats, value: Floats, *, where: str) -> LightEvents:
     lit = _steady(time_s, value > 0.5 * (low + high))
     at = changes(lit)
     if len(at) == 0:
-        raise NoResultError("the LED stays as it is through the film", where=where, do="leave led out")
+        raise NoResultError("the LED does not change during the film", where=where, do="leave led out")
     return LightEvents(time_s[at], lit[at], since_s=time_s[at - 1])
 
 
