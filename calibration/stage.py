@@ -1,4 +1,4 @@
-"""The whole stage: pictures of a board to a camera, or to a stereo pair, with an account of how good it is."""
+"""The whole stage: from pictures of a board to a camera or a stereo pair, with a verdict."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from torsight.core.words.wording import number
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
-    """One camera of a calibration: what its pictures show and the lens that they give."""
+    """One camera of a calibration: the views in its pictures, and its lens."""
 
     seen: Seen
     lens: LensCalibration
@@ -41,17 +41,17 @@ class Calibration(Shown):
     board : Board
         The board.
     left : Side or None
-        The (left) camera; None where only the pose was measured, with a camera that was known.
+        The (left) camera; None where only the pose was measured, with a known camera.
     right : Side or None
         The right camera of a pair.
     pair : PairCalibration or None
-        Where the right camera stands.
+        Pose of the right camera relative to the left one.
     disk : DiskPose or None
         The rotation axis, from a board on the disk.
     disk_seen : Seen or None
         The pictures of the board on the disk.
     verdict : Verdict
-        On all of it.
+        Verdict on all parts.
     """
 
     board: Board
@@ -78,7 +78,7 @@ class Calibration(Shown):
         return {name: side for name, side in sides.items() if side is not None}
 
     def _columns(self) -> dict[str, Any]:
-        """Return one row per view that was used: camera, view, error of its corners."""
+        """Return one row per used view: camera, view, error of its corners."""
         rows = [
             (name, int(view), float(error_px))
             for name, side in self._sides().items()
@@ -124,7 +124,7 @@ def calibrate_two(
     """
     _require_pairing(expand(images), expand(right))
     seen_left = find_views(images, board, progress=progress)
-    # Of two films the left one's choice of frames holds for both; of pictures each lens may use those of its own.
+    # Two films use the frames that were chosen from the left one; with pictures each lens may use its own.
     films = any(is_film(path) for path in expand(images))
     only = frozenset(view.index for view in seen_left.views) if films else None
     seen_right = find_views(right, board, step=seen_left.step, only=only, progress=progress)
@@ -157,15 +157,15 @@ def measure_axis(
     moving_z_mm: float = 0.0,
     progress: Progress = silent,
 ) -> tuple[DiskPose, Seen]:
-    """Find the rotation axis from pictures of the board on the disk.
+    """Return the rotation axis from pictures of the board on the disk.
 
-    ``device`` names the camera and its focal length, where the pictures of its calibration say so.
+    ``device`` names the camera and its focal length, if the pictures of its calibration state them.
 
     Raises
     ------
     ConfigError
-        When the board looks the same after half a turn and several positions of the disk are shown, or the camera file
-        is for another picture size.
+        When the board is symmetric under a turn and several positions of the disk are shown, or the camera file is for
+        another picture size.
     InputError
         When the pictures are of another camera.
     NoResultError
@@ -202,7 +202,7 @@ def measure_axis(
 
 
 def camera_of(calibration: Calibration, known: Camera | None = None) -> Camera:
-    """Return the camera that goes into ``CAMERA.toml``, without the account."""
+    """Return the camera for ``CAMERA.toml``, without the table ``[calibration]``."""
     intrinsics = calibration.left.lens.fit.intrinsics if calibration.left else None
     if intrinsics is None:
         if known is None:

@@ -4,7 +4,7 @@ In: stick angles on the film's clock (rad, s), a temperature log as an instrumen
 clock), and, where there is one, an LED on the film that shows the heating switch. Out: the log with every row on one
 increasing clock (s, °C), offset (s) and drift (ppm) between both clocks with 95 % intervals, and the merged table.
 
-Rooms, in the order in which the data pass them:
+Subpackages, in the order in which the data pass through them:
 
 - :mod:`sync.log`: a log's file to one strictly increasing record;
 - :mod:`sync.signals`: strokes of the film, heating segments and changepoints of the log;

@@ -1,4 +1,4 @@
-"""How a measured pose of the rotation axis is shown: its table and its plot."""
+"""Presentation of a measured pose of the rotation axis: its table and its plot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class AxisPose(Shown):
     pose: Pose
 
     def _columns(self) -> dict[str, Any]:
-        """Return one row: the pose as ``CAMERA.toml`` has it."""
+        """Return one row: the pose as in ``CAMERA.toml``."""
         vectors = {"rvec": self.pose.rvec, "tvec": self.pose.tvec_mm}
         units = {"rvec": "rad", "tvec": "mm"}
         names = {f"{name}_{axis}_{units[name]}": [vectors[name][i]] for name in vectors for i, axis in enumerate("xyz")}

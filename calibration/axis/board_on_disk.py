@@ -1,8 +1,8 @@
 """The pose of the rotation axis from a board that lies on the disk.
 
-One picture gives the disk's plane, and the axis where ``axis_mm`` in ``BOARD.toml`` says (the board's middle by
-itself). In several pictures with the disk turned in between, the axis is the line about which the board turned: neither
-its place on the disk nor whether it lies flat matters then.
+One picture determines the disk's plane; the axis passes it at ``axis_mm`` in ``BOARD.toml`` (by default the board's
+middle). In several pictures with the disk turned in between, the axis is the line about which the board turned: then
+neither the board's position on the disk nor its tilt against the disk matters.
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ from torsight.core.units import Floats
 from torsight.core.words.wording import number
 
 _SMALLEST_TURN_DEG: Final = 15.0
-"""With a smaller turn an error of 0.1° in a board's pose tilts the axis by 0.1° / (15° in rad) = 0.4° and more."""
+"""Smallest turn of the disk: an error of 0.1° in a board's pose then tilts the axis by 0.1° / (15° in rad) = 0.4°."""
 _LARGEST_ERROR_PX: Final = 15.0 * CORNER_SIGMA_PX
-"""A camera that fits gives a tenth of it; a changed focus or another zoom gives many."""
+"""Largest error of the corners: the right camera gives a tenth of it; a changed focus or zoom many times as much."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DiskPose(AxisPose):
-    """The rotation axis as a board on the disk shows it: camera from world, the origin on the board's face.
+    """The rotation axis from a board on the disk: camera from world, with the origin on the board's face.
 
-    Its tilt is that against the line of sight to the origin. The standard deviations are those of its direction, from
-    the scatter of the corners, and of its place across it: 0 where ``axis_mm`` gives the place. ``error_px`` is the
-    root mean square distance between measured and computed corners, ``turned_deg`` by how much the disk was turned in
-    each picture, against the first, ``wobble_deg`` the angle between the board's face and the plane across the axis.
+    ``tilt_deg`` is the axis' tilt against the line of sight to the origin. The standard deviations, from the scatter of
+    the corners, are those of the axis' direction and of its position across it (0 where ``axis_mm`` gives the
+    position). ``error_px`` is the root mean square distance between measured and computed corners, ``turned_deg`` the
+    turn of the disk in each picture relative to the first, ``wobble_deg`` the angle between the board's face and the
+    plane across the axis.
     """
 
     pose: Pose
@@ -66,13 +67,13 @@ class DiskPose(AxisPose):
 def pose_on_disk(
     views: Sequence[View], intrinsics: Intrinsics, board: Board, *, base_z_mm: float = 0.0, moving_z_mm: float = 0.0
 ) -> DiskPose:
-    """Find the rotation axis from the board on the disk, in one or several positions of the disk.
+    """Return the rotation axis from the board on the disk, in one or several positions of the disk.
 
-    The camera stands still. The heights are those of the two sticks' markers above the board's face, towards the
+    The camera must not move. The heights are those of the two sticks' markers above the board's face, towards the
     camera.
 
-    Raises InputError when the corners do not fit the camera: it is another one, or its focus or zoom was changed;
-    NoResultError when several pictures show the disk in nearly the same position.
+    Raises InputError when the corners do not fit the camera, because it is another camera or its focus or zoom was
+    changed; NoResultError when several pictures show the disk in nearly the same position.
     """
     poses = [_board_pose(view, intrinsics) for view in views]
     solved = _fixed_place(views[0], intrinsics, poses[0], board)
@@ -102,7 +103,7 @@ _Solved = tuple[Floats, Floats, float, Floats, float, float, float]
 
 
 def _board_pose(view: View, intrinsics: Intrinsics) -> Floats:
-    """Return rvec and tvec (6,) of the board: the better of the plane's two candidate poses, refined."""
+    """Return rvec and tvec (6,) of the board: the better of a plane's two candidate poses, each refined."""
     ray, _ = ray_from_pixel(view.corners_px, intrinsics)
     with one_thread():
         _, rvecs, tvecs, _ = cv2.solvePnPGeneric(
@@ -128,7 +129,7 @@ def _fixed_place(view: View, intrinsics: Intrinsics, pose: Floats, board: Board)
     origin = rotation @ np.array([*board.axis_mm, 0.0]) + pose[3:]
     points = len(view.points_mm)
     variance = chi_squared / (2 * points - 6)
-    # Small turns about the board's own two axes tilt its face: take them out of the rotation vector's covariance.
+    # Rotations about the board's own two axes tilt its face: extract their covariance from the rotation vector's.
     jacobian = jacobian_of(lambda rvec: rotation_vector(rotation_matrix(rvec) @ rotation.T), pose[:3])
     tilts = (rotation.T @ jacobian @ covariance[:3, :3] @ jacobian.T @ rotation)[:2, :2] * variance
     sigma = float(np.sqrt(np.linalg.eigvalsh(tilts)[-1]))
@@ -169,7 +170,7 @@ def _turned(views: Sequence[View], intrinsics: Intrinsics, poses: Sequence[Float
 
 
 def _first_guess(poses: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return direction, a point of the axis and the turns, from the motion between the first and every other pose."""
+    """Return the axis' direction, a point on it and the turns, from the motions between the first and other poses."""
     first, start = rotation_matrix(poses[0][:3]), poses[0][3:]
     turns = [rotation_matrix(pose[:3]) @ first.T for pose in poses]
     vectors = np.array([rotation_vector(turn) for turn in turns])
@@ -188,6 +189,6 @@ def _first_guess(poses: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
     system = np.concatenate([np.eye(3) - turn for turn in turns])
     right = np.concatenate([pose[3:] - turn @ start for pose, turn in zip(poses, turns, strict=True)])
     point = np.linalg.lstsq(system, right, rcond=1e-6)[0]
-    # Along the axis any point will do: take the one nearest to the board.
+    # The point's position along the axis is arbitrary: take the one nearest to the board.
     point = point + direction * float(direction @ (start - point))
     return direction, point, vectors @ direction

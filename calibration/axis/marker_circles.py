@@ -1,4 +1,4 @@
-"""The pose of the rotation axis from the markers' own circles, as a track of one camera shows them."""
+"""The pose of the rotation axis from the markers' circles in a track of one camera."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from torsight.core.words.wording import number
 
 _MARKERS: Final = ("moving_inner", "moving_outer")
 _CERTAIN_GAP: Final = 2.0 * math.log(100.0)
-"""χ² by which the tilt's mirror image must fit worse to be excluded: it is a hundred times less likely then."""
+"""Difference of χ² from which the tilt's mirror image is excluded: it is then a hundred times less likely."""
 _WORST_MISFIT: Final = 5.0
-"""Paths that are further from circles, in the markers' own sigmas, have another cause than noise: of the fewest frames
-that have an axis chance makes 2.2 once in 10⁹ (χ² of 15 degrees of freedom), and sigmas may be half of what they
-should."""
+"""Deviation of paths from circles, in the markers' own sigmas, above which there is another cause than noise: with the
+fewest frames for an axis chance gives 2.2 once in 10⁹ (χ² of 15 degrees of freedom), and sigmas may be half of the true
+ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CirclesPose(AxisPose):
     """The rotation axis from the moving stick's markers, with notes for the user.
 
-    The pose's origin is where the axis meets the moving markers' plane; the fit is in units of the markers' distance.
+    The pose's origin is the axis' intersection with the moving markers' plane; the fit is in units of the markers'
+    distance.
     """
 
     pose: Pose
@@ -42,7 +43,7 @@ class CirclesPose(AxisPose):
     notes: tuple[str, ...]
 
     def facts(self) -> dict[str, str]:
-        """Return tilt, how far the stick turned, how well the circles fit, and the notes."""
+        """Return tilt, the stick's turn, the circles' misfit, and the notes."""
         tilt_deg, sigma_deg, turned_deg = np.degrees(
             [self.axis.tilt_rad, self.axis.direction_sigma_rad, self.axis.arc_rad]
         )
@@ -67,16 +68,16 @@ class CirclesPose(AxisPose):
 def pose_from_tracks(
     path: AnyPath, camera: Camera, *, stick_mm: float | None = None, base_above_moving_mm: float = 0.0
 ) -> CirclesPose:
-    """Find the rotation axis from ``markers.csv`` of a film of one camera.
+    """Return the rotation axis from ``markers.csv`` of a film of one camera.
 
     Parameters
     ----------
     path : str or Path
         The table of marker positions.
     camera : Camera
-        The camera that filmed it.
+        The camera that took the film.
     stick_mm : float, optional
-        Distance of the moving stick's two markers; without it lengths are in units of that distance.
+        Distance of the moving stick's two markers; if not given, lengths are in units of this distance.
     base_above_moving_mm : float
         Height of the base stick's markers above the moving stick's, towards the camera.
 
@@ -87,7 +88,7 @@ def pose_from_tracks(
     InputError
         When the table lacks a column, or its positions lie outside the camera's picture or do not fit the camera.
     NoResultError
-        When the markers are seen too seldom or turn too little.
+        When the markers are seen in too few frames or turn too little.
     """
     path = Path(path)
     if camera.right is not None:

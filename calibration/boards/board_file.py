@@ -1,4 +1,4 @@
-"""The calibration board: what ``BOARD.toml`` says, and where its corners lie."""
+"""The calibration board: the content of ``BOARD.toml``, and the positions of the corners."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class Board:
     dictionary : str
         ChArUco: OpenCV's name of the markers' dictionary.
     legacy : bool
-        ChArUco: the pattern that OpenCV made before version 4.6.
+        ChArUco: the pattern of OpenCV before version 4.6.
     axis_mm : (float, float)
-        Where the rotation axis passes a board that lies on the disk: to the right of and below the board's middle.
+        Point at which the rotation axis passes a board on the disk: to the right of and below the board's middle.
     """
 
     kind: Literal["chessboard", "charuco"]
@@ -67,12 +67,12 @@ class Board:
 
     @property
     def turned_looks_the_same(self) -> bool:
-        """Whether half a turn brings the pattern onto itself."""
+        """Whether the pattern is symmetric under half a turn."""
         across, down = self.corners
         return self.kind == "chessboard" and (across + down) % 2 == 0
 
     def points_mm(self) -> Floats:
-        """Return the inner corners (n, 3) row by row, from the board's middle: x right, y down, z into the board."""
+        """Return the inner corners (n, 3) row by row, relative to the board's middle: x right, y down, z into it."""
         across, down = self.corners
         x = (np.arange(across) - 0.5 * (across - 1)) * self.square_mm
         y = (np.arange(down) - 0.5 * (down - 1)) * self.square_mm
@@ -101,7 +101,7 @@ class Board:
         return content
 
     def charuco(self) -> cv2.aruco.CharucoBoard:
-        """Return OpenCV's own object for a ChArUco board."""
+        """Return the ChArUco board as OpenCV's object."""
         dictionary = dictionary_of(self.dictionary)
         board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, self.marker_mm, dictionary)
         board.setLegacyPattern(self.legacy)
@@ -109,14 +109,14 @@ class Board:
 
 
 def dictionary_of(name: str) -> cv2.aruco.Dictionary:
-    """Return OpenCV's dictionary of markers by its name there."""
+    """Return OpenCV's dictionary of markers with the given name."""
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
 def read_board(path: AnyPath) -> Board:
-    """Read ``BOARD.toml``, refused as :func:`torsight.core.read_camera` refuses a camera.
+    """Read ``BOARD.toml``, with the errors of :func:`torsight.core.read_camera`.
 
-    The keys stand at the top or in a table ``[board]``.
+    The keys are at the top level or in a table ``[board]``.
     """
     path = Path(path)
     content = read_toml(path)
@@ -128,7 +128,7 @@ def read_board(path: AnyPath) -> Board:
 
 
 def board_from(table: Mapping[str, Any], *, where: str) -> Board:
-    """Return the board of a table of keys."""
+    """Return the board that a table of keys describes."""
     check_keys(table, _KEYS, where=where)
     kind = get_text(table, "kind", where=where, choices=KINDS)
     x_mm, y_mm = get_numbers(table, "axis_mm", 2, where=where, default=(0.0, 0.0))

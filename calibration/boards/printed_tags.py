@@ -1,4 +1,4 @@
-"""A pair of tags to print, one for each stick."""
+"""Printing of a pair of tags, one for each stick."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _STICKS: Final = ("base", "moving")
 
 @dataclass(frozen=True, slots=True)
 class TagPair:
-    """The sticks' tags: OpenCV's family without ``DICT_``, numbers of base and moving, side of the black square."""
+    """The sticks' tags: OpenCV's family without ``DICT_``, numbers of base and moving tag, side of the black square."""
 
     family: str
     ids: tuple[int, int]
     side_mm: float
 
     def content(self) -> dict[str, Any]:
-        """Return what ``MARKERS.toml`` says of them."""
+        """Return the tags as keys of ``MARKERS.toml``."""
         base, moving = self.ids
         return {
             "kind": "tag",
@@ -82,9 +82,9 @@ def draw_tags(pair: TagPair, *, page: str = "a4") -> Drawing:
         below = top + whole_mm + LAYOUT.tick_mm + LAYOUT.line_mm
         words.append(Text(left, below, f"{stick} stick: {pair.family}, number {number}"))
         words.append(Text(left, below + LAYOUT.line_mm, "left edge towards the axis, top edge along the stick"))
-    bar, said = check_bar(page)
+    bar, label = check_bar(page)
     foot = Text(LAYOUT.margin_mm, height_mm - LAYOUT.margin_mm, f"black squares of {pair.side_mm:g} mm; print at 100 %")
-    return Drawing((width_mm, height_mm), (*shapes, bar), (*words, foot, said))
+    return Drawing((width_mm, height_mm), (*shapes, bar), (*words, foot, label))
 
 
 def _ticks(left_mm: float, top_mm: float, whole_mm: float) -> list[Rectangle]:

@@ -1,7 +1,7 @@
-"""Boards to print: true scale as SVG or PDF, and as a picture.
+"""Printing of boards: in true scale as SVG or PDF, and as a picture.
 
 A drawing is a list of black rectangles and lines of text on a page, in mm from its top left corner. A bar of 100 mm
-below the board shows whether the printer has kept the scale.
+below the board serves to check the printer's scale.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ PAGES_MM: Final = {
     "letter": (279.4, 215.9),
     "tabloid": (431.8, 279.4),
 }
-"""Width and height of a page on its long side."""
+"""Width and height of a page in landscape format."""
 
 _MM_PER_INCH: Final = inch / milli
 _POINTS_PER_MM: Final = 72.0 / _MM_PER_INCH
-"""A point of PDF is the 72nd part of an inch (ISO 32000-1, 8.3.2.3)."""
+"""A point in PDF is 1/72 inch (ISO 32000-1, 8.3.2.3)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Sizes of what stands on a page around the pattern, mm.
+    """Sizes of the elements on a page around the pattern, mm.
 
-    The margin is larger than the 6.4 mm that ordinary printers do not reach, the foot holds the words and the bar to
-    check the scale, of which 0.5 mm on a ruler are half a percent. Letters are of 9 points. Tags are cut along ticks
-    around their white border, here in modules: the detector and the fit need one.
+    The margin is larger than the 6.4 mm that ordinary printers do not reach; the foot contains the text and the bar for
+    checking the scale (0.5 mm on a ruler are half a per cent of it). The font size is 9 points. Tags are cut along
+    ticks around their white border, ``tag_border`` modules wide: the detector and the fit need one.
     """
 
     margin_mm: float = 8.0
@@ -90,7 +90,7 @@ class Drawing(Shown):
     texts: tuple[Text, ...]
 
     def facts(self) -> dict[str, str]:
-        """Return the page's size, how much is on it, and its words."""
+        """Return the page's size, the number of its rectangles, and its text."""
         words = "; ".join(item.words for item in self.texts)
         return {
             "page": f"{self.page_mm[0]:g} × {self.page_mm[1]:g} mm",
@@ -109,11 +109,11 @@ class Drawing(Shown):
         axes.set(xlabel="across the page, mm", ylabel="down the page, mm", aspect="equal")
 
     def paint(self, axes: Any) -> None:
-        """Draw the content of the page, one unit of the axes a millimetre."""
+        """Draw the content of the page, with axes in millimetres."""
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
         places = [(item.x_mm, item.y_mm) + corners * (item.width_mm, item.height_mm) for item in self.rectangles]
         codes = [Outline.MOVETO, *3 * [Outline.LINETO], Outline.CLOSEPOLY] * len(places)
-        # One outline: between two shapes that touch no seam shows. And to scale, not moved to whole pixels.
+        # One outline, so that there is no seam between touching shapes; to scale, not snapped to whole pixels.
         axes.add_patch(PathPatch(Outline(np.concatenate(places), codes), facecolor="black", linewidth=0.0, snap=False))
         for item in self.texts:
             axes.text(item.x_mm, item.y_mm, item.words, size=LAYOUT.text_mm * _POINTS_PER_MM)
@@ -174,9 +174,9 @@ def _pattern(board: Board) -> list[Rectangle]:
 
 
 def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, side_mm: float) -> list[Rectangle]:
-    """Return a tag whose black square has its top left corner at a place; runs of black modules are joined per row."""
+    """Return a tag with the top left corner of its black square at (x, y); black modules are joined along rows."""
     dictionary = dictionary_of(dictionary_name)
-    modules = dictionary.markerSize + 2  # a black frame of one module around them
+    modules = dictionary.markerSize + 2  # with a black frame of one module
     bits = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, modules)) == 0
     module = side_mm / modules
     shapes = []
@@ -189,7 +189,7 @@ def draw_tag(dictionary_name: str, number: int, x_mm: float, y_mm: float, *, sid
 def check_bar(page: str) -> tuple[Rectangle, Text]:
     """Return a bar of 100 mm in the lower right corner of a page, to check the printer's scale, and its label.
 
-    On a page that is too narrow the bar is shorter, and says so.
+    On a page that is too narrow the bar is shorter, and its label states the length.
     """
     width_mm, height_mm = PAGES_MM[page]
     foot = height_mm - LAYOUT.margin_mm
@@ -199,7 +199,7 @@ def check_bar(page: str) -> tuple[Rectangle, Text]:
 
 
 def _page(drawing: Drawing, *, dpi: float) -> Figure:
-    """Return the page as a figure of whole pixels, one unit of its axes a millimetre."""
+    """Return the page as a figure of whole pixels, with axes in millimetres."""
     size_px = np.round(np.array(drawing.page_mm) / _MM_PER_INCH * dpi)
     figure = Figure(figsize=tuple(size_px / dpi), dpi=dpi, facecolor="white")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -225,7 +225,7 @@ def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
             "is no format for a board", where=str(path), value=suffix or "no suffix", limit=", ".join(UNDATED)
         )
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "torsight"}):
-        # Drawings have no pixels: the page is as large as it is to a thousandth of a point.
+        # Vector formats have no pixels: round the page's size to a thousandth of a point.
         write_figure(path, _page(drawing, dpi=dpi if suffix == ".png" else 72_000.0))
 
 

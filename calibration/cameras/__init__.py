@@ -1,5 +1,5 @@
-"""From measured corners to lenses: one camera, and the pose of a second one relative to it.
+"""Fits to measured corners: the lens of one camera, and the pose of a second camera relative to the first.
 
-In: views (px, mm). Out: intrinsics (px) with standard deviations, views that were set aside and why, rotation (rad) and
-translation (mm) of the right camera from the left.
+In: views (px, mm). Out: intrinsics (px) with standard deviations, views that were set aside with reasons, rotation
+(rad) and translation (mm) from the left to the right camera.
 """

@@ -1,8 +1,8 @@
-"""One camera from the views of a board: intrinsics with uncertainty, and the views that do not belong.
+"""Calibration of one camera from the views of a board: intrinsics with uncertainty, and outlier views.
 
 A view is set aside when its error is more than three times the median of all views (and above 0.3 px), worst first,
-each time with a new fit. This is done twice: with corners measured in the wide window, where a view shows whose corners
-are not certain, then with the narrow window, which gives the result.
+each time with a new fit. This is done twice: with corners measured in the wide window, which reveals views with
+uncertain corners, then with the narrow window, which gives the result.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from torsight.core.units import Floats, Ints
 from torsight.core.words.wording import counted
 
 FEWEST_VIEWS: Final = 4
-"""Below this no camera is calibrated. A view of a plane gives two equations for the intrinsics (Z. Zhang, IEEE TPAMI 22
-(2000) 1330): four give twice as many as the focal lengths and the centre need."""
+"""Least number of views for a calibration. A view of a plane gives two equations for the intrinsics (Z. Zhang, IEEE
+TPAMI 22 (2000) 1330): four give twice as many as the focal lengths and the centre need."""
 SMALLEST_SPREAD_DEG: Final = 8.0
-"""Below this the board was always held the same way, and the focal length is not determined: twelve views of the tests'
-board (0.1 px of noise) know it to 0.3 % where they differ by 33°, to 5 % by 13° and to 22 % by 11°."""
+"""Least difference of the board's orientations; with less the focal length is not determined. Twelve views of the
+tests' board (0.1 px of noise) determine it to 0.3 % if they differ by 33°, to 5 % by 13° and to 22 % by 11°."""
 PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 """Order of the intrinsics' standard deviations."""
 
 CORNER_SIGMA_PX: Final = 0.1
-"""Error to which the corners of a hand-held board are measured in ordinary light."""
+"""Error of the measured corners of a hand-held board in ordinary light."""
 _WORSE_THAN_MEDIAN: Final = 3.0
 _NEVER_BAD_PX: Final = 3.0 * CORNER_SIGMA_PX
-"""A view or pair is set aside where its error is more than so many times the median, and more than what a hand-held
-board with ordinary light gives. Views that are off by 1 and 3 px are all set aside with half of either, 97 in 100 with
-twice of the first, and never a good one (benchmarks/calibration/constants.py)."""
+"""A view or pair is set aside if its error is more than this multiple of the median, and more than this error, that of
+a hand-held board in ordinary light. Views with errors of 1 and 3 px are all set aside with half of either, 97 in 100
+with twice of the first, and never a good one (benchmarks/calibration/constants.py)."""
 _MOST_GROUPS: Final = 20
-"""Fits of the jackknife: its sigma then has a standard error of 1 / √(2 · 19) = 16 %."""
+"""Largest number of fits of the jackknife: its sigma then has a standard error of 1 / √(2 · 19) = 16 %."""
 _LARGEST_FOCAL_SIGMA: Final = 0.05
-"""At a distance of 20 sticks 5 % of the focal length are a stick's length of depth: no plane is measured with that."""
+"""Largest relative sigma of the focal length: at a distance of 20 sticks it is a stick's length of depth."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetAside:
-    """A view that was left out: its index among the views, and why."""
+    """A view that was left out: its index among the views, and the reason."""
 
     view: int
     why: str
@@ -61,8 +61,8 @@ class Fit:
     """One fit of a lens to views.
 
     ``sigma`` (9,) are standard deviations in the order of :data:`PARAMETERS`, from the fit (independent errors of all
-    corners); ``error_px`` (n,) is the root mean square distance between measured and computed corners, per view,
-    ``residual_px`` measured less computed. ``rvec`` and ``tvec_mm`` (n, 3) are camera from board.
+    corners); ``error_px`` (n,) is the root mean square distance between measured and computed corners per view,
+    ``residual_px`` measured minus computed. ``rvec`` and ``tvec_mm`` (n, 3) transform from board to camera.
     """
 
     intrinsics: Intrinsics
@@ -90,11 +90,11 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensCalibration:
-    """A calibrated camera and its data: the fit over the views that were ``kept`` (n,) of all, the others set aside.
+    """A calibrated camera and its data: the fit to the views with the indices ``kept`` (n,), the others set aside.
 
-    ``first`` is the fit over all views, corners in the wide window: the calibration without any view set
-    aside. ``between_views`` (9,) are standard deviations from leaving out views (jackknife): larger than ``fit.sigma``
-    where errors are correlated within a view, as on a board that is not flat.
+    ``first`` is the fit to all views, with corners in the wide window: the calibration without any view set aside.
+    ``between_views`` (9,) are standard deviations from leaving out views (jackknife): larger than ``fit.sigma`` where
+    errors are correlated within a view, as on a board that is not flat.
     """
 
     fit: Fit
@@ -123,8 +123,8 @@ class LensCalibration:
 def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress: Progress = silent) -> LensCalibration:
     """Calibrate one camera from views of the board in pictures of one size.
 
-    Too few views, or views that are all from the same side, are no result. ``progress`` is called after every fit that
-    leaves some of the views out.
+    Too few views, or views with similar orientations of the board, raise NoResultError. ``progress`` is called after
+    every fit of the jackknife.
     """
     require_views(len(views))
     _require_spread(spread_deg(board_normals(views)), len(views))
@@ -148,14 +148,14 @@ def calibrate_lens(views: Sequence[View], size_px: tuple[int, int], *, progress:
 def fit_lens(views: Sequence[View], size_px: tuple[int, int], *, window: Literal["narrow", "wide"] = "narrow") -> Fit:
     """Fit focal lengths, centre and five distortion coefficients to views of a board.
 
-    Raises NoResultError when the fit does not come out with finite numbers.
+    Raises NoResultError when the fit fails or its results are not finite.
     """
     return _fit_lens(tuple(views), size_px, window)
 
 
 @functools.lru_cache(maxsize=2 * _MOST_GROUPS + 2)
 def _fit_lens(views: tuple[View, ...], size_px: tuple[int, int], window: str) -> Fit:
-    """Fit; the same views are asked for again by the jackknife of a pair, for either camera."""
+    """Fit, with a cache: the jackknife of a pair fits the same views again, for either camera."""
     corners = [view.corners_px if window == "narrow" else view.wide_px for view in views]
     try:
         _, matrix, distortion, rvec, tvec, sigma, _, _ = cv2.calibrateCameraExtended(
@@ -212,7 +212,7 @@ def _without_bad(
         view = views[kept[worst]]
         shift = root_mean_square(view.wide_px - view.corners_px)
         why = f"its corners are {error[worst]:.2f} px off, the median of the views is {median:.2f} px"
-        # Where the window makes more than half of the error, blur or light is the cause, which the user can change.
+        # If the window accounts for more than half of the error, blur or light is the cause, which the user can change.
         if window == "wide" and shift > 0.5 * error[worst]:
             why += f"; they move by {shift:.2f} px with the window in which they are measured"
         aside.append(SetAside(kept.pop(worst), why))
@@ -220,7 +220,7 @@ def _without_bad(
 
 
 def _jackknife(views: Sequence[View], size_px: tuple[int, int], fit: Fit, *, progress: Progress) -> Floats:
-    """Return standard deviations from fits that leave out one group of views each."""
+    """Return the jackknife's standard deviations, from fits that leave out one group of views each."""
     if len(views) - math.ceil(len(views) / _MOST_GROUPS) < FEWEST_VIEWS:
         return np.zeros(len(PARAMETERS))
 
@@ -233,7 +233,7 @@ def _jackknife(views: Sequence[View], size_px: tuple[int, int], fit: Fit, *, pro
 
 
 def worst_view(error_px: Floats) -> int | None:
-    """Return the index of the largest of the errors (n,) of views or pairs; None where it is no outlier."""
+    """Return the index of the largest error (n,) of views or pairs; None if it is no outlier."""
     worst = int(np.argmax(error_px))
     limit_px = max(_WORSE_THAN_MEDIAN * float(np.median(error_px)), _NEVER_BAD_PX)
     return worst if error_px[worst] > limit_px else None
@@ -241,7 +241,7 @@ def worst_view(error_px: Floats) -> int | None:
 
 def without_each(count: int, values: Callable[[range], Floats], *, words: str, progress: Progress) -> Floats:
     """Return the values (g, p) without each of g groups of ``count`` views or pairs, for a jackknife."""
-    # Every n-th view, not neighbours: the board is turned little from one to the next, so that these are alike.
+    # Every n-th view, not neighbours, between which the board is turned little, so that they are similar.
     groups = min(count, _MOST_GROUPS)
     found = []
     for first in range(groups):
@@ -251,13 +251,13 @@ def without_each(count: int, values: Callable[[range], Floats], *, words: str, p
 
 
 def jackknife_sigma(left_out: Floats, whole: Floats) -> Floats:
-    """Return standard deviations from the values (g, p) without each of g groups and the value with all."""
+    """Return standard deviations (p,) from the values (g, p) without each of g groups and the values (p,) with all."""
     groups = len(left_out)
     return np.asarray(np.sqrt((groups - 1) / groups * np.sum((left_out - whole) ** 2, axis=0)))
 
 
 def spread_deg(normals: Floats) -> float:
-    """Return the largest angle between two of the board's orientations."""
+    """Return the largest angle between two of the board's normals (n, 3), degrees."""
     return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1.0, 1.0)).max()))
 
 
@@ -273,7 +273,7 @@ def require_views(count: int) -> None:
 
 
 def _require_determined(fit: Fit) -> None:
-    """Refuse a fit that the views do not determine, as its own numbers show."""
+    """Refuse a fit that the views do not determine, by its orientations and its sigma of the focal length."""
     _require_spread(fit.orientations_deg, len(fit.rvec))
     share = float(fit.sigma[0] / fit.intrinsics.matrix[0, 0])
     if share > _LARGEST_FOCAL_SIGMA:

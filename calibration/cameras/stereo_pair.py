@@ -1,4 +1,4 @@
-"""The second camera: its pose relative to the first, from boards that both see at one instant."""
+"""The pose of the second camera relative to the first, from pictures of the board taken at the same instant."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from torsight.core.units import Floats, Ints
 from torsight.core.words.wording import counted
 
 FEWEST_PAIRS: Final = 3
-"""One pair determines the second camera's place; with three the one that disagrees shows."""
+"""Least number of pairs: one determines the second camera's pose; among three an outlier is recognised."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Common:
-    """What both cameras see of the board in one pair of pictures."""
+    """The corners that both cameras see in one pair of pictures."""
 
     index: int
     points_mm: Floats
@@ -37,10 +37,10 @@ class _Common:
 class PairCalibration:
     """A stereo pair: the second camera with its pose relative to the first, and the distance between both.
 
-    ``sigma`` (6,) are standard deviations of rvec (rad) and tvec_mm, from leaving out pairs (jackknife), lenses
-    included. ``rms_px`` is the root mean square error of the corners in both pictures with one pose of the board per
-    pair, ``epipolar_px`` (n,) the mean distance of the corners from their epipolar lines, ``index`` (n,) the pairs'
-    places in the row of pictures; by these, too, ``aside`` says which were left out, and why.
+    ``sigma`` (6,) are standard deviations of rvec (rad) and tvec_mm, from leaving out pairs (jackknife), including the
+    uncertainty of the lenses. ``rms_px`` is the root mean square error of the corners in both pictures with one pose of
+    the board per pair, ``epipolar_px`` (n,) the mean distance of the corners from their epipolar lines, ``index`` (n,)
+    the pairs' indices in the list of pictures; ``aside`` holds the pairs that were left out, by the same indices.
     """
 
     right: RightCamera
@@ -54,9 +54,9 @@ class PairCalibration:
 
 
 def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: Progress = silent) -> PairCalibration:
-    """Find the second camera's pose relative to the first; both lenses stay as they are.
+    """Return the second camera's pose relative to the first; both lenses are fixed.
 
-    ``progress`` is called after every fit that leaves some of the pairs out.
+    ``progress`` is called after every fit of the jackknife.
 
     Raises NoResultError when too few pictures show the board in both cameras.
     """
@@ -142,7 +142,10 @@ def _fit(pairs: Sequence[_Common], left: Intrinsics, right: Intrinsics) -> tuple
 def _jackknife(
     pairs: Sequence[_Common], left: LensCalibration, right: LensCalibration, motion: Floats, *, progress: Progress
 ) -> tuple[Floats, float]:
-    """Leave groups of pairs out of everything, the lenses too: their uncertainty is the larger part."""
+    """Return the standard deviations of the motion (6,) and of the baseline, mm.
+
+    Groups of pairs are left out of the fits of the lenses, too, whose uncertainty is the larger part.
+    """
 
     def without(places: range) -> Floats:
         gone = {pairs[place].index for place in places}

@@ -1,4 +1,4 @@
-"""Whether a calibration can be trusted, in plain words: good, usable, or do again and why."""
+"""The verdict on a calibration in plain words: good, usable, or do again, with reasons."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from calibration.views.detect import View
 from torsight.core.units import Flags
 
 CELLS: Final = (8, 6)
-"""Cells across and down in which the coverage of the picture is counted."""
+"""Numbers of cells across and down for the coverage of the picture."""
 
 Word = Literal["good", "usable", "do again"]
 _ORDER: Final[tuple[Word, ...]] = ("good", "usable", "do again")
@@ -21,7 +21,7 @@ _ORDER: Final[tuple[Word, ...]] = ("good", "usable", "do again")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Plain words on a calibration; ``reasons`` is empty for a good one."""
+    """The verdict in plain words; ``reasons`` is empty for a good calibration."""
 
     word: Word
     reasons: tuple[str, ...] = ()
@@ -32,7 +32,7 @@ GOOD: Final = Verdict("good")
 
 @dataclass(frozen=True, slots=True)
 class _Criterion:
-    """One number against what is good and what is usable; ``text`` and ``limit`` word the value and the limit."""
+    """One value with its limits for good and for usable; ``text`` and ``limit`` are formats of value and limit."""
 
     name: str
     value: float
@@ -55,7 +55,7 @@ class _Criterion:
 
 
 def cells_covered(views: Sequence[View], size_px: tuple[int, int]) -> Flags:
-    """Return which cells (rows, columns) of the picture hold a corner of the board in some view."""
+    """Return the mask (rows, columns) of the picture's cells that contain a corner of the board in any view."""
     seen = np.zeros(CELLS[::-1], bool)
     for view in views:
         place = np.floor((view.corners_px + 0.5) / np.array(size_px) * np.array(CELLS)).astype(int)
@@ -68,9 +68,9 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
     """Return the verdict on one camera."""
     focal = lens.fit.intrinsics.matrix[0, 0]
     covered = cells_covered(lens.kept_views, size_px)
-    # Ten pictures are what OpenCV's tutorial on calibration asks for, a mean error below one pixel what MATLAB's manual
-    # accepts. Intrinsics are known best from boards tilted by 45° (Zhang 2000, section 5.1): 20° to either side are the
-    # least that is asked for. What the focal length and the coverage need is a choice.
+    # OpenCV's tutorial on calibration requires ten pictures, MATLAB's manual accepts a mean error below one pixel.
+    # Intrinsics are determined best by boards tilted by 45° (Zhang 2000, section 5.1): 20° to either side are required.
+    # The limits of the focal length and the coverage are a choice.
     return _verdict(
         [
             _Criterion(
@@ -100,7 +100,7 @@ def judge_lens(lens: LensCalibration, size_px: tuple[int, int]) -> Verdict:
 
 
 def _empty_sides(covered: Flags) -> str:
-    """Return in words where along the picture's edges most cells hold no corner."""
+    """Return in words the edges of the picture along which most cells contain no corner."""
     edges = {
         "to the left": covered[:, 0],
         "to the right": covered[:, -1],
@@ -130,7 +130,7 @@ def judge_pair(*, pairs: int, epipolar_px: float, baseline_share: float) -> Verd
 
 
 def worst_of(verdicts: Sequence[tuple[str, Verdict]]) -> Verdict:
-    """Return one verdict for several parts, each reason with the part's name before it."""
+    """Return the worst verdict of several parts, with each reason prefixed by its part's name."""
     word = _ORDER[max(_ORDER.index(verdict.word) for _, verdict in verdicts)]
     return Verdict(
         word, tuple(f"{name}: {reason}" if name else reason for name, verdict in verdicts for reason in verdict.reasons)

@@ -1,4 +1,4 @@
-"""What ``CAMERA.toml`` says of its own making, and the words that the command prints."""
+"""The table ``[calibration]`` of ``CAMERA.toml``, and the lines that the command prints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from torsight.core.files.provenance import made_now, versions
 def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) -> dict[str, Any]:
     """Return the table ``[calibration]``: board, pictures with hashes and errors, uncertainty, versions, date.
 
-    ``earlier`` is the account of a known camera to which only the pose was added.
+    ``earlier`` is the table of a known camera to which only the pose was added.
     """
     content: dict[str, Any] = dict(earlier or {})
     if calibration.left is not None:
@@ -38,7 +38,7 @@ def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) 
 
 
 def summary(calibration: Calibration) -> list[str]:
-    """Return the lines that the command ends with."""
+    """Return the lines that the command prints at its end."""
     lines: list[str] = []
     for name, side in (("Camera", calibration.left), ("Right camera", calibration.right)):
         if side is not None:

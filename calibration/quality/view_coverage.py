@@ -1,4 +1,4 @@
-"""A picture of the coverage: where corners were seen, how far off they are, and what is still empty."""
+"""A picture of the coverage: the positions of all corners, their errors, and the empty cells."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from torsight.core.files.figure_file import write_figure
 _EMPTY: Final = "#f4d7d3"
 _ASIDE: Final = "#999999"
 _ARROW_SHARE: Final = 0.03
-"""Length of the arrow of the 95 % error, as a share of the picture's width: a quarter of what is between the corners of
-a board of usual size that fills the picture, so that no two touch."""
+"""Length of the arrow of the 95 % error, as a share of the picture's width: a quarter of the distance of the corners of
+a board of usual size that fills the picture, so that arrows do not touch."""
 
 
 def draw_coverage(path: Path, sides: list[tuple[str, Side]]) -> None:
     """Draw the corners of all views of each camera; the suffix of the path (png, svg, pdf) decides the format.
 
-    Corners are coloured by their error, with arrows that show its direction (enlarged as the title says); cells without
-    a corner are shaded; corners of views that were set aside are grey crosses.
+    Corners are coloured by their error, with arrows in its direction (enlarged by the factor in the title); cells
+    without a corner are shaded; corners of views that were set aside are grey crosses.
     """
     figure = Figure(figsize=(7.5 * len(sides), 6.2), layout="constrained")
     for place, (name, side) in enumerate(sides):

@@ -1,4 +1,4 @@
-"""From files to views: look for the board in every picture, choose among a film's frames, say what was seen."""
+"""From files to views: detection of the board in every picture, and selection among a film's frames."""
 
 from __future__ import annotations
 
@@ -28,24 +28,23 @@ from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 
 _BLURRED: Final = 1.5
-"""Frames whose edges are so many times as wide as those of the sharpest fifth are passed over: up to that corners err
-by a tenth more, with edges of twice the width 2.2 times as much (boards of benchmarks/calibration/constants.py)."""
+"""Width of edges, relative to that of the sharpest fifth, above which frames are skipped: at this limit corners err by
+a tenth more, with edges of twice the width 2.2 times as much (boards of benchmarks/calibration/constants.py)."""
 _LEAST_DIFFERENCE: Final = 0.05
-"""A frame that differs less from those chosen adds nothing: a twentieth of the picture's width, or 3° of tilt."""
+"""Least difference of a frame from the chosen ones: a twentieth of the picture's width, or 3° of tilt."""
 _LOOKED_AT_FOR_OTHER_BOARDS: Final = 2
-"""Pictures in which another board is looked for, some seconds each, before the board is said not to be found: in all
-for as long as a person waits (:data:`~torsight.core.progress.ATTENTION_S`)."""
+"""Number of pictures that are searched for another board, some seconds each, before the board is reported as not found:
+in total about as long as a person waits (:data:`~torsight.core.progress.ATTENTION_S`)."""
 _BEYOND_THE_BOARD: Final = 0.25
-"""Share of the views in which a chessboard may seem to go on: what stands behind it can look like squares. Of drawn
-boards all larger ones seem to and no whole one does (benchmarks/calibration/constants.py), so that a view of many may
-be wrong."""
+"""Largest share of views in which a chessboard may seem to continue, because the background can look like squares. Of
+drawn boards all larger ones seem to continue and no complete one does (benchmarks/calibration/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A picture that was looked at: its name, the hash of its file, and what became of it.
+    """A picture that was searched: its name, the hash of its file, and the outcome.
 
-    ``index`` is its place in the row of pictures; ``note`` is empty where the board was found and may be used.
+    ``index`` is its index in the list of pictures; ``note`` is empty where the board was found and may be used.
     """
 
     name: str
@@ -56,10 +55,10 @@ class Source:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Seen(Shown):
-    """All views of a board that one camera's pictures show, in the order of the pictures.
+    """All views of a board in one camera's pictures, in the order of the pictures.
 
-    ``sources`` is every picture that was looked at, of a film only the frames that were chosen: every ``step``-th was
-    looked at. With the pictures' size, and camera and focal length, where the files say.
+    ``sources`` are all pictures that were searched, of a film only the chosen frames; every ``step``-th frame was
+    searched. ``size_px`` is the pictures' size, ``device`` camera and focal length, if the files state them.
     """
 
     views: tuple[View, ...]
@@ -69,7 +68,7 @@ class Seen(Shown):
     step: int
 
     def facts(self) -> dict[str, str]:
-        """Return how many pictures show the board, their size and their camera."""
+        """Return the number of pictures that show the board, their size and their camera."""
         facts = {
             "views": f"{len(self.views)} of {len(self.sources)} pictures",
             "size": f"{self.size_px[0]} × {self.size_px[1]} px",
@@ -77,7 +76,7 @@ class Seen(Shown):
         return facts | ({"camera": self.device} if self.device else {})
 
     def _columns(self) -> dict[str, Any]:
-        """Return one row per picture: its name, how many corners are seen, and what became of it."""
+        """Return one row per picture: its name, the number of its corners, and the note on it."""
         corners = {view.index: len(view.corners_px) for view in self.views}
         return {
             "picture": [source.name for source in self.sources],
@@ -86,7 +85,7 @@ class Seen(Shown):
         }
 
     def _draw(self, axes: Any) -> None:
-        """Draw where in the picture corners were seen."""
+        """Draw the positions of all corners in the picture."""
         for view in self.views:
             axes.plot(*np.reshape(view.corners_px, (-1, 2)).T, ".", markersize=2)
         axes.set(xlim=(0.0, self.size_px[0]), ylim=(self.size_px[1], 0.0))
@@ -101,10 +100,10 @@ def find_views(
     only: frozenset[int] | None = None,
     progress: Progress = silent,
 ) -> Seen:
-    """Look for the board in pictures, films, folders or globs.
+    """Return the views of the board in pictures, films, folders or globs.
 
-    Of films every ``step``-th frame is looked at, chosen by their length where that is not given; ``only`` some places
-    in the row of pictures matter for the second camera of a pair.
+    Of films every ``step``-th frame is searched, by default a number that depends on their length; ``only`` restricts
+    the search to some indices in the list of pictures, for the second camera of a pair.
 
     Raises InputError when a file cannot be read or two pictures differ in size or camera; NoResultError when no picture
     shows the board; the message names another board that is seen instead.
@@ -182,10 +181,10 @@ def _does_not_fit(board: Board, seen: str, count: int | None) -> NoResultError:
 
 
 def _chosen(views: Sequence[View]) -> list[View]:
-    """Choose frames that are sharp and differ most from each other, in the order of the film.
+    """Return sharp frames that differ most from each other, in the order of the film.
 
-    Starting from the sharpest frame, the next is each time the one farthest from all chosen so far, in place and size
-    in the picture and in the board's tilt.
+    Starting from the sharpest frame, the next is always the one farthest from all frames chosen so far, by position and
+    size in the picture and by the board's tilt.
     """
     edges = np.array([view.edge_px for view in views])
     # The sharpest fifth: a single frame may look sharper than the lens is.
@@ -201,7 +200,7 @@ def _chosen(views: Sequence[View]) -> list[View]:
 
 
 def _traits(views: Sequence[View]) -> Floats:
-    """Return place, size and tilt (n, 5) in comparable numbers: picture widths, powers of two, sines."""
+    """Return position, size and tilt (n, 5) in comparable units: picture widths, powers of two, sines."""
     width = np.ptp(np.concatenate([view.corners_px for view in views]), axis=0).max()
     centre = np.array([view.corners_px.mean(axis=0) for view in views]) / width
     size = np.array([np.linalg.norm(np.ptp(view.corners_px, axis=0)) for view in views]) / width

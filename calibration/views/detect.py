@@ -1,9 +1,9 @@
-"""Find the board in a picture and measure its corners, in two windows.
+"""Detection of the board in a picture and measurement of its corners, in two windows.
 
-A corner is measured by OpenCV's gradient method in a square window. A wide window averages noise away, but where
-squares are seen small or askew it reaches over to the next edges and is pulled off. So each corner is measured twice:
-in a narrow window, which the calibration uses, and in a wide one (half of the smallest square, at most the customary
-11 px): where the two differ, the corners depend on the window and are not certain.
+A corner is measured by OpenCV's gradient method in a square window. A wide window averages noise, but where squares
+appear small or oblique it includes the next edges, which bias the result. So each corner is measured twice: in a narrow
+window, which the calibration uses, and in a wide one (half of the smallest square, at most the customary 11 px). Where
+the two results differ, the corners depend on the window and are uncertain.
 """
 
 from __future__ import annotations
@@ -22,36 +22,37 @@ from torsight.core.units import Floats, Ints
 
 Grey = NDArray[np.uint8]
 
-# benchmarks/calibration/constants.py measures what half and twice of these constants do.
+# benchmarks/calibration/constants.py measures the effect of half and twice of these constants.
 _DETECTION_SIDE_PX: Final = 1600
 _QUICK_SIDE_PX: Final = 640
-"""Longer side to which pictures and frames of a film are shrunk to find the board: the corners are then measured in the
+"""Longer side to which pictures, and frames of a film, are shrunk for detection; the corners are then measured in the
 full picture. The same boards are found with half and with twice of either."""
 _NARROW_SHARE: Final = 0.3
 _WIDE_SHARE: Final = 0.5
 """Half side of the narrow and of the wide window, as shares of the smallest square; half a square reaches the next
-edges where the board is seen askew. Corners err by 0.06 px in the narrow one, by 0.51 px with half of it; by 0.04 px in
-the wide one, 0.08 px with half and 3.4 px with twice of it."""
+edges of an oblique board. Corners err by 0.06 px in the narrow window, by 0.51 px with half this value; by 0.04 px in
+the wide window, 0.08 px with half and 3.4 px with twice this value."""
 _WIDEST_PX: Final = 11
-"""Half side of the window that is customary with OpenCV's calibration sample. With half and
-twice of it corners err by 3 % more and 1 % less."""
+"""Half side of the window that is customary in OpenCV's calibration sample. With half and twice this value corners err
+by 3 % more and 1 % less."""
 _NARROWEST_PX: Final = 2
-"""A smaller window has no gradients on both sides of a corner."""
+"""Smallest half side: a smaller window has no gradients on both sides of a corner."""
 _WINDOW_PER_EDGE: Final = 3.0
-"""Half side of the window in widths of the edge: the whole slope with level ground on both sides. With half of it
-corners err by a sixth more, with twice of it by 1 % less."""
+"""Half side of the window in widths of the edge: it includes the whole slope and the level parts on both sides. With
+half this value corners err by a sixth more, with twice by 1 % less."""
 FEWEST_CORNERS: Final = 8
-"""Corners of a board that a picture, or both of a pair, must show: twice those that determine a plane's pose."""
+"""Least number of corners in a picture, or in both of a pair: twice those that determine a plane's pose."""
 _STOP: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """The board as one picture shows it, by the picture's name and its place in the row of pictures, from 0.
+    """The board in one picture, with the picture's name and its index in the list of pictures, from 0.
 
-    Which inner corners of the board were found (n,), where they lie on the board (n, 3), and where the picture shows
-    them (n, 2), measured in the narrow and in the wide window; pixel centres are at whole numbers. ``edge_px`` is the
-    width of the edges at the corners: contrast over steepest slope; it grows with blur.
+    ``corner`` (n,) are the numbers of the inner corners that were found, ``points_mm`` (n, 3) their positions on the
+    board, ``corners_px`` and ``wide_px`` (n, 2) those in the picture, measured in the narrow and in the wide window;
+    pixel centres are at whole numbers. ``edge_px`` is the width of the edges at the corners (contrast over steepest
+    slope), which grows with blur.
     """
 
     name: str
@@ -66,8 +67,8 @@ class View:
 def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quick: bool = False) -> View | None:
     """Return the board's view in a picture (h, w), or None where the whole board (ChArUco: enough of it) is not found.
 
-    ``name`` and ``index`` are kept in the view; ``quick`` looks in a smaller picture and with the faster method only:
-    for the many frames of a film.
+    ``name`` and ``index`` are stored in the view; ``quick`` searches a smaller picture with the faster method only, for
+    the many frames of a film.
     """
     side_px = _QUICK_SIDE_PX if quick else _DETECTION_SIDE_PX
     scale, small = max(1.0, max(grey.shape) / side_px), shrunk(grey, side_px)
@@ -75,17 +76,17 @@ def find_board(grey: Grey, board: Board, *, name: str = "", index: int = 0, quic
     if found is None:
         return None
     corner, rough = found
-    # Pixel centres are at whole numbers: the picture's edge, half a pixel before the first, stays where it is.
+    # Pixel centres are at whole numbers, so that scaling is about the picture's edge, half a pixel before the first.
     rough = (rough + 0.5) * scale - 0.5
     points = board.points_mm()[corner]
     square_px = _smallest_square_px(points, rough, board.square_mm)
     narrow, wide = _NARROW_SHARE * square_px, _WIDE_SHARE * square_px
     if board.kind == "charuco":
-        # The markers' edges are nearer than the next corner; one pixel for their blur.
+        # The markers' edges are nearer than the next corner; allow one pixel for their blur.
         room = square_px * (board.square_mm - board.marker_mm) / (2.0 * board.square_mm)
         narrow, wide = min(narrow, room - 1.0), min(wide, room)
     edge_px = _edge_px(grey, rough, narrow)
-    # Where edges are wider than usual, as in a large picture that is not quite sharp, so must the window be.
+    # Edges that are wider than usual, as in a large, slightly blurred picture, need a wider window.
     widest = max(_WIDEST_PX, _WINDOW_PER_EDGE * edge_px)
     corners = _measured(grey, rough, min(narrow, widest))
     return View(
@@ -113,10 +114,10 @@ def _chessboard(grey: Grey, board: Board, *, quick: bool) -> tuple[Ints, Floats]
 
 
 def _oriented(grey: Grey, grid: Floats, board: Board) -> Floats:
-    """Turn the grid so that it starts at the board's own first corner.
+    """Return the grid rotated or mirrored so that it starts at the board's first corner.
 
-    Columns to rows must turn as in the picture (a board is never seen from behind); half a turn is decided by the
-    colours, the first square being black, or for a board without that difference by the picture's right.
+    Columns and rows must have the handedness of the picture (a board is never seen from behind). Half a turn is decided
+    by the colours (the first square is black), or for a symmetric board by the picture's right.
     """
     right, down = _steps(grid)
     if right[0] * down[1] - right[1] * down[0] < 0.0:
@@ -138,7 +139,7 @@ def _first_square_is_dark(grey: Grey, grid: Floats) -> bool:
     column, row = np.clip(middles.round().astype(int), 0, np.array(grey.shape[::-1]) - 1).transpose(2, 0, 1)
     brightness = grey[row, column].astype(np.float64)
     sign = np.where(np.add.outer(np.arange(row.shape[0]), np.arange(row.shape[1])) % 2 == 0, 1.0, -1.0)
-    # Neighbouring squares only: the light may differ from one end of the board to the other.
+    # Compare neighbouring squares only: the light may vary over the board.
     across = (brightness[:, 1:] - brightness[:, :-1]) * sign[:, :-1]
     return float(across.mean()) > 0.0
 
@@ -149,14 +150,14 @@ def _charuco(grey: Grey, board: Board) -> tuple[Ints, Floats] | None:
         return None
     corner = np.asarray(ids, np.int64).reshape(-1)
     points = board.points_mm()[corner, :2]
-    # Corners of one row say nothing of the board's tilt.
+    # Corners of a single row do not determine the board's tilt.
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=0.5 * board.square_mm) < 2:
         return None
     return corner, np.asarray(corners, np.float64).reshape(-1, 2)
 
 
 def _smallest_square_px(points_mm: Floats, corners_px: Floats, square_mm: float) -> float:
-    """Return the smallest width of a square, from the plane-to-picture map's derivative at every corner."""
+    """Return the smallest width of a square, px, from the Jacobian of the homography at every corner."""
     matrix, _ = cv2.findHomography(points_mm[:, :2], corners_px, 0)
     plane = np.concatenate((points_mm[:, :2], np.ones((len(points_mm), 1))), axis=1)
     image = plane @ matrix.T
@@ -185,9 +186,9 @@ def _edge_px(grey: Grey, corners_px: Floats, half_side_px: float) -> float:
 
 
 def board_normals(views: Sequence[View]) -> Floats:
-    """Return how the board's face points (n, 3) in each view, for a camera of usual focal length.
+    """Return the board's normals (n, 3) in all views, for a camera of usual focal length.
 
-    The true focal length is not known yet; a wrong one bends all normals alike and does not hide that they differ.
+    The true focal length is not known yet; a wrong one distorts all normals similarly and does not hide differences.
     """
     extent = np.concatenate([view.corners_px for view in views])
     focal_px = 1.2 * float(np.ptp(extent, axis=0).max())
@@ -202,10 +203,10 @@ def board_normals(views: Sequence[View]) -> Floats:
 
 
 def goes_on(grey: Grey, view: View, board: Board) -> bool:
-    """Return whether the chessboard goes on beyond the corners that ``BOARD.toml`` counts.
+    """Return whether the chessboard continues beyond the corners that ``BOARD.toml`` declares.
 
-    One more row of corners is sought on every side: between four squares the two pairs of opposite squares differ, at
-    the rim of a board three of the four are its white border.
+    One more row of corners is searched on every side: at a corner between four squares the two pairs of opposite
+    squares differ, whereas at the rim of a board three of the four are the white border.
     """
     if board.kind != "chessboard":
         return False
@@ -218,8 +219,8 @@ def goes_on(grey: Grey, view: View, board: Board) -> bool:
 
 
 def _are_corners(grey: Grey, points_mm: Floats, matrix: Floats, square_mm: float) -> bool:
-    """Return whether most of these places lie between four squares of alternating colour."""
-    # Well inside the four squares, away from their edges' blur.
+    """Return whether most of the given points lie between four squares of alternating colour."""
+    # Sample well inside the four squares, away from the blur of their edges.
     offsets = 0.3 * square_mm * np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]])
     places = cv2.perspectiveTransform((points_mm[:, None] + offsets).reshape(-1, 1, 2), matrix)
     column, row = places.reshape(-1, 2).round().astype(int).T
@@ -228,12 +229,12 @@ def _are_corners(grey: Grey, points_mm: Floats, matrix: Floats, square_mm: float
     same = grey[row, column].astype(np.float64).reshape(-1, 4)
     contrast = np.abs(same[:, :2].mean(axis=1) - same[:, 2:].mean(axis=1))
     unlike = np.maximum(np.abs(same[:, 0] - same[:, 1]), np.abs(same[:, 2] - same[:, 3]))
-    # A shadow makes some of the places look like corners, but not most of a row.
+    # A shadow may make some of the points look like corners, but not most of a row.
     return bool(np.mean(contrast > np.maximum(2.0 * unlike, 20.0)) > 0.5)
 
 
 def other_boards_seen(grey: Grey, board: Board) -> str | None:
-    """Return in words which other board a picture shows: a wrong ``BOARD.toml`` looks like no board at all."""
+    """Return in words another board that a picture shows; None without one. It indicates a wrong ``BOARD.toml``."""
     small = shrunk(grey, _QUICK_SIDE_PX)
     if board.kind == "charuco":
         return _other_dictionary(small) or _other_chessboard(small, board)
@@ -244,7 +245,7 @@ def _other_chessboard(grey: Grey, board: Board) -> str | None:
     across, down = board.corners
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
     tried = {(across, down), (down, across)}
-    # The grid that is found may be a part of a larger board, so larger ones first.
+    # A grid may also be found as part of a larger board, so larger ones are tried first.
     for extra in range(2, -3, -1):
         for other in range(2, -3, -1):
             size = (across + extra, down + other)

@@ -19,17 +19,17 @@ from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, in_order, is_gl
 from torsight.core.files.provenance import file_hash
 
 MOST_FILM_VIEWS: Final = 30
-"""Frames of a film that a lens is fitted to: beyond, its sigma falls by less than a tenth with every five more."""
+"""Largest number of a film's frames for a lens: beyond it, five more frames reduce the sigma by less than a tenth."""
 _FILM_CANDIDATES: Final = 5 * MOST_FILM_VIEWS
-"""Frames of a film that are looked at, to choose among."""
+"""Number of a film's frames that are searched, to choose among."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """One grey picture (h, w) as displayed, by its file's name, or a frame of a film with its number.
+    """One grey picture (h, w) as displayed, named by its file, or by film and number of a frame.
 
-    With the hash of the file's bytes, camera and focal length as the file says (empty where it does not), and the film
-    that it is from (empty for a picture file).
+    ``sha256`` is the hash of the file, ``device`` camera and focal length (empty where the file does not state them),
+    ``group`` the film of a frame (empty for a picture file).
     """
 
     name: str
@@ -45,7 +45,7 @@ class Picture:
 
 
 def expand(sources: Sequence[AnyPath]) -> list[Path]:
-    """Return the files behind pictures, films, folders and globs, each folder and glob in the order of names."""
+    """Return the files of pictures, films, folders and globs, each folder and glob in the order of names."""
     files: list[Path] = []
     for source in map(Path, sources):
         if source.is_dir():
@@ -70,13 +70,13 @@ def is_film(path: Path) -> bool:
 
 
 def film_step(files: Sequence[Path]) -> int:
-    """Return every how many-th frame of the films is looked at, so that the longest gives some hundred."""
+    """Return the step between searched frames of the films, such that the longest film gives some hundred."""
     longest = max((_frame_count(path) for path in files if is_film(path)), default=0)
     return max(1, longest // _FILM_CANDIDATES)
 
 
 def read_pictures(files: Sequence[Path], *, step: int) -> Iterator[Picture]:
-    """Give every picture, and every ``step``-th frame of every film, one at a time.
+    """Yield every picture, and every ``step``-th frame of every film.
 
     Raises InputError when a file is neither a picture nor a film that can be decoded.
     """
@@ -89,7 +89,7 @@ def read_pictures(files: Sequence[Path], *, step: int) -> Iterator[Picture]:
 
 def _picture(path: Path) -> Picture:
     digest = file_hash(path)
-    # By its bytes: on Windows OpenCV opens no file whose name is not ASCII.
+    # Decoded from bytes: on Windows OpenCV opens no file whose name is not ASCII.
     data = np.fromfile(path, dtype=np.uint8)
     try:
         grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
@@ -101,7 +101,7 @@ def _picture(path: Path) -> Picture:
 
 
 def _device(path: Path) -> str:
-    """Return camera and focal length from the picture's own notes (EXIF), as far as they are there."""
+    """Return camera and focal length from the picture's EXIF data, as far as they are stated."""
     try:
         with Image.open(path) as image:
             notes = image.getexif()
@@ -116,7 +116,7 @@ def _device(path: Path) -> str:
 
 
 def _frames(path: Path, step: int) -> Iterator[Picture]:
-    """Give every ``step``-th frame of a film; what cannot be decoded is passed over."""
+    """Yield every ``step``-th frame of a film; packets that cannot be decoded are skipped."""
     digest = file_hash(path)
     try:
         with av.open(str(path)) as container:
@@ -132,7 +132,7 @@ def _frames(path: Path, step: int) -> Iterator[Picture]:
 
 
 def _frame_count(path: Path) -> int:
-    """Count the frames by their packets: cheaper than decoding, and right where the header is not."""
+    """Return the number of frames, counted by packets: cheaper than decoding, and right where the header is wrong."""
     try:
         with av.open(str(path)) as container:
             return sum(1 for packet in container.demux(container.streams.video[0]) if packet.size)
@@ -178,5 +178,5 @@ def require_same_camera(first: Picture, other: Picture) -> None:
             where=other.name,
             value=other.device,
             limit=f"{first.device} as {first.name}",
-            do="calibrate each camera, and each setting of its zoom, by itself",
+            do="calibrate each camera, and each setting of its zoom, separately",
         )

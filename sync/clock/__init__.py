@@ -2,8 +2,8 @@
 
 In: strokes, heating segments and changepoints (:mod:`sync.signals`), changes of an LED (:mod:`sync.led`), a log with
 its restarts (:mod:`sync.log`). Out: temperature time = film time · (1 + drift) + offset, offset in s and drift in ppm
-with 95 % intervals, and the log with its restarts moved to where the motion or the LED puts them. ``estimation``
-chooses the evidence; ``offset_search`` finds where on the log the film can lie at all, ``threshold_likelihood`` refines
-that, ``motion_likelihood`` weighs thresholds, stops and the sensor's lag together, ``restarts`` adds the log's gaps;
+with 95 % intervals, and the log with its restarts shifted by the gaps that the motion or the LED determines.
+``estimation`` selects the evidence; ``offset_search`` finds the possible ranges of the offset, ``threshold_likelihood``
+refines them, ``motion_likelihood`` combines thresholds, stops and the sensor's lag, ``restarts`` adds the log's gaps;
 every likelihood is a ``gaussian_mixture`` over offset, drift and gaps.
 """

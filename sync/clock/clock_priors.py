@@ -1,10 +1,10 @@
-"""What is assumed about clocks, thresholds, stops, sensors and LEDs before the data speak.
+"""Prior assumptions on clocks, thresholds, stops, sensors and LEDs.
 
-In one record, so that ``benchmarks/sync/prior_sensitivity.py`` can estimate the clock of pairs whose clock is known
-with half and with twice of each value. Of four such pairs (``--seeds 4``) none of them moved the offset by more than
+They are in one record, so that ``benchmarks/sync/prior_sensitivity.py`` can estimate the clock of pairs with a known
+clock with half and with twice of each value. On four such pairs (``--seeds 4``) no value moved the offset by more than
 0.08 of its standard deviation in the median and 0.6 at most; the intervals' widths changed by factors of 0.92 to 1.17,
-and held the truth as before. The weights of strokes, stops and changes of the LED that have no partner do not count
-there at all: they are for logs that lack a part of the film. Taken away altogether two of them count: without
+and contained the truth as before. The weights of strokes, stops and changes of the LED without a partner have no effect
+there: they are for logs that lack a part of the film. Two assumptions matter when removed entirely: without
 ``rate_noise`` the offsets of eleven pairs of ``clock_coverage.py`` move by up to 1.8 standard deviations, and without
 lags in two stages one of five pairs leaves its interval.
 """
@@ -24,61 +24,63 @@ class Priors:
     drift_sigma_ppm : float
         Quartz clocks of computers: 95 % within ±200 ppm of each other.
     idle_heating_weight : float
-        How much of the explained share of the motion is lost by heatings during which nothing moved their way: such a
-        heating may have been too short to move anything.
+        Loss of explained share of the motion per share of heatings without a motion in their direction: such a heating
+        may have been too short to cause motion.
     no_segment_log : float
-        Logarithm of how much less likely it is that a stroke has no heating or cooling at all: e⁻⁸ is one of 3000.
+        Decrease of the log-likelihood by a stroke without any heating or cooling: e⁻⁸ is one of 3000.
     crossing_temper : float
-        Power to which the thresholds' likelihood counts where answers are weighed: the ten crossings of a stroke share
-        one scatter and count as two.
+        Power of the thresholds' likelihood in the weights of the answers: the ten crossings of a stroke share one
+        scatter and count as two.
     curve_sigma_c : float
-        Threshold temperatures of a kind of stroke are not known: wider than any heating.
+        Prior width of the threshold temperatures of a kind of stroke: wider than any heating, because they are unknown.
     start_sigma_c_per_deg : float
-        How much a threshold depends on the angle at which its stroke began, through the stress: E_M · d / (2 L_s) / C_M
-        per radian, which for the reference rig is 20 GPa · 0.0039 / (32 MPa/K) · π/180 = 0.04 °C per degree.
+        Dependence of a threshold on the start angle of its stroke, through the stress: E_M · d / (2 L_s) / C_M per
+        radian, which for the reference rig is 20 GPa · 0.0039 / (32 MPa/K) · π/180 = 0.04 °C per degree.
     far_scatter_c_per_deg : float
         Scatter of the thresholds of strokes that begin far from the others.
     near_deg : float
-        Strokes that begin so near to the usual start scatter with how the actuator came there: how far a heating went.
+        Distance from the usual start up to which the scatter of strokes depends on the actuator's motion before: on the
+        extent of the heating.
     near_scatter_c_per_deg : (float, float)
-        Scatter of thresholds that begin so near, for a cooling and for a heating.
+        Scatter of the thresholds of such strokes, for a cooling and for a heating.
     farthest_deg : float
-        Strokes that begin further from the others of their kind cross their levels under another stress: 1.6 °C and
-        more with ``start_sigma_c_per_deg``. They are not comparable and are left out.
+        Largest distance of a stroke's start from the others of its kind. Strokes that begin further away cross their
+        levels under another stress (1.6 °C and more with ``start_sigma_c_per_deg``): they are not comparable and are
+        left out.
     scatter_reach, scatter_shape : float
-        A stroke misses the curve of its kind as a whole, and by this much of that smoothly along its way, over this
-        share of it.
+        A stroke deviates from the curve of its kind by a constant, and by a smooth function along the stroke of the
+        relative size ``scatter_shape`` and the correlation length ``scatter_reach``, a share of the stroke.
     typical_scatter_c : float
         Scatter of thresholds from stroke to stroke: median of its prior.
     ordinary_scatter_c, with_rate : float
-        A larger scatter than this has a cause that nobody knows. It may go with the rate of heating, as a friction does
-        that grows with speed, and an offset does the same: then a scatter that goes with the rate is allowed, up to
-        ``with_rate`` times as large as the rest of it.
+        A scatter larger than ``ordinary_scatter_c`` has an unknown cause. It may be proportional to the rate of
+        heating, as with a friction that grows with speed, which has the same effect as an offset: then a scatter
+        proportional to the rate is allowed, up to ``with_rate`` times as large as the rest.
     rate_noise : float
-        Noise in the rates of a kind of stroke is taken to be so many times what the readings' own noise makes it: in a
-        rate it would look like an error of the clock that differs from level to level, and hide the one that does not.
+        Factor on the noise of rates within a kind of stroke, relative to that from the readings' noise. Noise of a rate
+        would look like an error of the clock that differs from level to level, and hide the common one.
     stop_sigma_s : float
-        How exactly the motion stops when the temperature stops rising.
+        Standard deviation of the time between the end of the temperature's rise and the stop of the motion.
     changepoint_per_lag : float
-        A changepoint looks earlier by so much of what the sensor's lag is taken too large.
+        Shift of a changepoint to earlier times per overestimation of the sensor's lag.
     stop_astray, stop_astray_s : float
-        Share of the stops of short strokes that had another cause, and by how much those are off. Of the stops of full
-        strokes, which may end at an end stop, half are taken to be.
+        Share of the stops of short strokes with another cause, and the standard deviation of their times. For full
+        strokes, which may end at an end stop, this share is one half.
     lag_is_roundness : float
-        Weight of the roundness of the log's changepoints being the sensor's lag, which it is where the power is cut at
-        once; the rest is spread evenly below.
+        Probability that the roundness of the log's changepoints is the sensor's lag, as it is where the power is cut
+        abruptly; the rest is spread evenly over smaller lags.
     no_lag : float
-        Weight of no lag at all where no changepoint can be read: enough that it lies within the 95 % interval.
+        Probability of zero lag without any measurable changepoint: large enough for the 95 % interval to contain it.
     lag_model : float
-        By how much of its lag a real sensor differs from a first-order one.
+        Relative deviation of a real sensor's lag from a first-order one.
     led_jitter_s : float
-        Error of a frame's and of a row's timestamp.
+        Error of the timestamps of a frame and of a row.
     led_repeats : float
-        Switchings that meet the frames at one phase repeat one error: two count as one.
+        Switchings at the same phase of the frames repeat one error: as many as this count as one.
     led_astray : float
         Weight of a change of the LED that belongs to no switching.
     gap_by_led_sigma_s : float
-        Error of a gap as pairing the LED on both sides of it gives it, before least squares: a row of a slow log.
+        Error of a gap from pairing the LED on both sides of it, before least squares: a row of a slow log.
     """
 
     drift_sigma_ppm: float = 100.0

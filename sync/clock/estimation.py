@@ -1,7 +1,7 @@
-"""Offset and drift between film and log, from the best that there is.
+"""Estimation of offset and drift between film and log, from the best available evidence.
 
-In this order: values that are given; an event that both saw (an LED on the heating switch); what motion and
-temperature say together. Where nothing moves the offset stays unknown and is not guessed.
+In this order: given values; an event in both recordings (an LED on the heating switch); motion against temperature.
+Where nothing moves, the offset remains unknown and is not guessed.
 """
 
 from __future__ import annotations
@@ -32,23 +32,24 @@ from torsight.core.words.plausible import FINEST_S, LATEST_S, require_turns, req
 from torsight.core.words.shown import Shown
 
 WIDE_S: Final = 1.0
-"""A wider interval is explained: at the 0.1 °C/s of slow programmes a second is 0.1 °C, to which sensors are read."""
+"""Width from which a note explains the interval: at the 0.1 °C/s of slow programmes one second is 0.1 °C, a sensor's
+resolution."""
 ADVICE: Final = (
     "give the offset (--offset, [sync] offset_s), film an LED on the heating switch (--led, [sync] led), or heat at "
     "two clearly different rates with one heating cut short"
 )
-"""What makes an offset better known."""
+"""Advice for determining the offset better."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Found(Shown):
-    """The clock, and the log with its restarts where the motion or the LED puts them."""
+    """The clock, and the log with its restarts shifted by the estimated gaps."""
 
     clock: ClockMap
     reading: LogReading
 
     def facts(self) -> dict[str, str]:
-        """Return the clock, and what it took to read the log."""
+        """Return the facts of the clock and of the log's reading."""
         return {**self.clock.facts(), **self.reading.facts()}
 
     def _columns(self) -> dict[str, Any]:
@@ -68,7 +69,7 @@ def estimate_clock(
     given_drift_ppm: float | None = None,
     light: LightEvents | None = None,
 ) -> ClockMap:
-    """Return the clock map with 95 % intervals, for a log whose clock did not restart.
+    """Return the clock map with 95 % intervals, for a log without restarts of its clock.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def estimate_clock(
     log : TemperatureLog
         Temperatures on the logging clock.
     given_offset_s, given_drift_ppm : float, optional
-        Values that are known; taken as exact.
+        Known values, taken as exact.
     light : LightEvents, optional
         Film times at which an LED showed the heating switch.
 
@@ -110,7 +111,7 @@ def find_clock(
     require_turns(sure_rad, angles.time_s, where="angles")
     if given_drift_ppm is None:
         return _find(angles, reading, given_offset_s=given_offset_s, light=light, drift_known=False)
-    # On a film whose times run as the log's do no drift is left, and the offset at film time 0 is the same.
+    # With film times that are corrected for the drift no drift remains, and the offset at film time 0 is the same.
     pace = 1.0 + given_drift_ppm * PPM
     found = _find(
         replace(angles, time_s=pace * angles.time_s),
@@ -131,7 +132,7 @@ def _find(
     light: LightEvents | None,
     drift_known: bool,
 ) -> Found:
-    """Return clock and log; where the drift is known it has been taken out of the film's times."""
+    """Return clock and log; where the drift is known, the film's times must be corrected for it."""
     prior = None if given_offset_s is None and not drift_known else _given(given_offset_s, drift_known=drift_known)
     if light is not None and given_offset_s is None:
         return _from_led(angles, reading, light, prior)
@@ -159,9 +160,9 @@ def _find(
 
 
 def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prior: Gaussian | None) -> Found:
-    """Let the LED decide; the motion only chooses where several shifts pair as many of its events.
+    """Return the clock from the LED; the motion only selects between shifts that pair equally many of its changes.
 
-    A ``prior`` is that of a drift that is known.
+    A ``prior`` is given for a known drift.
     """
     weighed = WeighedRestarts(None, reading)
     if unknown_gaps(reading) or any(not math.isfinite(r.gap_sigma_s) for r in reading.restarts):
@@ -190,7 +191,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
 def _paired(
     angles: StickAngles, weighed: WeighedRestarts, reading: LogReading, light: LightEvents, prior: Gaussian | None
 ) -> tuple[WeighedRestarts, LedMatch]:
-    """Return the LED's match, with rows after a restart where the motion has them or, if more pair, the LED."""
+    """Return the LED's match, with rows after a restart shifted by the motion or, if more changes pair, by the LED."""
     moved = _joined_by_led(angles, reading, light)
     other = None if moved is None else match_led(light, angles.time_s, moved.log, gaps=unknown_gaps(moved))
     try:
@@ -220,7 +221,7 @@ def _led_with_motion(
 
 
 def _joined_by_led(angles: StickAngles, reading: LogReading, light: LightEvents) -> LogReading | None:
-    """Return the log with the one restart whose gap is not sure put where the LED has it."""
+    """Return the log with the gap of its only uncertain restart from the LED; None without exactly one, or a gap."""
     unsure = [n for n, restart in enumerate(reading.restarts) if not restart.gap_sigma_s <= SURE_GAP_S]
     if len(unsure) != 1:
         return None
@@ -239,8 +240,8 @@ def _restart_notes(weighed: WeighedRestarts) -> tuple[str, ...]:
 
 
 def _given(offset_s: float | None, *, drift_known: bool) -> Gaussian:
-    """Return what is known about an offset, or None, and about the drift that is left."""
-    # A given value is exact to the finest step of any clock, s or ppm: with none the covariance could not be inverted.
+    """Return the prior of a given offset (None: unknown) and of the remaining drift."""
+    # A given value has the error of the finest clock, s or ppm, because a zero variance cannot be inverted.
     offset_sigma_s = LATEST_S if offset_s is None else FINEST_S
     drift_sigma_ppm = FINEST_S if drift_known else PRIORS.drift_sigma_ppm
     covariance = np.diag(np.square([offset_sigma_s, drift_sigma_ppm * PPM]))
@@ -248,7 +249,7 @@ def _given(offset_s: float | None, *, drift_known: bool) -> Gaussian:
 
 
 def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
-    """Let the interval hold both readings of coarse timestamps: cut off, as they are taken, and rounded."""
+    """Return the clock with an interval for both readings of coarse timestamps: truncated (as assumed) and rounded."""
     if step_s == 0.0:
         return clock
     low, high = clock.offset_ci95_s
@@ -282,7 +283,7 @@ def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
             f"lag. If something else rounds them, the offset is larger by up to that much: the interval covers both"
         )
     if high - low > WIDE_S:
-        # Few strokes still differ in their rates; where none do, nothing pins the offset within seconds.
+        # Few strokes still differ in their rates; equal rates do not determine the offset to seconds.
         alike = "the strokes that can be compared have about the same rates"
         why = alike if high - low > 5.0 * WIDE_S else "few strokes"
         notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {ADVICE}")
@@ -294,7 +295,7 @@ def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
     weights = np.array([gaussian.log_weight for gaussian in likelihood.mixture])
     offsets = np.array([gaussian.mean[0] for gaussian in likelihood.mixture])
     likely = offsets[weights > weights.max() - 6.0]
-    # Two ranges, further apart than either is wide.
+    # At least two ranges whose distance exceeds the width of the first.
     first = likelihood.ranges[0]
     if np.ptp(likely) > first.high_s - first.low_s and len(likelihood.ranges) > 1:
         notes.append("the programme repeats itself: shifts by whole cycles explain the motion about as well")

@@ -1,8 +1,8 @@
-"""Whether the film's times are in minutes instead of seconds, judged by the log's heatings.
+"""Detection of film times in minutes instead of seconds, from the log's heatings.
 
-A film whose times are too small by 60 shows strokes of both directions within one heating. No offset explains those,
-and with all times multiplied each has its heating or cooling. The other way round nothing is found by chance: strokes
-that are 60 times as long and as far apart fit nothing that they did not fit before.
+A film whose times are too small by a factor of 60 shows strokes in both directions within one heating. No offset
+explains these, but with all times multiplied by 60 each stroke has its heating or cooling. A film in seconds does not
+pass this test by chance: strokes that are 60 times as long and as far apart do not fit better than before.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from torsight.core.tracks import StickAngles
 def require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: MotionLikelihood | None) -> None:
     """Refuse a film whose motion the log explains only with the film's times as minutes.
 
-    ``likelihood`` is what was found with times in seconds, None for nothing.
+    ``likelihood`` is the result with times in seconds, None if there is none.
     """
     if likelihood is not None and likelihood.strokes - likelihood.matched <= 1:
         return

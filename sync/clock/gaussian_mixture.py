@@ -1,6 +1,6 @@
-"""Offset, drift and gaps of a clock as a mixture of Gaussians, and its value and 95 % interval.
+"""Offset, drift and gaps of a clock as a mixture of Gaussians, with values and 95 % intervals.
 
-A restart of the log whose gap is not known is a further unknown of the clock beside offset and drift.
+The gap of a restart of the log is a further unknown of the clock beside offset and drift.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from torsight.core.records import ClockMap
 from torsight.core.units import PPM, Flags, Floats
 
 MOST_HYPOTHESES: Final = 12
-"""Alternatives that are kept beside each other, likeliest first: ranges of offset, where in one of them the answer may
-lie, causes of stops, gaps of a log. Half and twice of them give the same clock (benchmarks/sync/constants.py)."""
+"""Largest number of alternative hypotheses that are kept, most likely first: ranges of the offset, maxima within a
+range, causes of stops, gaps of a log. Half and twice as many give the same clock (benchmarks/sync/constants.py)."""
 NEGLIGIBLE_LOG: Final = 20.0
-"""Alternatives that are less likely by this logarithm are left out: e⁻²⁰ = 2·10⁻⁹ is what quantiles are solved to."""
+"""Difference of log-likelihood from which an alternative is dropped: e⁻²⁰ = 2·10⁻⁹, the precision of the quantiles."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaussian:
-    """One Gaussian of a mixture, with the logarithm of its weight, up to a constant that all share.
+    """One Gaussian of a mixture, with the logarithm of its weight, up to a common constant.
 
-    The mean (2 + k,) is the offset in s at some film time, the drift as a plain ratio, and the missing time of each of
-    k gaps of the log, s.
+    The mean (2 + k,) holds the offset in s at some film time, the drift as a plain ratio, and the missing time of each
+    of k gaps of the log, s.
     """
 
     mean: Floats
@@ -35,7 +35,7 @@ class Gaussian:
     log_weight: float
 
     def updated(self, design: Floats, value: float, variance: float) -> Gaussian:
-        """Return the Gaussian after a measurement ``design @ mean = value`` with some variance."""
+        """Return the Gaussian conditioned on a measurement ``design @ mean = value`` with a variance."""
         gain = self.covariance @ design
         total = float(design @ gain) + variance
         away = value - float(design @ self.mean)
@@ -46,7 +46,7 @@ class Gaussian:
         )
 
     def without_drift(self) -> Gaussian:
-        """Return the Gaussian where there is known to be no drift."""
+        """Return the Gaussian conditioned on zero drift."""
         row = np.zeros(len(self.mean))
         row[1] = 1.0
         return self.updated(row, 0.0, 0.0)
@@ -60,9 +60,10 @@ class Gaussian:
 
 @dataclass(frozen=True, slots=True)
 class UnknownGap:
-    """A joint of the log: rows after it may belong later than they were put, by an unknown time with one sigma.
+    """A joint of the log after which rows may be later than assumed, by an unknown time with standard deviation sigma.
 
-    ``after_s`` and ``begin_s`` are the timestamps of the last row before and of the first after, as they were joined.
+    ``after_s`` and ``begin_s`` are the timestamps of the last row before the joint and of the first after it, as
+    joined.
     """
 
     after_s: float
@@ -73,7 +74,7 @@ class UnknownGap:
 def log_time(
     film_s: Floats, point: Floats, gaps: Sequence[UnknownGap], *, middle_s: float
 ) -> tuple[Floats, Floats, Flags]:
-    """Return the joined log's timestamps at film times, their derivatives by the unknowns, and where the log has rows.
+    """Return the joined log's timestamps at film times, their Jacobian by the unknowns, and the mask of known ones.
 
     ``point`` holds the offset at ``middle_s``, the drift, and the missing time of every gap.
     """
@@ -90,17 +91,17 @@ def log_time(
 
 
 def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:
-    """Return the clock: values with which most of the mixture agrees, central 95 % intervals of the whole mixture."""
+    """Return the clock: values where most of the mixture's weight agrees, with the mixture's central 95 % intervals."""
     weight = softmax([gaussian.log_weight for gaussian in mixture])
     mean = np.stack([gaussian.mean for gaussian in mixture])
     covariance = np.stack([gaussian.covariance for gaussian in mixture])
-    # The offset at film time 0 is the one at the middle less what the drift adds up to there.
+    # The offset at film time 0 is that at the middle minus the drift accumulated until there.
     row = np.zeros(mean.shape[1])
     row[:2] = 1.0, -middle_s
     offset, offset_sigma = mean @ row, np.sqrt(row @ covariance @ row)
     drift, drift_sigma = mean[:, 1] / PPM, np.sqrt(covariance[:, 1, 1]) / PPM
-    # Neighbours on a fine grid of lags share their weight: where most of it agrees, not the heaviest part; nor the peak
-    # of the density, which a narrow part of little weight may have.
+    # Neighbours on a fine grid of lags share their weight. So take the point with most weight around it, neither the
+    # component with the largest weight nor the peak of the density, which may be that of a narrow, light component.
     middle, spread = mean[:, 0], np.sqrt(covariance[:, 0, 0])
     best = int(np.argmax(np.exp(-0.5 * ((middle[:, None] - middle) / spread) ** 2) @ weight))
     near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))
@@ -115,7 +116,7 @@ def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") 
 
 
 def _quantile(mean: Floats, sigma: Floats, weight: Floats, share: float) -> float:
-    # Nearly every command imports this module, and few look for a clock: scipy.optimize takes a fifth of their start.
+    # Nearly every command imports this module, few estimate a clock: scipy.optimize takes a fifth of the start-up time.
     from scipy.optimize import brentq
 
     matters = weight > np.exp(-NEGLIGIBLE_LOG)

@@ -1,8 +1,8 @@
-"""How late the sensor is, from the roundness of the changepoints in the log.
+"""Estimation of the sensor's lag from the roundness of the changepoints in the log.
 
-A changepoint cannot be sharper than the sensor's lag allows: its roundness is an upper limit of the lag. It is the lag
-itself where the power was cut at once, which is how these springs are driven; that gets most of the weight, and the
-rest is spread evenly below, because something else may have rounded the changepoint.
+A changepoint cannot be sharper than the sensor's lag allows: its roundness is an upper limit of the lag. It equals the
+lag where the power was cut abruptly, which is how these springs are driven. This case has most of the weight; the rest
+is spread evenly over smaller lags, because the changepoint may have been rounded by another cause.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from torsight.core.series import robust_sigma
 from torsight.core.units import Floats
 
 SHORT_LAG_S: Final = 0.1 * WINDOW_S
-"""A shorter lag does not show in what is smoothed over the window."""
+"""Lag below which signals that are smoothed over the window show no effect."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LagMixture:
-    """What the log says about the sensor's lag: the roundness of its changepoints, None where none could be measured.
+    """The distribution of the sensor's lag: lags ``grid_s`` (n,) with the logarithms of their weights.
 
-    Lags (n,) with the logarithms of their weights, and the share of the lag that falls to a second stage.
+    ``value_s`` and ``sigma_s`` are the roundness of the log's changepoints, None without a measurable one; ``split`` is
+    the share of the lag in a second stage.
     """
 
     value_s: float | None
@@ -40,8 +41,8 @@ class LagMixture:
 
 
 def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
-    """Return what the changepoints of a log say together."""
-    # At the end of the grid a lag is a bound and no value.
+    """Return the distribution of the lag from all changepoints of a log."""
+    # A lag at the end of the grid is a bound, not a value.
     usable = [
         changepoint
         for changepoint in changepoints
@@ -66,9 +67,9 @@ def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
 
 
 def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
-    """Return the weights of lags in one stage and in two, by how well each describes the changepoints.
+    """Return the mixture of lags in one stage and in two, weighted by their likelihood of the changepoints.
 
-    ``options`` holds the changepoints of a log as they were fitted with each share of a second stage.
+    ``options`` holds the changepoints of a log as fitted with each share of a second stage.
     """
     mixture = {split: lag_mixture(changepoints) for split, changepoints in options.items()}
     fits = {split: sum(changepoint.log_fit for changepoint in changepoints) for split, changepoints in options.items()}
@@ -86,7 +87,7 @@ def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
 
 
 def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
-    """Return the lag that all changepoints share, with one sigma, from their likelihoods; outliers are left out."""
+    """Return the common lag of all changepoints and its sigma, from their likelihoods, without outliers."""
     middle = float(np.median([changepoint.lag_s for changepoint in changepoints]))
     typical = float(np.median([changepoint.lag_sigma_s for changepoint in changepoints]))
     spread = robust_sigma(np.array([changepoint.lag_s - middle for changepoint in changepoints]))
@@ -104,7 +105,7 @@ def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
             changepoint.lag_log_likelihood.max()
         )
         total += np.maximum(np.where(inside, known, outside), -30.0)
-    # Changepoints that scatter by more than their own sigmas count for less.
+    # Changepoints whose scatter exceeds their own sigmas count less.
     scale = max(1.0, spread / max(typical, 1e-9)) ** 2
     weight = softmax(total / scale)
     value = float(grid[int(np.argmax(weight))])

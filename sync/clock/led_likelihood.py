@@ -1,10 +1,10 @@
-"""An LED in the film that shows the heating switch: the same event on both clocks.
+"""Estimation of the clock from an LED in the film that shows the heating switch: the same event on both clocks.
 
-A frame shows the LED on when it went on at some time since the frame before, and a row of the log shows the switch on
-when it went on since the row before. So an event happened half an interval earlier than each first shows it, give or
-take half an interval. Those errors need not be independent: switchings that are whole frames apart meet the frames at
-the same phase every time, and averaging them gains nothing. So the intervals themselves are intersected, over a grid of
-offset and drift, instead of taking a mean with a root of the number of events.
+The first frame that shows the LED on, and the first row that shows the switch on, come at most one interval after the
+event. So the event happened half an interval before each of them, give or take half an interval. These errors need not
+be independent: switchings that are whole frames apart occur at the same phase of the frames every time, and averaging
+them gains nothing. So the intervals are intersected over a grid of offset and drift, instead of averaging with an error
+that falls with the root of the number of events.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from torsight.core.records import TemperatureLog
 from torsight.core.units import PPM, Flags, Floats, Ints
 
 _GRID: Final = 161
-"""Points of the grid over ±4 sigma of offset and drift: twenty for each sigma."""
+"""Points of the grid over ±4 sigma of offset and of drift: twenty per sigma."""
 _LARGEST_DRIFT: Final = 3.0 * PRIORS.drift_sigma_ppm * PPM
 
 
 @dataclass(frozen=True, slots=True)
 class LedMatch:
-    """What the LED says about the clock: drift, and the offset at the film time ``middle_s``.
+    """The clock from the LED: drift, and the offset at the film time ``middle_s``.
 
-    How many pairs were found, how many events the film has and how many changes of the switch the log, and how many
-    other shifts pair as many events. ``second_shift_s`` is by how much later another shift pairs the events that are
-    left at one end of the film: the log's clock may have jumped in between. The Gaussian then holds both.
+    ``matched`` is the number of pairs, ``events`` and ``switchings`` are the numbers of changes on the film and in the
+    log, ``rivals`` is the number of other shifts that pair as many events. ``second_shift_s`` is the distance of
+    another shift that pairs the remaining events at one end of the film: the log's clock may have jumped in between.
+    The Gaussian then covers both.
     """
 
     gaussian: Gaussian
@@ -58,8 +59,8 @@ def match_led(
 ) -> LedMatch:
     """Pair the LED's changes with the switch's and estimate the clock.
 
-    ``frame_s`` are the times of all frames; where several shifts pair as many events, those with an offset ``near`` are
-    chosen from. The ``gaps`` at joints of the log that are not sure are further unknowns of the Gaussian.
+    ``frame_s`` are the times of all frames; of several shifts that pair as many events, those with an offset in the
+    range ``near`` are preferred. The ``gaps`` at uncertain joints of the log are further unknowns of the Gaussian.
     """
     if log.heat_a is None and log.heat_b is None:
         raise InputError(
@@ -109,10 +110,10 @@ def match_led(
 
 
 def _second_shift(film: Changes, switchings: Changes, index: Ints, partner: Ints) -> float | None:
-    """Return the shift that pairs all events that the best one has left, where they are two or more at one end."""
+    """Return the shift that pairs all events that the best one leaves unpaired, if these are two or more at one end."""
     events = np.setdiff1d(np.arange(len(film)), index)
     others = np.setdiff1d(np.arange(len(switchings)), partner)
-    # One pair fits any shift.
+    # A single pair fits any shift.
     at_one_end = len(events) > 1 and (events[-1] == len(events) - 1 or events[0] == len(film) - len(events))
     if not at_one_end or len(others) < len(events):
         return None
@@ -121,9 +122,9 @@ def _second_shift(film: Changes, switchings: Changes, index: Ints, partner: Ints
 
 
 def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, after_s: float) -> float | None:
-    """Return the time that is missing after a joint of the log, s, by pairing the LED on both sides of it.
+    """Return the missing time at a joint of the log, s, by pairing the LED's changes on both sides of the joint.
 
-    None where one side alone pairs as many events as both. Of several answers the shortest is taken.
+    None where the two sides cannot be paired with different events. Of several answers the shortest is taken.
     """
     film = _on_film(events, frame_s)
     best: tuple[int, float] | None = None
@@ -146,14 +147,14 @@ def gap_by_led(events: LightEvents, frame_s: Floats, log: TemperatureLog, *, aft
 def _with_gaps(
     away_s: Floats, offset_s: Floats, after_gap: Flags, variance: Floats, gap_sigma_s: Sequence[float]
 ) -> Gaussian:
-    """Return the Gaussian about offset, drift and the time missing at each joint, by least squares.
+    """Return the Gaussian of offset, drift and the missing time at each joint, by least squares.
 
-    Rows after a joint stand earlier than they belong by what is missing there.
+    Rows after a joint have timestamps that are too early by the missing time.
     """
-    # Wide: drawing an ordinary drift to zero would shift the offset at the film's ends.
+    # A wide prior: shrinking an ordinary drift to zero would shift the offset at the film's ends.
     sigmas = [10.0, 2.0 * PRIORS.drift_sigma_ppm * PPM, *gap_sigma_s]
     mean = np.zeros(len(sigmas))
-    # Near the answer already: the prior of 10 s is to pull at nothing.
+    # Centred near the answer, so that the prior of 10 s has no effect.
     mean[0] = float(np.median(offset_s))
     gaussian = Gaussian(mean, np.diag(np.square(sigmas)), 0.0)
     for away, seen, later, spread in zip(away_s, offset_s, after_gap, variance, strict=True):
@@ -162,20 +163,21 @@ def _with_gaps(
 
 
 def _intersected(*, away_s: Floats, offset_s: Floats, film_step_s: Floats, log_step_s: Floats) -> Gaussian:
-    """Return mean and covariance of offset and drift, every pair having uniform errors over its two intervals."""
+    """Return mean and covariance of offset and drift, with uniform errors of every pair over its two intervals."""
     drift_sigma = 2.0 * PRIORS.drift_sigma_ppm * PPM
     wide = Gaussian(np.array([float(offset_s.mean()), 0.0]), np.diag([1e2, drift_sigma**2]), 0.0)
-    # Least squares say where to look; as if every pair were the only one, so that the grid is surely wide enough.
+    # Least squares give the range of the grid, with the variance of a single pair, so that the grid is wide enough.
     variance = len(away_s) * ((film_step_s**2 + log_step_s**2) / 12.0 + PRIORS.led_jitter_s**2)
     for away, offset, spread in zip(away_s, offset_s, variance, strict=True):
         wide = wide.updated(np.array([1.0, float(away)]), float(offset), float(spread))
     reach = 4.0 * np.sqrt(np.diag(wide.covariance))
     unit = np.linspace(-1.0, 1.0, _GRID)
     offset, drift = np.meshgrid(wide.mean[0] + reach[0] * unit, wide.mean[1] + reach[1] * unit, indexing="ij")
-    # Any drift of ordinary clocks is as good as another: drawing it to zero would shift the offset at the film's ends.
+    # Drifts of ordinary clocks are equally likely: shrinking them to zero would shift the offset at the film's ends.
     log_weight = -0.5 * (drift / (1.1 * drift_sigma)) ** 8
     for away, seen, film_step, log_step in zip(away_s, offset_s, film_step_s, log_step_s, strict=True):
-        # The sum of two uniform errors has the density of a trapezoid: as wide as both, its top as wide as they differ.
+        # The sum of two uniform errors has a trapezoidal density: its base is the sum of both widths, its top their
+        # difference.
         error = np.abs(seen - offset - drift * away)
         long, short = max(film_step, log_step) + PRIORS.led_jitter_s, min(film_step, log_step) + PRIORS.led_jitter_s
         inside = np.clip(0.5 * (long + short) - error, 0.0, short) / (long * short)
@@ -199,7 +201,7 @@ def _on_film(events: LightEvents, frame_s: Floats) -> Changes:
 
 
 def _switches(log: TemperatureLog) -> list[Flags]:
-    """Return what the LED may show: any heating, or that of one spring."""
+    """Return the switches that the LED may show: any heating, or that of one spring."""
     single = [switch for switch in (log.heat_a, log.heat_b) if switch is not None]
     return [np.logical_or.reduce(single), *(single if len(single) > 1 else [])]
 
@@ -220,9 +222,9 @@ def _best_shifts(film: Changes, log: Changes) -> tuple[int, list[float]]:
 
 
 def _pairs(film: Changes, log: Changes, offset_s: float) -> tuple[Ints, Ints]:
-    """Pair events with the nearest switching of their direction, where that is as near as the clocks allow.
+    """Pair events with the nearest switching of the same direction, if it is within the clocks' errors.
 
-    Returns the rows of those events and of their partners.
+    Returns the indices of these events and of their partners.
     """
     found: list[tuple[int, int]] = []
     for index, at_s in enumerate(film.time_s):

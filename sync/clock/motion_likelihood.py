@@ -1,4 +1,4 @@
-"""The likelihood of a clock from motion and temperature: offset search, thresholds, stops, the sensor's lag."""
+"""The likelihood of the clock from motion and temperature: offset search, thresholds, stops, the sensor's lag."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from torsight.core.units import PPM, Flags, Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLikelihood:
-    """What motion and temperature say about the clock: a mixture, and the film time at which its offsets hold.
+    """The clock's distribution from motion and temperature: a mixture, and the film time at which its offsets hold.
 
-    Beside it: what is known about the sensor's lag; how many strokes the film has, how many of them have a segment, how
-    many abrupt stops were paired with a changepoint; the ranges of offset that the search left; and whether the motion
-    fits better with the springs the other way round.
+    ``lag`` is the distribution of the sensor's lag. ``strokes``, ``matched`` and ``stops`` count the film's strokes,
+    those with a segment, and the abrupt stops that are paired with a changepoint. ``ranges`` are the possible ranges of
+    the offset; ``swapped`` is true where the motion fits better with the springs exchanged.
     """
 
     mixture: tuple[Gaussian, ...]
@@ -57,11 +57,10 @@ class _Inputs:
 def motion_likelihood(
     angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None, gaps: Sequence[UnknownGap]
 ) -> MotionLikelihood | None:
-    """Weigh motion against temperature over the whole range of offsets.
+    """Return the likelihood of the clock from motion and temperature over all possible offsets.
 
-    ``prior`` (offset at film time 0 and drift) narrows the range; ``gaps`` are joints of the log whose gap is not
-    sure: they become further unknowns. ``None`` where nothing moves, nothing is
-    heated, or no offset explains the motion.
+    ``prior`` (offset at film time 0 and drift) narrows the range; ``gaps`` are joints of the log with an uncertain gap,
+    which is a further unknown. None where nothing moves, nothing is heated, or no offset explains the motion.
     """
     strokes = find_strokes(angles)
     signals = log_signals(log, max_gap_s=longest_gap_s(log.time_s))
@@ -78,7 +77,7 @@ def motion_likelihood(
     span = (float(angles.time_s[0]), float(angles.time_s[-1]))
     ranges = find_ranges(strokes, signals, film_span_s=span)
     if prior is not None:
-        # The strokes are late by the sensor's lag, too: where they meet their heatings is further off than the offset.
+        # The sensor's lag shifts strokes against their heatings, so that the range extends beyond the offset's prior.
         late_s = MAX_LAG_S if lag.sigma_s is None else 4.0 * lag.sigma_s
         reach = max(5.0 * float(np.sqrt(prior.covariance[0, 0])), 2.0) + late_s
         ranges = tuple(
@@ -126,7 +125,7 @@ class _Weighed:
 
 
 def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -> _Weighed | None:
-    """Refine one range of offsets: thresholds first, then the lag's share of it, then the stops."""
+    """Refine one range of offsets: by the thresholds, then for every possible lag, then by the stops."""
     center_s = 0.5 * (offset_range.low_s + offset_range.high_s)
     segments = assign(inputs.strokes, inputs.signals.segments, center_s)
     matched = sum(segment is not None for segment in segments)
@@ -135,7 +134,7 @@ def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -
     if crossings is None:
         return None
     wide = _before(inputs, offset_range, prior)
-    # The thresholds see offset and lag as one delay; the stops see the offset alone.
+    # Thresholds determine the sum of offset and lag, a delay; stops determine the offset alone.
     assumed_s = inputs.lag.value_s or 0.0
     delays = _delays(inputs, crossings, offset_range, wide, lag_s=assumed_s)
     if not delays:
@@ -161,7 +160,7 @@ def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -
 def _possible(
     offset_range: OffsetRange, strokes: Sequence[Stroke], segments: Sequence[HeatingSegment | None], *, slack_s: float
 ) -> OffsetRange:
-    """Narrow a range: no motion back before the power went off, none on after the temperature stopped rising."""
+    """Narrow a range: return motions begin after the power is cut, motions end when the temperature stops rising."""
     pairs = [(stroke, segment) for stroke, segment in zip(strokes, segments, strict=True) if segment is not None]
     low = max([segment.begin_s - stroke.begin_s - 0.5 for stroke, segment in pairs], default=offset_range.low_s)
     high = min([segment.until_s - stroke.end_s for stroke, segment in pairs], default=offset_range.high_s) + slack_s
@@ -173,15 +172,15 @@ def _possible(
 
 
 def _with_stops(gaussian: Gaussian, stops: Sequence[_PairedStop], inputs: _Inputs, middle_s: float) -> list[Gaussian]:
-    """Take the stops into account; any of them may have another cause.
+    """Return the Gaussians after conditioning on the stops, each of which may have another cause.
 
-    Where two contradict each other nothing says which one is wrong: both hypotheses are kept, by their weights.
+    Where two stops contradict each other, both hypotheses are kept with their weights.
     """
-    # A stop that was given a heating of another cycle may be anywhere on the film.
+    # A stop that was paired with a heating of another cycle may be anywhere on the film.
     elsewhere = PRIORS.stop_astray / float(np.ptp(inputs.angles.time_s))
     hypotheses = [gaussian]
     for stop in stops:
-        # Rows after a gap stand earlier than they belong by what is missing there.
+        # Rows after a gap have timestamps that are too early by the missing time.
         after_gap = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
         design = np.array([1.0, stop.film_s - middle_s, *after_gap])
         ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + PRIORS.stop_astray_s**2, stop.astray))
@@ -219,7 +218,7 @@ def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) 
 
 
 def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussian:
-    """Take a given offset into account: it is that of film time 0, and no lag of the sensor moves it."""
+    """Return the Gaussian conditioned on a given offset, which holds at film time 0 and does not include a lag."""
     design = np.zeros(len(gaussian.mean))
     design[:2] = 1.0, -middle_s
     return gaussian.updated(design, float(prior.mean[0]), float(prior.covariance[0, 0]))
@@ -236,7 +235,7 @@ def _delays(
         return []
     order = np.argsort(log_likelihood)[::-1]
     starts: list[float] = []
-    # Nearer than three steps of the scan two starts climb the same maximum.
+    # Two starts within three steps of the scan lead to the same maximum.
     for index in order[: max(20, len(order) // 4)]:
         if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < MOST_HYPOTHESES:
             starts.append(float(offset_s[index]))
@@ -254,7 +253,7 @@ def _delays(
 
 @dataclass(frozen=True, slots=True)
 class _PairedStop:
-    """A stop on the film and the end of the heating that drove it."""
+    """A stop on the film, paired with the end of the heating that drove the stroke."""
 
     film_s: float
     log_s: float
@@ -283,17 +282,17 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
         )
         if changepoint is None:
             continue
-        # A changepoint is dated the earlier, the later the sensor is taken to be.
+        # The larger the assumed lag, the earlier the changepoint's estimated time.
         lag_part = PRIORS.changepoint_per_lag * (inputs.lag.sigma_s or 0.0)
         variance = stop_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + PRIORS.stop_sigma_s**2
-        # A full stroke can end abruptly by itself, at an end stop; one that is shorter than others was cut short.
+        # A full stroke can end abruptly at an end stop; one that is shorter than others was cut short.
         whole = stroke.length_rad > WHOLE_STROKE * max(heated)
         pairs.append(_PairedStop(stop_s, changepoint.time_s, variance, 0.5 if whole else PRIORS.stop_astray))
     return pairs
 
 
 def _lag(log: TemperatureLog, signals: LogSignals) -> LagMixture:
-    """Return the sensor's lag from the changepoints; a second stage is looked for only where a lag shows."""
+    """Return the sensor's lag from the changepoints; a second stage is fitted only where a lag is measurable."""
     simple = [changepoint for _, changepoint in _changepoints(log, signals, None)]
     lag = lag_mixture(simple)
     if lag.value_s is None or lag.value_s < SHORT_LAG_S:
@@ -326,7 +325,7 @@ def _changepoints(
 def _begun_at_power_off(
     segments: Sequence[HeatingSegment], changepoints: Sequence[tuple[HeatingSegment, Changepoint]]
 ) -> tuple[HeatingSegment, ...]:
-    """Let coolings begin where the power went off: nothing can move back before."""
+    """Return the segments with coolings that begin when the power is cut: no return motion begins earlier."""
     begin = {(segment.spring, segment.begin_s): changepoint.time_s for segment, changepoint in changepoints}
     return tuple(
         segment

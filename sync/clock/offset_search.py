@@ -1,8 +1,8 @@
-"""Where on the log's clock the film can lie at all: motion against heating and cooling over the whole range.
+"""Search for the possible ranges of the offset: motion against heating and cooling over the whole log.
 
-Every stroke must lie inside a heating or cooling that drives the angle its way. The share of the strokes' time for
-which that holds, as a function of the offset, has plateaus: ranges in which every stroke can be given the segment that
-drove it.
+Every stroke must lie within a heating or cooling that drives the angle in its direction. The share of the strokes' time
+for which this holds, as a function of the offset, has plateaus: ranges in which every stroke can be assigned to the
+segment that drove it.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ from torsight.core.series import runs
 from torsight.core.units import Floats
 
 _STEP_S: Final = 0.25 * WINDOW_S
-"""Step of the search: what is smoothed over a window is the same a quarter of it further on."""
+"""Step of the search: signals that are smoothed over a window hardly change over a quarter of it."""
 ALIKE: Final = 0.12
-"""Shares of explained motion that differ by less are alike: one stroke of eight, the fewest that a programme has. Half
-of it moves a clock by 0.03 of its standard deviations at most, twice of it by 1.5 (benchmarks/sync/constants.py)."""
+"""Difference below which shares of explained motion count as equal: one stroke of eight, the fewest of a programme.
+Half this value moves a clock by 0.03 of its standard deviations at most, twice by 1.5
+(benchmarks/sync/constants.py)."""
 _LEAST_EXPLAINED: Final = 0.3
-"""Motion that no offset explains better is not the log's: by chance half of it lies in segments of its direction, less
-what idle heatings take off. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
+"""Least explained share for which motion and log belong together: by chance half of the motion lies in segments of its
+direction, minus the loss by idle heatings. Half and twice this value give the same clock
+(benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)
 class OffsetRange:
-    """A range of offsets at which the strokes fall into segments that explain them.
+    """A range of offsets at which the strokes lie in segments that explain them.
 
-    ``score`` is the best share of explained motion in it, 1 where everything fits.
+    ``score`` is the largest share of explained motion in the range, 1 where everything fits.
     """
 
     low_s: float
@@ -95,7 +97,7 @@ def best_share(strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], *,
 def _idle_share(
     strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: Floats, film_span_s: tuple[float, float]
 ) -> Floats:
-    """Return the share of heatings, wholly on the film, during which nothing moved their way."""
+    """Return the share of the heatings that are entirely on the film during which nothing moved in their direction."""
     heatings = [segment for segment in segments if segment.heating]
     idle = np.zeros(len(offset_s))
     seen = np.zeros(len(offset_s))
@@ -113,7 +115,7 @@ def _idle_share(
 def assign(
     strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: float
 ) -> list[HeatingSegment | None]:
-    """Return, for each stroke, the segment of its direction that shares most time with it at an offset."""
+    """Return for each stroke the segment of its direction with the largest overlap in time at an offset, or None."""
     chosen: list[HeatingSegment | None] = []
     for stroke in strokes:
         begin, end = stroke.begin_s + offset_s, stroke.end_s + offset_s

@@ -1,7 +1,8 @@
-"""Clock and restarts of the log together: the motion shows how long a logger was away where the log does not.
+"""Joint estimation of the clock and the gaps at restarts of the log, for gaps that the log does not show.
 
-For a restart during a rest two hypotheses are compared: the clock alone restarted (the usual step passed), or the
-logger was away for an unknown time, which is searched for first so that strokes after the restart meet their heatings.
+For a restart during a rest two hypotheses are compared: the clock alone restarted (one usual step passed), or the
+logger was off for an unknown time. This time is first searched for, such that strokes after the restart coincide with
+their heatings.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from torsight.core.series import usual_step
 from torsight.core.tracks import StickAngles
 
 SURE_GAP_S: Final = PRIORS.stop_sigma_s / 5
-"""A gap that is known better is no unknown of the clock: a fifth of how exactly a stop is known."""
+"""Standard deviation below which a gap is no unknown of the clock: a fifth of a stop's."""
 _AWAY_CELLS_S: Final = (
     (0.0, 10.0, 0.12),
     (10.0, 30.0, 0.08),
@@ -33,18 +34,18 @@ _AWAY_CELLS_S: Final = (
     (80.0, 240.0, 0.03),
     (240.0, LONGEST_GAP_S, 0.02),
 )
-"""Ranges of the time away, and how likely each is: each is short enough for its middle to be a start for the search."""
+"""Ranges of the logger's time off, with their prior probabilities; short enough for the middle to be a start value."""
 _STEP_S: Final = _AWAY_CELLS_S[0][1]
-"""The search goes in steps of the shortest range."""
+"""Step of the search: the shortest range."""
 _CLOCK_ONLY: Final = 1.0 - sum(share for _, _, share in _AWAY_CELLS_S)
-"""How likely it is that the clock alone restarted: what the ranges leave."""
+"""Prior probability that the clock alone restarted: the remainder."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeighedRestarts:
-    """The likelihood of the motion, and the log with its restarts moved to where the motion puts them.
+    """The likelihood of the motion, and the log with its restarts shifted by the gaps from the motion.
 
-    No likelihood where nothing moves or nothing fits.
+    The likelihood is None where nothing moves or nothing fits.
     """
 
     likelihood: MotionLikelihood | None
@@ -52,7 +53,7 @@ class WeighedRestarts:
 
 
 def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian | None) -> WeighedRestarts:
-    """Weigh the motion, with the gaps of the log's restarts as unknowns."""
+    """Return the likelihood of the motion, with the gaps of the log's restarts as unknowns."""
     hypotheses = [(reading, 0.0)]
     for number, restart in enumerate(reading.restarts):
         if np.isfinite(restart.gap_sigma_s):
@@ -88,7 +89,7 @@ def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian 
 
 
 def unknown_gaps(reading: LogReading) -> tuple[UnknownGap, ...]:
-    """Return the restarts whose gap is not sure, as unknowns."""
+    """Return the uncertain gaps of the restarts as unknowns."""
     time_s = reading.log.time_s
     return tuple(
         UnknownGap(float(time_s[restart.index - 1]), float(time_s[restart.index]), restart.gap_sigma_s)
@@ -98,7 +99,7 @@ def unknown_gaps(reading: LogReading) -> tuple[UnknownGap, ...]:
 
 
 def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) -> LogReading:
-    """Return the log with everything after a restart moved later, and how sure that is."""
+    """Return the log with all rows after a restart shifted later, with the standard deviation of the new gap."""
     restart = reading.restarts[number]
     time_s = reading.log.time_s.copy()
     time_s[restart.index :] += longer_s
@@ -110,18 +111,18 @@ def with_gap(reading: LogReading, number: int, longer_s: float, sigma_s: float) 
 
 
 def moved_to(reading: LogReading, mixture: Sequence[Gaussian]) -> LogReading:
-    """Move the restarts by what the likeliest Gaussian says is missing."""
+    """Return the log with its restarts shifted by the missing times of the most likely Gaussian."""
     best = max(mixture, key=lambda gaussian: gaussian.log_weight)
     unsure = [n for n, restart in enumerate(reading.restarts) if SURE_GAP_S < restart.gap_sigma_s < np.inf]
     for place, number in enumerate(unsure):
-        # A gap cannot be shorter than nothing.
+        # A gap cannot be negative.
         longer_s = max(float(best.mean[2 + place]), -0.9 * reading.restarts[number].gap_s)
         reading = with_gap(reading, number, longer_s, float(np.sqrt(best.covariance[2 + place, 2 + place])))
     return reading
 
 
 def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tuple[float, float, float]]:
-    """Return ranges (middle, half width, weight) of the time that the logger was away: where strokes meet heatings."""
+    """Return ranges (middle, half width, weight) of the logger's time off in which strokes coincide with heatings."""
     strokes = find_strokes(angles)
     segments = log_signals(reading.log, max_gap_s=longest_gap_s(reading.log.time_s)).segments
     if not strokes or not segments:
@@ -146,7 +147,7 @@ def _time_away(angles: StickAngles, reading: LogReading, number: int) -> list[tu
     good = away_s[share >= share.max() - 0.05]
     found = []
     for low, high, weight in _AWAY_CELLS_S:
-        # What the coarse steps call good reaches a step further on both sides.
+        # The good range extends up to one coarse step beyond its points on both sides.
         inside = good[(good > low - _STEP_S) & (good < high + _STEP_S)]
         if len(inside):
             begin, end = max(low, inside[0] - _STEP_S), min(high, inside[-1] + _STEP_S)

@@ -1,4 +1,4 @@
-"""Crossings of common angles by strokes of one kind: when, on the film, and how they are correlated."""
+"""Crossings of common angles by strokes of one kind: their film times, and their covariances."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from sync.signals.strokes import Stroke
 from torsight.core.units import DEG, Flags, Floats, Ints
 
 _SHARES: Final = np.array([0.015, 0.04, 0.09, 0.17, 0.28, 0.42, 0.57, 0.72, 0.85, 0.94])
-"""Levels as shares of the longest stroke of a kind; the last bit of a stroke creeps and is left out."""
+"""Levels as shares of the longest stroke of a kind; the end of a stroke, where the motion creeps, is left out."""
 WHOLE_STROKE: Final = 0.955
-"""Share of a whole stroke that is used. Of one that was cut short the last level is not: its end falls on a corner of
-the temperature if the motion is a little late. Half as far from the whole, and twice as far, moves a clock by 0.2 of
-its standard deviations at most (benchmarks/sync/constants.py)."""
+"""Share of a whole stroke that is used. The last level of a stroke that was cut short is not used: its end coincides
+with a corner of the temperature if the motion is slightly late. Half and twice the distance from 1 move a clock by 0.2
+of its standard deviations at most (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThresholdCrossings:
-    """Crossings of levels, one row each, and what is known of their temperatures before the clock is.
+    """Crossings of levels, one row each, and the prior covariances of their temperatures.
 
-    When each was on the film, with a sigma; which spring drives, and whether it is heated; the numbers of the stroke,
-    of its kind (spring, heating or cooling), and of the level of its kind. ``common_c2`` (n, n) is the covariance of
-    what is not known about a kind of stroke: its curve, its dependence on where it began; ``scatter`` that of the
-    scatter between strokes, for one of 1 °C. The offset is pinned at the film time ``middle_s``.
+    ``time_s`` and ``time_sigma_s`` are the film times with their standard deviations; ``spring_b`` and ``heating``
+    describe the driving spring; ``stroke``, ``kind`` (spring, heating or cooling) and ``cell`` (level of a kind) are
+    numbers. ``common_c2`` (n, n) is the covariance of the unknowns of a kind of stroke: its curve, and its dependence
+    on the start angle; ``scatter`` (n, n) is that of a scatter of 1 °C between strokes. The offset is determined at the
+    film time ``middle_s``.
     """
 
     time_s: Floats
@@ -50,7 +51,7 @@ class ThresholdCrossings:
 def collect_crossings(
     strokes: Sequence[Stroke], segments: Sequence[HeatingSegment | None]
 ) -> ThresholdCrossings | None:
-    """Read the crossings of common levels from strokes that have a segment; ``None`` where there are none."""
+    """Return the crossings of common levels by strokes that have a segment; None without any."""
     kinds: dict[tuple[str, bool], list[int]] = {}
     for index, segment in enumerate(segments):
         if segment is not None:
@@ -79,7 +80,7 @@ def collect_crossings(
 
 
 def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings:
-    """Return the crossings; ``columns`` (n,) hold them, with the level and how far off each stroke began, degrees."""
+    """Return the crossings with covariances, from columns (n,) with the level and the start's distance, degrees."""
     stroke, kind, level = columns["stroke"], columns["kind"], columns["level"]
     far_deg, heating, time_s = columns["far_deg"], columns["heating"], columns["time_s"]
     share = _SHARES[level]
@@ -87,11 +88,11 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
     same_cell = (cell[:, None] == cell[None, :]).astype(np.float64)
     far_both = far_deg[:, None] * far_deg[None, :]
     tilt = 2.0 * share - 1.0  # along a stroke, from −1 to 1
-    # Both springs are of one make: where a stroke begins matters alike for both, and beyond that for each level anew.
+    # Both springs are of one kind: the start angle has a common effect for both, and one for each level.
     stress = (heating[:, None] == heating[None, :]) * (1.0 + tilt[:, None] * tilt[None, :])
     common = PRIORS.curve_sigma_c**2 * same_cell
     common += far_both * PRIORS.start_sigma_c_per_deg**2 * (stress + same_cell)
-    # A stroke misses the curve of its kind as a whole, and smoothly along its way.
+    # A stroke deviates from the curve of its kind by a constant, and by a smooth function along the stroke.
     along = np.exp(-0.5 * ((share[:, None] - share[None, :]) / PRIORS.scatter_reach) ** 2)
     same_stroke = stroke[:, None] == stroke[None, :]
     scatter = same_stroke * (1.0 + PRIORS.scatter_shape**2 * along)
@@ -110,13 +111,13 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
         kind=kind,
         cell=cell,
         common_c2=common + PRIORS.far_scatter_c_per_deg**2 * far_both * scatter,
-        # A spring that ages moves all its thresholds one way with time: as likely as scatter from stroke to stroke.
+        # A spring that ages shifts all its thresholds with time: as likely as scatter from stroke to stroke.
         scatter=scatter + trend,
         middle_s=float(0.5 * (time_s.min() + time_s.max())),
     )
 
 
 def _most_common(value_rad: Floats) -> float:
-    """Return the value with most others within 15 degrees."""
+    """Return the value that has the most other values within 15 degrees."""
     near = np.abs(value_rad[:, None] - value_rad[None, :]) < 15.0 * DEG
     return float(value_rad[int(np.argmax(near.sum(axis=1)))])

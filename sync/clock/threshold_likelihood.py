@@ -1,18 +1,18 @@
 """Motion against temperature: strokes of one kind pass the same angle at the same wire temperature, however fast.
 
-Let stroke k pass the way L at film time t. With the right clock and sensor lag the wire's temperature then,
+Let stroke k pass the travel L at film time t. With the right clock and sensor lag the wire's temperature at this time,
 
     T_k(L) = T_log(t') + lag dT_log/dt,   t' = t (1 + drift) + offset,
 
-is a property of the kind of stroke (which spring, heating or cooling) and of L, up to a slope in the angle at which
-the stroke began (stress) and to a scatter from stroke to stroke, whose size is learnt. Strokes at different rates of
-temperature pin the offset: an error of δ moves T_k by δ times the rate. Where all rates are alike nothing is pinned,
-and the interval comes out as wide as the range that the coarse search left.
+is a property of the kind of stroke (which spring, heating or cooling) and of L, up to a linear dependence on the
+stroke's start angle (stress) and to a scatter from stroke to stroke, whose size is estimated. Strokes at different
+rates of temperature determine the offset: an error of δ shifts T_k by δ times the rate. Where all rates are equal the
+offset is not determined, and the interval is as wide as the range from the coarse search.
 
-The unknown common curve, the slopes and the scatter are Gaussian with wide or learnt widths and are integrated out,
+The unknown common curve, the slopes and the scatter are Gaussian with wide or estimated widths and are integrated out,
 which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; the
 changepoints separate the two (:mod:`sync.signals.changepoints`). The crossing times are the data: the factor |dT/dt|
-turns densities of temperature into densities of time and keeps the fit from hiding on a plateau of the temperature.
+converts densities of temperature to densities of time, so that the fit does not prefer a plateau of the temperature.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12)
 _KINDS: Final[tuple[tuple[Spring, bool], ...]] = (("a", True), ("a", False), ("b", True), ("b", False))
 """Kinds of strokes: the spring, and whether it is heated."""
 _FEWEST: Final = 2 + len(_KINDS)
-"""Crossings below which there is no answer: offset, drift and one of each kind of stroke for the unknown curves."""
+"""Least number of crossings: for offset, drift, and the unknown curve of each kind of stroke."""
 _RATE_POWERS: Final = 3
-"""A rate comes from one cubic polynomial per stroke, through ten points for each of its coefficients. One of degree two
-or six moves the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
+"""Degree of the polynomial per stroke that gives its rate, through ten points per coefficient. Degrees two and six move
+the clock by 0.01 of its standard deviations (benchmarks/sync/constants.py)."""
 
 
 @functools.cache
 def _polynomials(degree: int) -> tuple[Floats, Floats, Floats]:
     """Return the points (n,) on a stroke, their powers (n, p), and the matrix (p, n) from values to coefficients.
 
-    The matrix is for strokes of which all points are known, as they nearly always are.
+    The matrix is valid for strokes with all points known, as they nearly always are.
     """
     at = np.linspace(-1.0, 1.0, 10 * (degree + 1))
     powers = np.vander(at, degree + 1, increasing=True)
@@ -88,9 +88,10 @@ def _wire(
 
 
 def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> Floats:
-    """Draw the rates of one kind together as far as their differences are noise.
+    """Return the rates, shrunk towards the mean of their kind as far as their differences are noise.
 
-    Differences of rate within a kind are what pins the offset. Noise in them would pin it to wherever it is assumed.
+    Differences of rate within a kind determine the offset. Noise in these differences would bias it to the assumed
+    value.
     """
     total = np.bincount(crossings.cell, weights=rate)
     usual = (total / np.maximum(np.bincount(crossings.cell), 1))[crossings.cell]
@@ -104,9 +105,9 @@ def _shrunk(crossings: ThresholdCrossings, rate: Floats, rate_sigma: Floats) -> 
 
 
 def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints) -> tuple[Floats, Floats]:
-    """Return the rate of a temperature at some instants (n,) of strokes, and its sigma, from a polynomial for each.
+    """Return the rate of a temperature at instants (n,) of strokes, and its sigma, from one polynomial per stroke.
 
-    Where too little of a stroke is known the rate is the signal's own ``slope`` (n,).
+    Where too little of a stroke is known, the rate is the signal's own ``slope`` (n,).
     """
     at, powers, whole = _polynomials(_RATE_POWERS)
     _, own = np.unique(stroke, return_inverse=True)
@@ -123,10 +124,10 @@ def _smooth_rates(signal: EvenSignal, at_s: Floats, slope: Floats, stroke: Ints)
     coefficient = (fit @ value[..., None])[..., 0]
     x = (at_s - middle[own]) / half[own]
     design = np.stack([k * x ** max(k - 1, 0) for k in range(_RATE_POWERS + 1)], axis=1) / half[own, None]
-    # As many points as there are steps of the signal carry noise of their own, each as large as a raw point's.
+    # Of the points as many as the signal has steps are independent, each with the noise of a raw point.
     independent = np.maximum(2.0 * half / signal.step_s, 2.0 * _RATE_POWERS)
     spread = fit @ np.swapaxes(fit, -1, -2) * (count / independent * signal.point_sigma**2)[:, None, None]
-    # No polynomial follows a corner: such rates carry no information.
+    # No polynomial follows a corner: such rates contain no information.
     missed = np.sum(np.where(known, value - coefficient @ powers.T, 0.0) ** 2, axis=1) / np.maximum(count, 1)
     excess = np.sqrt(np.maximum(missed - (2.0 * signal.value_sigma) ** 2, 0.0)) * _RATE_POWERS / half
     sigma = np.sqrt(np.sum((spread[own] @ design[..., None])[..., 0] * design, axis=1))
@@ -144,13 +145,13 @@ def refine(
     lag_s: float,
     gaps: Sequence[UnknownGap],
 ) -> Gaussian | None:
-    """Return the Gaussian about the clock for a given lag, from a start near the answer.
+    """Return the Gaussian of the clock for a given lag, from a start near the answer.
 
-    ``None`` where fewer than a handful of crossings fall on known temperatures.
+    None where too few crossings coincide with known temperatures.
     """
     point = prior.mean.copy()
     point[0] = start_s
-    # Temperatures are taken as straight lines around a point: no step may leave what is nearly one.
+    # Temperatures are linearised around a point: limit the steps to where they are nearly linear.
     limit = np.full(len(point), 5.0)
     limit[1] = 3e-4
     limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
@@ -176,7 +177,7 @@ def scan(
     lag_s: float,
     gaps: Sequence[UnknownGap],
 ) -> Floats:
-    """Return the log-likelihood at some offsets, each held fixed; minus infinity where nothing is known."""
+    """Return the log-likelihood at given offsets, each held fixed; minus infinity where temperatures are unknown."""
     log_likelihood = np.full(len(offset_s), -np.inf)
     covariance = prior.covariance.copy()
     covariance[0, :] = covariance[:, 0] = 0.0
@@ -194,7 +195,7 @@ def scan(
 def _linear(
     crossings: ThresholdCrossings, wire: _Wire, point: Floats, prior: Gaussian, *, every: int = 1
 ) -> list[Gaussian]:
-    """Solve with the temperatures taken as straight lines around a point, for each pair of scatters."""
+    """Return the solutions with temperatures linearised around a point, for each pair of scatters."""
     keep = wire.known
     rate = wire.rate_c_s[keep]
     jacobian = rate[:, None] * wire.columns[keep]
@@ -206,7 +207,7 @@ def _linear(
     heating = crossings.heating[keep]
     scatter = crossings.scatter[np.ix_(keep, keep)]
     with_rate = _with_rate(crossings.kind[keep], rate, heating)
-    # Heatings and coolings have nothing in common but the clock: each has a scatter of its own.
+    # Heatings and coolings share only the clock: each has its own scatter.
     halves = []
     for rows in (np.flatnonzero(heating), np.flatnonzero(~heating)):
         if len(rows):
@@ -226,7 +227,7 @@ def _linear(
 
 
 def _with_rate(kind: Ints, rate: Floats, heating: Flags) -> Floats:
-    """Return the covariance of a scatter that goes with the rate of heating, alike for both springs."""
+    """Return the covariance of a scatter that is proportional to the rate of heating, common to both springs."""
     total = np.bincount(kind, weights=rate) / np.maximum(np.bincount(kind), 1)
     away = np.where(heating, rate - total[kind], 0.0)
     spread = rms(away[heating]) if heating.any() else 0.0
@@ -234,14 +235,14 @@ def _with_rate(kind: Ints, rate: Floats, heating: Flags) -> Floats:
 
 
 def _cause(scatter_c: float) -> float:
-    """Return how much of a scatter may go with the rate, as a multiple of the rest."""
+    """Return the largest scatter that is proportional to the rate, as a multiple of the rest."""
     beyond = (scatter_c / PRIORS.ordinary_scatter_c) ** 4
     return PRIORS.with_rate * beyond / (1.0 + beyond)
 
 
 @dataclass(frozen=True, slots=True)
 class _Half:
-    """What the heatings, or the coolings, say for one scatter, before any prior: information, right side, the rest."""
+    """The normal equations of the heatings, or of the coolings, for one scatter, without a prior."""
 
     information: Floats
     right: Floats
@@ -250,7 +251,7 @@ class _Half:
 
 
 def _half(covariance: Floats, design: Floats, data: Floats, scatter_c: float) -> _Half:
-    # LAPACK itself: what SciPy's own functions do around these small matrices takes as long as they do.
+    # LAPACK directly: for such small matrices the overhead of SciPy's functions doubles the time.
     factor, solved, failed = dposv(covariance, np.column_stack([design, data]), lower=1)
     if failed:
         msg = "the covariance of crossings is not positive definite"
@@ -285,7 +286,7 @@ def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight:
 
 
 def _summed(start: Floats | float, halves: Sequence[Sequence[Floats | float]]) -> Floats:
-    """Return a value with one of each half added to it, for every choice."""
+    """Return the sums of a value and one term of each half, for all combinations."""
     total = np.asarray(start)[np.newaxis]
     for half in halves:
         values = np.asarray(half)
@@ -294,14 +295,14 @@ def _summed(start: Floats | float, halves: Sequence[Sequence[Floats | float]]) -
 
 
 def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
-    """Return the logarithm of the factor that turns densities of temperature into densities of time.
+    """Return the logarithm of the factor that converts densities of temperature to densities of time.
 
-    It counts once per stroke, as the scatter does that matters; and one stroke of each kind goes into the unknown curve
-    and says nothing about the clock, whatever its rate.
+    The factor counts once per stroke, like the dominant scatter. One stroke of each kind determines the unknown curve
+    and contains no information on the clock, whatever its rate.
     """
     total = 0.0
     for number in np.unique(kind):
-        # On a plateau the rate is near zero, and its logarithm has no lower bound.
+        # On a plateau the rate is near zero, and its logarithm is unbounded.
         strokes = np.unique(stroke[kind == number])
         logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
         total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
@@ -309,7 +310,7 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
 
 
 def _mixed(parts: Sequence[Gaussian]) -> Gaussian:
-    """Return one Gaussian with the mean and covariance of a weighted mixture."""
+    """Return the Gaussian with the mean and covariance of a weighted mixture."""
     log_weight = np.array([part.log_weight for part in parts])
     weight, means = softmax(log_weight), np.stack([part.mean for part in parts])
     mean = weight @ means

@@ -1,8 +1,8 @@
-"""An LED in the film that shows the heating switch: when it went on and off.
+"""Detection of the switching of an LED in the film that shows the heating switch.
 
-Around the place that the user names, the brightest few pixels are compared with the picture around them in every frame,
-so that an LED some pixels beside that place is found and a change of the room's light is not taken for it. The values
-fall into two levels; the middle between them separates on from off.
+In every frame the few brightest pixels near the position that the user gives are compared with the picture around them,
+so that an LED some pixels beside this position is found, and a change of the room's light is not mistaken for the LED.
+The values have two levels; the middle between them separates on from off.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from torsight.core.units import Flags, Floats
 if TYPE_CHECKING:
     from tracker.frames.frame import FrameSource
 
-# benchmarks/sync/led.py measures what half and twice of these constants do. As they are 91 in 100 readings are whole,
-# which find all changes of LEDs, bright and dim, that are given to 6 px, and no other one.
+# benchmarks/sync/led.py measures the effect of half and twice of these constants, for bright and dim LEDs whose
+# position is given to 6 px. With these values 91 in 100 readings are complete: they find all changes, and no false one.
 _NEAR_PX: Final = 6
-"""How far from the given place the LED is looked for: a place is clicked, or read off a picture, to a few pixels. With
-half of it 84 in 100 readings are whole, with twice of it 88."""
+"""Radius of the search around the given position, which is clicked, or read off a picture, to a few pixels. With half
+this value 84 in 100 readings are complete, with twice 88."""
 _AROUND_PX: Final = 3 * _NEAR_PX
-"""How far the picture around it reaches: eight times the area, so that the median is not the LED's."""
+"""Radius of the picture around: eight times the area, so that the median is not that of the LED."""
 _BRIGHTEST: Final = 9
-"""Pixels of which the mean is taken: as many as three by three. With half of it 94 in 100 readings are whole, with
-twice of it as many as with it."""
+"""Number of brightest pixels that are averaged: three by three. With half this value 94 in 100 readings are complete,
+with twice as many as with this value."""
 _LEAST_STEP: Final = 8.0
-"""Least change of brightness, grey levels: 3 % of what eight bits hold. With half of it as many readings are whole,
-with twice of it 88 in 100."""
+"""Least change of brightness, grey levels: 3 % of the range of eight bits. With half this value as many readings are
+complete, with twice 88 in 100."""
 _FLICKER_S: Final = AT_ONCE_S
-"""A state that lasts less is a flicker: nobody switches a heating for so short a time. With half of it one change in
-eight that is found is none, with twice of it nothing changes."""
+"""Duration below which a state is a flicker: no heating is switched for so short a time. With half this value one
+detected change in eight is false, with twice nothing changes."""
 
 
 def film_light_events(
@@ -48,27 +48,27 @@ def film_light_events(
     timestamps: AnyPath | None = None,
     progress: Progress = silent,
 ) -> LightEvents:
-    """Read from a film when an LED went on and off.
+    """Read the times at which an LED on a film is switched on and off.
 
     Parameters
     ----------
     film : str or Path
         Film, folder or glob of pictures, as it was tracked.
     place_px : (float, float)
-        Where the LED is seen, x and y, to some six pixels.
+        Position of the LED in the picture, x and y, to about six pixels.
     fps, timestamps
-        As the film was tracked with.
+        As in the tracking of the film.
     progress : Progress
         Called with every frame.
 
     Raises
     ------
     ConfigError
-        When the place lies outside the picture.
+        When the position lies outside the picture.
     InputError
         When the film cannot be read.
     NoResultError
-        When nothing at that place goes on or off.
+        When nothing at this position is switched on or off.
     """
     timestamps = None if timestamps is None else Path(timestamps)
     from tracker.frames.source import open_source
@@ -90,7 +90,7 @@ def film_light_events(
 def led_changes(time_s: Floats, value: Floats, *, where: str) -> LightEvents:
     """Return the changes of an LED from its brightness (n,) at times (n,) of frames that could be read.
 
-    A brightness that does not fall into two levels is no result; ``where`` is the LED's place, for messages.
+    A brightness without two levels raises NoResultError; ``where`` is the LED's position, for messages.
     """
     low, high, noise = _two_levels(value)
     least = max(_LEAST_STEP, BY_CHANCE * noise)
@@ -105,12 +105,12 @@ def led_changes(time_s: Floats, value: Floats, *, where: str) -> LightEvents:
     lit = _steady(time_s, value > 0.5 * (low + high))
     at = changes(lit)
     if len(at) == 0:
-        raise NoResultError("the LED stays as it is through the film", where=where, do="leave led out")
+        raise NoResultError("the LED does not change during the film", where=where, do="leave led out")
     return LightEvents(time_s[at], lit[at], since_s=time_s[at - 1])
 
 
 def brightness(source: FrameSource, place: tuple[int, int], *, progress: Progress = silent) -> tuple[Floats, Floats]:
-    """Return the times (n,), s, of the frames that can be read, and how bright the LED near a pixel is in each (n,)."""
+    """Return the times (n,), s, of the readable frames, and the brightness (n,) of the LED near a pixel in each."""
     x, y = place
     times: list[float] = []
     values: list[float] = []
@@ -127,10 +127,10 @@ def brightness(source: FrameSource, place: tuple[int, int], *, progress: Progres
 
 
 def _two_levels(value: Floats) -> tuple[float, float, float]:
-    """Return the middles of two levels of values, and the noise of one value."""
+    """Return the medians of the two levels of values, and the noise of one value."""
     if len(value) < 2:
         return 0.0, 0.0, 0.0
-    # The threshold and both medians in turn, until neither moves: two or three times, fifty at most.
+    # Alternate threshold and medians until they are constant: usually two or three times.
     threshold = 0.5 * float(value.min() + value.max())
     low = high = threshold
     for _ in range(50):
@@ -147,7 +147,7 @@ def _two_levels(value: Floats) -> tuple[float, float, float]:
 
 
 def _steady(time_s: Floats, lit: Flags) -> Flags:
-    """Take flickers out: states that last less than a tenth of a second."""
+    """Return the states without flickers, which last less than a tenth of a second."""
     steady = lit.copy()
     for begin, end in constant_runs(lit)[1:-1]:
         if time_s[end] - time_s[begin] < _FLICKER_S:

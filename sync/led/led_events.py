@@ -25,9 +25,9 @@ class LightEvents(Shown):
     time_s : (n,) float64
         Time of the first frame that shows the change, film clock, increasing.
     goes_on : (n,) bool
-        True where it goes on.
+        True where the LED is switched on.
     since_s : (n,) float64 or None
-        Time of the last frame that did not show it yet; None for the film's frame before.
+        Time of the last frame before the change; None: the film's frame before ``time_s``.
     """
 
     time_s: Floats
@@ -35,12 +35,12 @@ class LightEvents(Shown):
     since_s: Floats | None = None
 
     def at_pace(self, pace: float) -> LightEvents:
-        """Return the same changes on a clock that runs ``pace`` times as fast."""
+        """Return the same changes with times multiplied by ``pace``."""
         since_s = None if self.since_s is None else pace * self.since_s
         return LightEvents(pace * self.time_s, self.goes_on, since_s)
 
     def facts(self) -> dict[str, str]:
-        """Return how many changes there are, and when."""
+        """Return the number of changes and their range of times."""
         return {"changes": str(len(self.time_s)), "time": span(self.time_s, "s")}
 
     def _columns(self) -> dict[str, Any]:
@@ -55,7 +55,7 @@ class LightEvents(Shown):
 def read_light_events(path: AnyPath) -> LightEvents:
     """Read film times of an LED: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
 
-    Without ``on`` every time is one at which the LED goes on.
+    Without ``on`` the LED is switched on at every time.
 
     Raises
     ------

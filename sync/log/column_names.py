@@ -1,8 +1,8 @@
-"""Which column of a log is the time, which the temperature of spring A, which of B: as named, by contract, or guessed.
+"""Assignment of a log's columns to time and the temperatures of springs A and B: by the user, by contract, or by guess.
 
-A column that the user names is taken by that name. Where none is named the contract's own name counts (``time_s``,
-``temp_a_c``, ``temp_b_c``), and where that is not there a name that says it plainly: "Time", "Temp A (°C)". A channel's
-number says nothing of a spring and is never guessed.
+A column that the user names is taken by that name. Without such a name the contract's own name counts (``time_s``,
+``temp_a_c``, ``temp_b_c``), and if this name is missing an unambiguous one: "Time", "Temp A (°C)". A channel's number
+does not identify a spring, so that no spring is ever guessed from it.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ CONTRACT: Final = {
     "current_a": "current_a_a",
     "current_b": "current_b_a",
 }
-"""What a column holds, by the key of ``[temperature] columns``, and its name in ``TEMPS.csv``."""
+"""Roles of columns (the keys of ``[temperature] columns``) and their names in ``TEMPS.csv``."""
 NEEDED: Final = ("time", "a", "b")
 DATE: Final = "date"
-"""Key of a column with the date where the time of day stands in another."""
+"""Role of a column with the date where the time of day is in another column."""
 ROLES: Final = (*CONTRACT, DATE)
 _KIND: Final = {"time": SECONDS, "a": CELSIUS, "b": CELSIUS, "current_a": AMPERE, "current_b": AMPERE}
-"""Unit of the contract for what has one."""
+"""Unit of the contract by role, for roles that have one."""
 
 _PLAIN_TIMES: Final = frozenset((
     *("time", "timestamp", "time stamp", "date time", "datetime", "date and time", "elapsed", "elapsed time"),
@@ -41,9 +41,9 @@ _PLAIN_TIMES: Final = frozenset((
     *("millis", "millisecond", "milliseconds", "second", "seconds", "sec"),
 ))  # fmt: skip
 ARRIVED: Final = "arrived"
-"""Name of the column of times at which a serial monitor got the lines; the time where there is no other."""
+"""Name of the column of times at which a serial monitor received the lines; the time where there is no other."""
 _LESS_PLAIN_TIMES: Final[tuple[list[str], ...]] = (["date"], [ARRIVED], [])
-"""Words of what may be the time where nothing else is: a date with its time, or a first column without a name."""
+"""Names of columns that may be the time where no other is: a date with its time, or a first column without a name."""
 _SENSOR_WORDS: Final = frozenset((
     *("temp", "temperature", "t", "tc", "thermocouple", "thermistor", "sensor", "probe", "spring", "wire"),
     *("channel", "chan", "ch"),
@@ -54,17 +54,17 @@ _OTHER_WORDS: Final = frozenset((
     *("set", "setpoint", "target", "reference", "min", "minimum", "max", "maximum", "std", "dev", "deviation"),
     *("variance", "error"),
 ))  # fmt: skip
-"""Words of columns that are not the temperature of a spring, whatever else their names say."""
+"""Words that exclude a column from being the temperature of a spring, whatever else its name contains."""
 _WORDS: Final = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _ENTRY: Final = re.compile(r",(?=\s*[A-Za-z_]+\s*=)")
 
 
 @dataclass(frozen=True, slots=True)
 class LogColumn:
-    """A column of a log that is used: its name as the header spells it, and its place, from 0.
+    """A column of a log that is used: its name as the header spells it, and its index, from 0.
 
-    Its unit is what the header, a row below it or the user says, None where nothing says it: that of the contract.
-    ``guessed``: nothing but the name says what it holds.
+    ``unit`` comes from the header, a row below the header or the user; None: not stated, that of the contract.
+    ``guessed`` is true where the role follows from the name alone.
     """
 
     name: str
@@ -73,20 +73,20 @@ class LogColumn:
     guessed: bool = False
 
     def to_json(self) -> dict[str, object]:
-        """Return the form that stands in ``sync.json``."""
+        """Return the column's form in ``sync.json``."""
         return {"name": self.name, "unit": None if self.unit is None else self.unit.name, "guessed": self.guessed}
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenColumns(Frozen):
-    """What the user says of a log's columns: names and units, by the keys :data:`ROLES`."""
+    """The user's names and units of a log's columns, by the roles :data:`ROLES`."""
 
     names: Mapping[str, str]
     units: Mapping[str, Unit]
 
     @property
     def required(self) -> tuple[str, ...]:
-        """Columns that must be there: those the model needs, and those the user named."""
+        """Roles whose columns must exist: those that the model needs, and those that the user named."""
         return tuple(role for role in ROLES if role in NEEDED or role in self.names)
 
 
@@ -144,7 +144,7 @@ def parse_entries(text: str | None, *, option: str) -> dict[str, str]:
 
 
 def resolve(header: Sequence[str], chosen: ChosenColumns = NOTHING_CHOSEN) -> dict[str, LogColumn | InputError]:
-    """Return, by key, the column of a header that holds it, or why none does; keys without any column are left out."""
+    """Return the column of a header for each role, or an error; roles without any candidate column are left out."""
     found: dict[str, LogColumn | InputError] = {}
     taken: set[int] = set()
     for guess in (False, True):
@@ -163,7 +163,7 @@ def resolve(header: Sequence[str], chosen: ChosenColumns = NOTHING_CHOSEN) -> di
 
 
 def _named(role: str, header: Sequence[str], chosen: ChosenColumns) -> list[int]:
-    """Return the places of the name that the user or the contract gives; if there are none, of its other spellings."""
+    """Return the indices of columns with the name by user or contract; without any, those of its other spellings."""
     name = chosen.names.get(role)
     if name is None:
         return [index for index, one in enumerate(header) if one == CONTRACT.get(role)]
@@ -176,7 +176,7 @@ def _named(role: str, header: Sequence[str], chosen: ChosenColumns) -> list[int]
 
 
 def _folded(name: str) -> str:
-    """Return a name without what differs between two ways of typing it: case, blanks, signs of degrees."""
+    """Return a name without the usual variations of spelling: case, blanks, degree signs."""
     return re.sub(r"[\s_°º˚]+", " ", name).strip().casefold()
 
 
@@ -184,7 +184,7 @@ def _guesses(role: str, header: Sequence[str], taken: set[int], chosen: ChosenCo
     if role == DATE:
         return [] if "time" in chosen.names else _places(header, taken, lambda words, _unit: words == ["date"])
     if role == "time":
-        # A unit may be said twice: "time_s (ms)".
+        # A unit may be stated twice: "time_s (ms)".
         bare = [split_unit(split_unit(name)[0])[0] for name in header]
         return _places(bare, taken, lambda words, _unit: " ".join(words) in _PLAIN_TIMES) or _less_plain_time(header)
     if role in NEEDED:
@@ -238,7 +238,7 @@ def _ambiguous(role: str, names: Sequence[str], chosen: ChosenColumns) -> InputE
 
 
 def _column(role: str, name: str, index: int, chosen: ChosenColumns, *, guessed: bool) -> LogColumn | InputError:
-    """Return a column with its unit, or the refusal of a unit that its role cannot have."""
+    """Return a column with its unit, or the error for a unit that its role cannot have."""
     bare, unit = split_unit(name)
     inner = split_unit(bare)[1]
     column = LogColumn(name, index, None, guessed)
@@ -280,7 +280,7 @@ def _spoken(role: str) -> str:
 
 
 def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, where: str) -> InputError:
-    """Return the error for a column that is not there: with the nearest name, or with what to say of the columns."""
+    """Return the error for a missing column, with the most similar name or with the option that names columns."""
     name = chosen.names.get(role, CONTRACT.get(role, role))
     shown = ", ".join(header[:12])[:200]
     if role in chosen.names:
@@ -312,5 +312,5 @@ def columns_note(columns: Mapping[str, LogColumn]) -> str | None:
 
 
 def is_converted(column: LogColumn) -> bool:
-    """Return whether a column's numbers are not those of the contract as they stand."""
+    """Return whether a column's numbers need a conversion to the contract's unit."""
     return column.unit is not None and (column.unit.factor, column.unit.offset) != (1.0, 0.0)

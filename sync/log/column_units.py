@@ -1,7 +1,7 @@
 """Units as headers of logs write them: times in seconds, milliseconds, minutes, ..., temperatures in °C, °F or K.
 
-A unit stands in brackets after the name (``Temp A (°C)``, ``Time [ms]``), after a slash or a comma (``T_A / °C``),
-at the name's end (``time_ms``, ``Temp A °F``), or in a row of its own below the header.
+A unit follows the name in brackets (``Temp A (°C)``, ``Time [ms]``) or after a slash or a comma (``T_A / °C``), ends
+the name (``time_ms``, ``Temp A °F``), or is in a separate row below the header.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Kind = Literal["time", "temperature", "current", "other"]
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit of a column, and how its numbers become those of the contract (s, °C, A): ``number · factor + offset``."""
+    """A unit of a column, with its conversion to the contract's unit (s, °C, A): ``number · factor + offset``."""
 
     name: str
     kind: Kind
@@ -48,7 +48,7 @@ _UNITS: Final[dict[str, Unit]] = {
     **{word: Unit(word, "other") for word in _OTHERS.split()},
 }
 _DEGREE: Final = re.compile(r"[°º˚�]|deg(?:rees?|\.)?(?![a-bd-eg-jl-z])\s*|Â", flags=re.IGNORECASE)
-"""How a degree sign is written, and what is left of one that was decoded wrongly."""
+"""Spellings of a degree sign, and the remains of one that was decoded wrongly."""
 _BRACKETS: Final = re.compile(r"^(?P<name>.*?)\s*[(\[{]\s*(?P<unit>[^()\[\]{}]*?)\s*[)\]}]\s*$")
 _PARTED: Final = re.compile(r"^(?P<name>.+?)(?:\s*/\s*|\s*,\s+|\s+in\s+)(?P<unit>[^/,]+)$")
 _WITH_DEGREE: Final = re.compile(
@@ -60,17 +60,17 @@ _TEMPERATURE_WORD: Final = re.compile(r"temp", flags=re.IGNORECASE)
 
 
 def unit_of(text: str) -> Unit | None:
-    """Return the unit that a text spells; None where it spells none that is known here."""
+    """Return the unit that a text spells; None if it is no known unit."""
     plain = text.strip().replace("℃", "C").replace("℉", "F")
     plain = _DEGREE.sub("", plain).strip().lower()
     return _UNITS.get(plain)
 
 
 def split_unit(header: str) -> tuple[str, Unit | None]:
-    """Return a header's name without its unit, and the unit; None where the header says none.
+    """Return a header's name without its unit, and the unit; None where the header states none.
 
-    A single letter or word after an underscore counts only where the name says the kind: ``temp_a_c`` is in °C and
-    ``time_ms`` in ms, the ``a`` of ``temp_a`` is no ampere and the ``k`` of ``thermocouple_k`` no kelvin.
+    A letter or word after an underscore counts as a unit only if the name states the quantity: ``temp_a_c`` is in °C
+    and ``time_ms`` in ms, but the ``a`` of ``temp_a`` is no ampere and the ``k`` of ``thermocouple_k`` no kelvin.
     """
     whole = unit_of(header)
     if whole is not None and whole.kind == "time" and len(header.strip()) > 1:

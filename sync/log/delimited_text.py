@@ -39,7 +39,7 @@ _NO_TEXT: Final = {
     b"%PDF": "a document",
     b"\x89PNG": "a picture",
 }
-"""What a file that is no text begins with."""
+"""First bytes of files that are no text, by kind."""
 
 
 _BLANKS: Final = re.compile(r"[ \t]+")
@@ -47,14 +47,14 @@ _MARKED: Final = (
     *("****", "---", "--", "-", "?", "Inf", "-Inf", "inf", "-inf"),
     *("OVERLOAD", "ERR", "Err", "Error", "OL"),
 )
-"""What instruments write in the place of a reading that they do not have."""
+"""Markers that instruments write in place of a missing reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextTable(Frozen):
-    """A table as read: text or numbers per column, and the line of the file on which each row stands.
+    """A table as read: text or numbers per column, the line of its first row in the file, and the repairs.
 
-    ``columns`` says where the columns are that the log's keys stand for (:mod:`sync.log.column_names`).
+    ``columns`` are the log's columns by role (:mod:`sync.log.column_names`).
     """
 
     frame: pd.DataFrame
@@ -66,8 +66,8 @@ class TextTable(Frozen):
 def read_text_table(path: Path, chosen: ChosenColumns) -> TextTable:
     """Read delimited text with a header on any line: the first one that names time and both temperatures.
 
-    The decimal sign is that of the columns that are used: what stands in others, as a note or a version, says nothing
-    about it.
+    The decimal sign is that of the columns that are used: other columns, such as notes or versions, do not determine
+    it.
 
     Raises InputError when the file is missing, empty, binary, without a needed column, or ambiguous in columns or
     decimal sign.
@@ -146,7 +146,7 @@ def _decode(path: Path) -> tuple[str, list[Repair]]:
         return raw.decode("utf-16", errors="replace"), repairs
     zeros = raw.count(b"\0")
     if zeros:
-        # A logger that lost its power leaves a tail of zero bytes.
+        # A logger that lost power leaves a tail of zero bytes.
         repairs.append(Repair("zero_bytes", zeros, f"{zeros} zero bytes were taken out"))
         raw = raw.replace(b"\0", b"")
     try:
@@ -161,14 +161,14 @@ def _decode(path: Path) -> tuple[str, list[Repair]]:
 def _whole_rows(
     lines: Sequence[str], columns: int, delimiter: str, *, path: Path, first_line: int, repairs: list[Repair]
 ) -> list[str]:
-    """Blank the rows with too many fields or none; rows with too few keep what they have."""
+    """Return the rows, blanking those with too many fields or none; rows with too few keep their fields."""
     body = list(lines)
     while body and not body[-1].strip():
         body.pop()
     blank_row = delimiter * (columns - 1)
     found: dict[str, list[int]] = {"malformed_row": [], "short_row": [], "blank_row": []}
     kinds = [_fault(line, columns, delimiter) for line in body]
-    # The header names a column for which the rows have no field, as LabVIEW's "Comment".
+    # The header may name a column for which the rows have no field, such as LabVIEW's "Comment".
     usual = kinds.count("short_row") > len(body) // 2
     for index, (line, kind) in enumerate(zip(body, kinds, strict=True)):
         if kind == "":
@@ -216,7 +216,7 @@ def _fault(line: str, columns: int, delimiter: str) -> str:
 def _decimal(
     body: Sequence[str], delimiter: str, columns: Sequence[int], *, path: Path, first_line: int, repairs: list[Repair]
 ) -> str:
-    """Return the decimal sign of some columns, refusing what can be read in two ways."""
+    """Return the decimal sign of the given columns; ambiguous numbers are refused."""
     numbers = _with_comma(body, delimiter, columns)
     signs = ((line, _COMMA_NUMBER.search(text) or _BOTH_SIGNS.search(text)) for line, text in numbers.items())
     line, first = next(((line, match) for line, match in signs if match is not None), (0, None))
@@ -237,7 +237,7 @@ def _decimal(
 
 
 def _with_points(frame: pd.DataFrame, columns: Sequence[int]) -> None:
-    """Write decimal points in columns that stayed text: some of their rows have commas, others points."""
+    """Replace decimal commas by points in columns that are still text, in which rows with both signs are mixed."""
     import pandas as pd
 
     for index in columns:
@@ -247,12 +247,12 @@ def _with_points(frame: pd.DataFrame, columns: Sequence[int]) -> None:
 
 
 def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> dict[int, str]:
-    """Return, by row, the text of some columns in rows where a field contains a comma."""
+    """Return, by row, the text of the given columns, for rows in which one of these fields contains a comma."""
     rows: Iterable[list[str]] = ()
     if delimiter != ",":
         rows = (line.split(delimiter) if "," in line else [] for line in body)
     elif any('"' in line for line in body):
-        # Between commas a comma within a number stands in quotes.
+        # Where commas separate the fields, a comma within a number is in quotes.
         rows = (fields_of(line, delimiter) if '"' in line else [] for line in body)
     texts = (" ".join(row[index].strip(' "') for index in columns if index < len(row)) for row in rows)
     return {number: text for number, text in enumerate(texts) if "," in text}

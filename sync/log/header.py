@@ -18,16 +18,16 @@ from torsight.core.frozen import Frozen
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 BLANKS: Final = " "
-"""Stands for columns that only blanks separate."""
+"""Delimiter of columns that only blanks separate."""
 _ARROW: Final = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d{1,6}) -> ")
-"""What a serial monitor writes in front of every line that comes in."""
+"""Prefix that a serial monitor writes before every received line."""
 _PLAIN_ROW: Final = re.compile(r"[-+\d.,;:|\sTZeE/]*")
 _NUMBER: Final = re.compile(r"[-+]?\d+")
 
 
 @dataclass(frozen=True, slots=True)
 class Header(Frozen):
-    """A header line of a log: its place, what parts its fields, its names, and the columns that are used."""
+    """The header line of a log: its index, the delimiter of its fields, its names, and the columns that are used."""
 
     line: int
     delimiter: str
@@ -45,7 +45,7 @@ def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> H
     best = (0, -1)
     looked_at: set[str] = set()
     for index, line in enumerate(lines):
-        # A line that differs from an earlier one in its numbers alone names no other columns: it is a row of the table.
+        # A line that differs from an earlier one only in its numbers is a row of the table: it names no other columns.
         words = _NUMBER.sub("0", line)
         if words in looked_at:
             continue
@@ -69,7 +69,7 @@ def _fits(names: Sequence[str], rows: Sequence[str]) -> bool:
 
 
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names that differ: a column without a name, or with that of another, is named by its place."""
+    """Return distinct names: a column without a name, or with the name of another, is named by its index."""
     named = [name or f"column_{index + 1}" for index, name in enumerate(names)]
     return tuple(
         name if named.index(name) == index else f"{name} (column {index + 1})" for index, name in enumerate(named)
@@ -77,7 +77,7 @@ def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def without_arrows(lines: list[str], repairs: list[Repair]) -> list[str]:
-    """Make a column of the times that a serial monitor puts before each line."""
+    """Return lines with the times that a serial monitor wrote before each line as a column."""
     found = [_ARROW.match(line) for line in lines]
     stamped = sum(one is not None for one in found)
     if stamped <= len(lines) // 2:
@@ -106,7 +106,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
 
 
 def header_names(line: str, delimiter: str) -> list[str]:
-    """Return the names of a header line; a mark of a comment before the first one is none of it."""
+    """Return the names of a header line, without a comment sign before the first one."""
     names = split_line(
         line.strip().lstrip("\ufeff").lstrip("#%").strip(" ") if line[:1] in "#%\ufeff" else line, delimiter
     )
@@ -118,10 +118,10 @@ def header_names(line: str, delimiter: str) -> list[str]:
 def find_columns(
     line: str, chosen: ChosenColumns, rows: Sequence[str] | None = None
 ) -> tuple[str, list[str], dict[str, LogColumn | InputError]]:
-    """Return the delimiter by which a line names most of the columns that are needed, its names, and the columns.
+    """Return the delimiter with which a line names most of the needed columns, the names, and the columns.
 
-    Blanks separate a line's names only where they separate the rows below it, if these are known, into as many fields:
-    they may as well be those of a sentence, or of names that hold blanks themselves.
+    Blanks count as delimiter only if they separate the rows below the line, if known, into the same number of fields:
+    otherwise they may be those of a sentence, or of names that contain blanks.
     """
     best: tuple[str, list[str], dict[str, LogColumn | InputError]] = (",", [line], {})
     for delimiter in (*_DELIMITERS, BLANKS):
@@ -144,7 +144,7 @@ def _count(columns: Mapping[str, object], chosen: ChosenColumns) -> int:
 
 
 def units_row(fields: Sequence[str], columns: Mapping[str, LogColumn]) -> dict[str, LogColumn | InputError] | None:
-    """Return the columns with the units of a row below the header; None where that row holds no units."""
+    """Return the columns with the units of a row below the header; None where this row contains no units."""
     units = {role: unit_of(fields[column.index]) for role, column in columns.items() if column.index < len(fields)}
     if any(re.search(r"\d", field) for field in fields) or not any(units.values()):
         return None
@@ -155,7 +155,7 @@ def units_row(fields: Sequence[str], columns: Mapping[str, LogColumn]) -> dict[s
 
 
 def require_columns(columns: Mapping[str, LogColumn | InputError], *, where: str) -> dict[str, LogColumn]:
-    """Return the columns, or raise the refusal of the first one that is one."""
+    """Return the columns, or raise the first error among them."""
     for column in columns.values():
         if isinstance(column, InputError):
             raise InputError(column.what, where=where, value=column.value, limit=column.limit, do=column.do)
@@ -163,7 +163,7 @@ def require_columns(columns: Mapping[str, LogColumn | InputError], *, where: str
 
 
 def fields_of(line: str, delimiter: str) -> list[str]:
-    """Return the fields of a row in which there are quotes."""
+    """Return the fields of a row that contains quotes."""
     try:
         return next(csv.reader([line], delimiter=delimiter))
     except csv.Error:  # a field beyond the reader's limit

@@ -1,7 +1,7 @@
-"""What the header of a LabVIEW measurement file (.lvm) says of its columns: decimal sign, units, and the step in time.
+"""The header of a LabVIEW measurement file (.lvm): decimal sign, units of the columns, and the time step.
 
-With "empty time column" such a file has no times; they follow from ``X0`` and ``Delta_X`` of the channel's header.
-Format: NI, "Specification for the LabVIEW Measurement File (.lvm)".
+With the option "empty time column" such a file has no times; they follow from ``X0`` and ``Delta_X`` of the channel's
+header. Format: NI, "Specification for the LabVIEW Measurement File (.lvm)".
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _FIRST_LINE: Final = "LabVIEW Measurement"
 
 @dataclass(frozen=True, slots=True)
 class LabviewHeader:
-    """What the lines before the names say; everything is empty for a file of another kind.
+    """Information in the lines before the names; empty for a file of another kind.
 
-    The decimal sign, units by column (that of times has none), time of the first row and from row to row.
+    Decimal sign, units by column (the column of times has none), time of the first row, and step from row to row.
     """
 
     decimal: str = ""
@@ -35,7 +35,7 @@ class LabviewHeader:
     step_s: float | None = None
 
     def fill_times(self, frame: pd.DataFrame, place: int, repairs: list[Repair]) -> None:
-        """Put times into a column of them that is empty."""
+        """Fill the column of times if it is empty."""
         if self.step_s is not None and not frame.iloc[:, place].notna().any():
             frame.isetitem(place, self.begin_s + self.step_s * np.arange(len(frame), dtype=np.float64))
             text = f"the column of times is empty: they follow from Delta_X, {self.step_s:g} s"
@@ -43,19 +43,19 @@ class LabviewHeader:
 
 
 def labview_header(preamble: Sequence[str], delimiter: str) -> LabviewHeader:
-    """Return the contents of a LabVIEW preamble."""
+    """Return the information in a LabVIEW preamble."""
     if not preamble or not preamble[0].strip().startswith(_FIRST_LINE):
         return LabviewHeader()
-    said: dict[str, list[str]] = {}
+    entries: dict[str, list[str]] = {}
     for line in preamble:
         key, *values = split_line(line, delimiter)
-        said[key] = values
-    decimal = next(iter(said.get("Decimal_Separator", [])), "")
-    step_s = _number(said.get("Delta_X"), decimal)
+        entries[key] = values
+    decimal = next(iter(entries.get("Decimal_Separator", [])), "")
+    step_s = _number(entries.get("Delta_X"), decimal)
     return LabviewHeader(
         decimal=decimal if decimal in (".", ",") else "",
-        units=("", *said.get("Y_Unit_Label", ())) if any(said.get("Y_Unit_Label", ())) else (),
-        begin_s=_number(said.get("X0"), decimal) or 0.0,
+        units=("", *entries.get("Y_Unit_Label", ())) if any(entries.get("Y_Unit_Label", ())) else (),
+        begin_s=_number(entries.get("X0"), decimal) or 0.0,
         step_s=step_s if step_s is not None and step_s > 0.0 else None,
     )
 

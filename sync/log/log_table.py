@@ -1,4 +1,4 @@
-"""A log's table under the names and in the units of the contract, whatever its file calls and counts them by."""
+"""A log's table with the names and units of the contract, whatever names and units its file has."""
 
 from __future__ import annotations
 
@@ -31,17 +31,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _ASIDE: Final = " (not used)"
-"""Behind the name of a column that is called like one of the contract's and is not the one that was named."""
+"""Suffix of a column that has a name of the contract but is not the column that the user named for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogTable(TextTable):
-    """The rows of a log as they stand in its file, under the contract's names.
+    """The rows of a log in the order of its file, with the contract's names.
 
     ``time_s`` is in seconds (NaN where a field is no number), temperatures are in °C; other fields that are no numbers
-    are left as they are, and further columns keep their names. ``zero`` is the instant (ISO 8601) of time 0 where the
-    timestamps are dates; ``notes`` are what a person should know: columns that were guessed or converted, dates that
-    can be read in two ways.
+    are unchanged, and further columns keep their names. ``zero`` is the instant (ISO 8601) of time 0 where the
+    timestamps are dates; ``notes`` are sentences for the user on guessed or converted columns and ambiguous dates.
     """
 
     zero: str | None
@@ -49,7 +48,7 @@ class LogTable(TextTable):
 
     @property
     def spelled(self) -> dict[str, str]:
-        """How the file calls the contract's columns that it has."""
+        """The file's own names of the contract's columns that it has."""
         return {CONTRACT[role]: spelling(column) for role, column in self.columns.items() if role in CONTRACT}
 
 
@@ -79,7 +78,7 @@ def read_log_table(path: Path, chosen: ChosenColumns) -> LogTable:
 
 
 def spelling(column: LogColumn) -> str:
-    """Return how the file calls a column."""
+    """Return the file's own name of a column."""
     return column.name or "the first column"
 
 
@@ -96,7 +95,7 @@ def _parquet(path: Path, chosen: ChosenColumns) -> TextTable:
 def _time(
     frame: pd.DataFrame, columns: Mapping[str, LogColumn], *, path: Path, first_line: int
 ) -> tuple[Any, str | None, str | None]:
-    """Return the timestamps in seconds, the instant of second 0, and how dates were read."""
+    """Return the timestamps in seconds, the instant of second 0, and the note on the reading of dates."""
     column = columns["time"]
     values = frame.iloc[:, column.index]
     if DATE in columns:
@@ -105,7 +104,7 @@ def _time(
     if not timestamps.numeric:
         return timestamps.time_s, timestamps.zero, timestamps.note
     if not column.name and column.unit is None and _counts_rows(timestamps.time_s):
-        # What a table library writes there is the number of the row.
+        # Table libraries write the row's number there.
         raise InputError(
             "has no column 'time_s'",
             where=f"{path}, line {first_line - 1}",
@@ -117,12 +116,12 @@ def _time(
 
 
 def _counts_rows(timestamps: Floats) -> bool:
-    """Return whether numbers are those of the rows: whole ones, each by one larger than that before."""
+    """Return whether numbers count the rows: from 0 or 1, each larger by one than the number before."""
     return bool(np.isfinite(timestamps).all() and (np.diff(timestamps) == 1.0).all() and timestamps[0] in (0.0, 1.0))
 
 
 def _converted(values: pd.Series[Any], column: LogColumn) -> Any:
-    """Return a column in the contract's unit; a field that is no number stays as it is."""
+    """Return a column in the contract's unit; a field that is no number is unchanged."""
     import pandas as pd
 
     if column.unit is None or not is_converted(column):

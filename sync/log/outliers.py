@@ -1,7 +1,7 @@
 """Impossible readings: spikes, and readings that stay constant while the temperature changes.
 
-A clean log passes unchanged: a reading goes only when it stands out from both neighbours by more than noise, steps and
-a corner of the temperature can make, or when a constant run ends in a jump. What goes becomes NaN, not a guess.
+A clean log passes unchanged: a reading is removed only if it differs from both neighbours by more than noise, steps and
+a corner of the temperature explain, or if a constant run ends in a jump. Removed readings become NaN, not a guess.
 """
 
 from __future__ import annotations
@@ -19,26 +19,28 @@ from torsight.core.units import Flags, Floats
 from torsight.core.words.plausible import SPRING_C
 
 RANGE_C: Final = (-80.0, SPRING_C[1])
-"""Readings outside are the instrument's, not the spring's."""
+"""Range of readings of a spring; readings outside are errors of the instrument."""
 _SPIKE_FLOOR_C: Final = 1.0
-"""A smaller spike stays, whatever the noise. With half of it a merged table's temperatures err as much, with twice of
-it 5 % more (benchmarks/sync/constants.py)."""
+"""Least size of a spike, whatever the noise. With half this value a merged table's temperatures err as much, with twice
+5 % more (benchmarks/sync/constants.py)."""
 _STUCK_ROWS: Final = 8
-"""A reading that stands still for fewer rows may be a slow instrument's; where it does for less time than is bridged
-(:data:`~sync.log.timestamps.BRIDGED_S`), taking it out would put a straight line there, which is no better known. Half
-and twice of it, and of the shares below, change no reading of damaged logs (benchmarks/sync/constants.py)."""
+"""Least length of a stuck run: fewer equal rows may come from a slow instrument. A run shorter than the gaps that are
+bridged (:data:`~sync.log.timestamps.BRIDGED_S`) is kept, too: removing it would put a straight line there, which is no
+better. Half and twice of this value, and of the shares below, change no reading of damaged logs
+(benchmarks/sync/constants.py)."""
 _ALIKE_SHARE: Final = 0.4
-"""Less than this share of readings equal the one before where normal noise is 0.65 of their last digit or more."""
+"""Share of readings equal to the one before; normal noise of 0.65 of the last digit or more gives a smaller share."""
 _FROZEN_ROWS: Final = round(math.log(1e-12) / math.log(_ALIKE_SHARE))
-"""Thirty such readings in a row: 0.4³⁰ = 10⁻¹², no chance in any log."""
+"""Number of equal readings in a row that noise does not give in any log: 0.4³⁰ = 10⁻¹²."""
 _FROZEN_SHARE: Final = 0.3
-"""Where such runs make up more of the log, the sensor is a quiet one."""
+"""Largest share of a log in such runs: with more the sensor has little noise and is not stuck."""
 _TO_AND_FRO: Final = 0.25
-"""White noise turns two steps of three back; a sensor that only follows its spring turns few."""
+"""Least share of steps that reverse the one before in a noisy channel: two of three in white noise, few in a channel
+without noise that follows its spring."""
 
 
 def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats, list[Repair]]:
-    """Set spikes and stuck readings (n,) of a column to NaN; return it with the list of what was found."""
+    """Return a column (n,) with spikes and stuck readings set to NaN, and the list of these repairs."""
     repairs: list[Repair] = []
     clean = temp_c.copy()
     missing = int(np.count_nonzero(~np.isfinite(clean)))
@@ -71,7 +73,7 @@ def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats,
 
 
 def in_range(temp_c: Floats) -> Floats:
-    """Return readings (n,) with those as NaN that no spring can have: infinite ones, and outside :data:`RANGE_C`."""
+    """Return readings (n,) with NaN for those that no spring can have: infinite or outside :data:`RANGE_C`."""
     return np.where((temp_c >= RANGE_C[0]) & (temp_c <= RANGE_C[1]), temp_c, np.nan)
 
 
@@ -84,7 +86,7 @@ def noise_c(temp_c: Floats) -> float:
 
 
 def spikes(time_s: Floats, temp_c: Floats) -> Flags:
-    """Return which readings (n,) stand out from those around them by more than noise and a corner can make."""
+    """Return the mask (n,) of readings that differ from those around by more than noise and a corner explain."""
     index = np.flatnonzero(np.isfinite(temp_c))
     found = np.zeros(len(temp_c), dtype=np.bool_)
     if len(index) < 9:
@@ -93,10 +95,10 @@ def spikes(time_s: Floats, temp_c: Floats) -> Flags:
     middle = median_filter(known, size=7, mode="nearest")
     away = np.abs(known - middle)
     noise = robust_sigma(away)
-    # What a straight flank or a corner moves within the window: the spread of the medians around.
+    # The change of the temperature within the window, at a flank or a corner: the spread of the medians around.
     spread = np.maximum(np.abs(np.roll(middle, 4) - middle), np.abs(np.roll(middle, -4) - middle))
     spread[:4], spread[-4:] = spread[4:8].max(), spread[-8:-4].max()
-    # Beside a gap the neighbours lie too far away to say what the reading should be.
+    # Beside a gap the neighbours are too far away to predict the reading.
     lonely = np.maximum(np.diff(at_s, prepend=at_s[0]), np.diff(at_s, append=at_s[-1])) > 20 * usual_step(at_s)
     bad = (away > np.maximum(_SPIKE_FLOOR_C, APART * noise) + 2.0 * spread) & ~lonely
     found[index] = bad
@@ -104,7 +106,10 @@ def spikes(time_s: Floats, temp_c: Floats) -> Flags:
 
 
 def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
-    """Mark constant runs that end in a jump, or that noise would have changed; the run's first reading is kept."""
+    """Return the mask of constant runs that end in a jump or are implausible with the channel's noise.
+
+    The first reading of a run is kept.
+    """
     stuck = np.zeros(len(temp_c), dtype=np.bool_)
     index = np.flatnonzero(np.isfinite(temp_c))
     if len(index) < _STUCK_ROWS:
@@ -125,10 +130,10 @@ def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
 
 
 def _frozen(step_c: Floats, same: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return runs of one value in a channel whose neighbouring readings elsewhere are seldom alike.
+    """Return runs of equal values in a channel whose neighbouring readings elsewhere are seldom equal.
 
-    None where they make up much of the log, or where no noise moves the readings to and fro: then the sensor is a quiet
-    one.
+    No runs are returned where they make up much of the log, or where the readings show no noise: such a sensor is not
+    stuck.
     """
     runs = [(begin, end) for begin, end in same if end - begin >= _FROZEN_ROWS]
     inside = sum(end - begin - 1 for begin, end in runs)

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 _SWITCHES: Final = ("heat_a", "heat_b")
 _COARSE_SHARE: Final = 0.2
-"""A larger share of repeated timestamps means timestamps coarser than the rows, not rows written twice: timestamps in
-whole seconds repeat in half of the rows and more of a log that needs them. Half and twice of it change nothing
+"""Share of repeated timestamps above which the timestamps are coarser than the rows, instead of rows written twice:
+timestamps in whole seconds repeat in half of the rows or more. Half and twice of it change nothing
 (benchmarks/sync/constants.py)."""
 _MIN_ROWS: Final = 3
-"""Two steps of time: with one a usual step cannot be distinguished from a gap."""
+"""Least number of rows, with two steps of time: with one a usual step cannot be distinguished from a gap."""
 
 
 def read_temperature_log(
@@ -42,13 +42,13 @@ def read_temperature_log(
     Parameters
     ----------
     path : str or Path
-        The log; its header may stand on any line.
+        The log; its header may be on any line.
     columns : mapping of str to str, optional
-        Name of the column that holds each of ``time, a, b, heat_a, heat_b, current_a, current_b`` and, where the time
-        of day stands apart, ``date``: ``{"time": "Time", "a": "Temp A (°C)", "b": "Temp B (°C)"}``.
-        What is not named has the contract's name, or one that says it plainly.
+        Names of the columns by role: ``time, a, b, heat_a, heat_b, current_a, current_b`` and, where the date is in a
+        separate column, ``date``: ``{"time": "Time", "a": "Temp A (°C)", "b": "Temp B (°C)"}``.
+        Columns that are not named have the contract's name, or an unambiguous one.
     units : mapping of str to str, optional
-        Units that the header does not say, by the same keys: ``{"time": "ms", "a": "°F"}``.
+        Units that the header does not state, by the same keys: ``{"time": "ms", "a": "°F"}``.
 
     Returns
     -------
@@ -59,10 +59,10 @@ def read_temperature_log(
     Raises
     ------
     ConfigError
-        For a key of ``columns`` or ``units`` that is not known, or a unit of another kind.
+        For an unknown key of ``columns`` or ``units``, or a unit of another quantity.
     InputError
-        When the file cannot be read, lacks a column, has one in a unit that contradicts what it is to hold, is
-        ambiguous in its numbers, or holds too little to use; the message names line and column.
+        When the file cannot be read, lacks a column, has a column in a unit that contradicts its role, is ambiguous in
+        its numbers, or has too few rows; the message names line and column.
     """
     path = Path(path)
     table = read_log_table(path, chosen_columns(columns, units))
@@ -126,7 +126,7 @@ def read_temperature_log(
 
 
 def _require_order(ordered: OrderedTimestamps, rows: int, *, where: str) -> None:
-    """Refuse times that are no seconds, or too far out of order to be a clock's: every restart would be a guess."""
+    """Refuse times that are no seconds, or so disordered that every restart of the clock would be a guess."""
     require_timestamps(ordered.time_s, where=where)
     restarts = int(ordered.block[-1])
     covered_s = float(np.diff(ordered.time_s)[np.diff(ordered.block) == 0].sum())
@@ -156,7 +156,7 @@ def _no_temperature(values: Floats, *, where: str) -> InputError:
 def _distinct(
     ordered: OrderedTimestamps, columns: dict[str, pd.Series[Any]], *, first_line: int, repairs: list[Repair]
 ) -> tuple[OrderedTimestamps, dict[str, Floats], dict[str, NDArray[np.generic]]]:
-    """Bring the columns, of numbers and of texts, into the rows' order and give every row a timestamp of its own."""
+    """Return distinct timestamps, and the columns of numbers and of texts in the order of these timestamps."""
     import pandas as pd
 
     numbers: dict[str, Floats] = {}
@@ -204,7 +204,7 @@ def _known(values: Floats) -> pd.Series[float]:
 
 
 def _words(column: pd.Series[Any]) -> Floats:
-    """Read switches written as words; everything else is not a number."""
+    """Return switches that are written as words as 0 and 1; NaN for all other fields."""
     words = {"true": 1.0, "on": 1.0, "yes": 1.0, "false": 0.0, "off": 0.0, "no": 0.0}
     lowered = column.astype("string").str.strip().str.lower()
     return np.asarray(lowered.map(words).to_numpy(np.float64, na_value=np.nan))
@@ -219,7 +219,7 @@ def _spread(ordered: OrderedTimestamps, same: Flags) -> OrderedTimestamps:
     width[:-1] = np.diff(timestamp)
     usual = usual_step(timestamp)
     width[-1] = usual
-    # Before a gap or a restart the rows of one timestamp do not fill the time up to the next.
+    # Before a gap or a restart the rows of one timestamp do not extend to the next timestamp.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)
     rank = np.arange(len(group)) - first[group]
     time_s = ordered.time_s + width[group] * rank / size[group]
@@ -240,7 +240,7 @@ def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict
             repairs.append(
                 Repair("no_switch", unread, f"{name}: {unread} fields are not 0, 1, on or off; taken as the one before")
             )
-        # An empty field goes on with the last known state.
+        # An empty field continues the last known state.
         switches[name] = _known(numbers[name]).ffill().to_numpy() > 0.5
     return switches
 

@@ -1,4 +1,4 @@
-"""A log after its repair, and the list of what was repaired."""
+"""A log after its repair, and the list of repairs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Repair:
     kind : str
         Short name: ``spike``, ``stuck``, ``repeated_stamp``, ``reordered``, ``restart``, ...
     count : int
-        How many rows or fields it touched.
+        Number of rows or fields that were repaired.
     text : str
-        What was found and what was done, with the first place, for a person.
+        Sentence for the user: the finding, the repair, and the location of the first one.
     """
 
     kind: str
@@ -31,23 +31,23 @@ class Repair:
     text: str
 
     def to_json(self) -> dict[str, object]:
-        """Return the form that stands in ``sync.json``."""
+        """Return the repair's form in ``sync.json``."""
         return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """A restart of the logging clock, after which the timestamps were moved to go on from those before.
+    """A restart of the logging clock, after which the timestamps were shifted to continue those before.
 
     Attributes
     ----------
     index : int
         First row of the log after the restart.
     shift_s : float
-        What was added to the timestamps from there on, s.
+        Shift of the timestamps from there on, s.
     gap_s, gap_sigma_s : float
-        Time that passed between the rows before and after it, with one standard deviation (infinite where the
-        log does not show it: the gap is then one usual step).
+        Time between the rows before and after the restart, and its standard deviation (infinite where the log does not
+        determine it: the gap is then one usual step).
     """
 
     index: int
@@ -56,31 +56,31 @@ class Restart:
     gap_sigma_s: float
 
     def to_json(self) -> dict[str, object]:
-        """Return the form that stands in ``sync.json``."""
+        """Return the restart's form in ``sync.json``."""
         return {"row": self.index, "shift_s": self.shift_s, "gap_s": self.gap_s, "gap_sigma_s": self.gap_sigma_s}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LogReading(Frozen, Shown):
-    """A temperature log with strictly increasing timestamps, and the repairs that made it so.
+    """A temperature log with strictly increasing timestamps, and its repairs.
 
     Attributes
     ----------
     log : TemperatureLog
         The repaired log; its clock is that of the rows before the first restart.
     repairs : tuple of Repair
-        Everything that was changed, dropped or set to not-known.
+        All changes: fields that were changed, dropped or set to NaN.
     restarts : tuple of Restart
         Restarts of the logging clock, in order.
     zero : str or None
         Instant (ISO 8601) of time 0 where the timestamps were dates; None where they were seconds.
     coarse_s : float
-        Step of timestamps that are coarser than the rows, s; they are read as cut off, and may have been rounded. 0
-        where every row has a timestamp of its own.
+        Step of timestamps that are coarser than the rows, s; they are read as truncated, but may have been rounded. 0
+        where every row has a distinct timestamp.
     columns : mapping of str to LogColumn
-        Which column of the file was taken for what, by the keys ``time, a, b, ...``.
+        The file's columns by their roles ``time, a, b, ...``.
     notes : tuple of str
-        What a person should know of that: columns that were guessed or converted.
+        Notes for the user on columns that were guessed or converted.
     """
 
     log: TemperatureLog

@@ -1,8 +1,8 @@
-"""Stretches of a log between restarts of its clock, put one after the other.
+"""Joining of the sections of a log between restarts of its clock.
 
-How long the clock stood still is not in the timestamps. Where a temperature changes steadily on both sides, its jump
-across the restart gives the gap: jump / rate. Where it does not, one usual step is assumed and the gap is marked as not
-known; the motion on the film may show it later (:mod:`sync.clock.restarts`).
+The timestamps do not show how long the clock was stopped. Where a temperature changes steadily on both sides, its jump
+across the restart gives the gap: jump / rate. Otherwise one usual step is assumed and the gap is marked as not known;
+the motion on the film may determine it later (:mod:`sync.clock.restarts`).
 """
 
 from __future__ import annotations
@@ -20,19 +20,18 @@ from torsight.core.units import Floats, Ints
 
 _WINDOW_S: Final = 10.0
 """Time over which a parabola is fitted on either side: short against a heating, and forty rows at 4 Hz. Half and twice
-of it move the clock by 0.04 of its standard deviations at most (benchmarks/sync/constants.py)."""
+this value move the clock by 0.04 of its standard deviations at most (benchmarks/sync/constants.py)."""
 SHORTEST_STRETCH_S: Final = 2.0 * _WINDOW_S
-"""Rows between restarts that cover less time show a rate at neither end: such steps back are no restarts."""
+"""Shortest section between restarts: a shorter one gives a rate at neither end, so that its start is no restart."""
 LONGEST_GAP_S: Final = 900.0
-"""A logger that was away for longer than a quarter of an hour is another record: a choice that moves no clock at half
-and at twice of it (benchmarks/sync/constants.py)."""
+"""Longest gap within one record, a choice: half and twice this value move no clock (benchmarks/sync/constants.py)."""
 
 
 def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -> tuple[Floats, tuple[Restart, ...]]:
-    """Move every block of rows to follow the one before it; return times (n,) on one clock, and one restart per joint.
+    """Return times (n,) on one clock, with every block of rows shifted to follow the one before, and the restarts.
 
-    Timestamps (n,) increase within a block; ``block`` (n,) numbers them, not decreasing. The continuity of the readings
-    (n,) gives the gaps.
+    Timestamps (n,) increase within a block; ``block`` (n,) holds the blocks' numbers, in increasing order. The gaps
+    follow from the continuity of the readings (n,).
     """
     joined = time_s.copy()
     restarts: list[Restart] = []
@@ -51,7 +50,7 @@ def join_blocks(time_s: Floats, block: Ints, temperatures_c: Sequence[Floats]) -
 def _gap(
     time_s: Floats, before: slice, after: slice, temperatures_c: Sequence[Floats], step_s: float
 ) -> tuple[float, float]:
-    """Return the time between the last row before and the first after, with one sigma (infinite: not known)."""
+    """Return the time between the last row before a restart and the first after, and its sigma (infinite: unknown)."""
     weight = total = 0.0
     for temperature in temperatures_c:
         noise = max(noise_c(temperature), 1e-3)
@@ -59,11 +58,11 @@ def _gap(
         right = _at(float(time_s[after][0]), time_s[after], temperature[after], noise)
         if left is None or right is None:
             continue
-        # The jump is divided by the rate: known to an eighth, it gives the gap to an eighth.
+        # The gap is the jump divided by the rate: a rate that is known to an eighth gives the gap to an eighth.
         rate = 0.5 * (left[1] + right[1])
         rate_sigma = math.hypot(left[3], right[3]) / 2.0
         bend = abs(left[1] - right[1])
-        # A corner of the temperature somewhere in the gap makes both rates unequal; then the jump says little of it.
+        # Unequal rates indicate a corner of the temperature within the gap: then the jump does not determine the gap.
         if abs(rate) < 8.0 * rate_sigma or bend > 0.3 * abs(rate) + 3.0 * rate_sigma:
             continue
         gap = (right[0] - left[0]) / rate
@@ -77,9 +76,9 @@ def _gap(
 
 
 def _at(edge_s: float, time_s: Floats, temp_c: Floats, noise: float) -> tuple[float, float, float, float] | None:
-    """Return value, rate and their sigmas at one end of a stretch; None where too few readings are near it.
+    """Return value, rate and their sigmas at one end of a section; None where too few readings are near the end.
 
-    From parabolas over some seconds and over half as many: what they differ by is the error of taking one.
+    They come from parabolas over the window and over half of it, whose difference estimates the model's error.
     """
     whole = _parabola(edge_s, time_s, temp_c, noise, window_s=_WINDOW_S)
     half = _parabola(edge_s, time_s, temp_c, noise, window_s=0.5 * _WINDOW_S)
@@ -99,7 +98,7 @@ def _parabola(
     x, y = time_s[near] - edge_s, temp_c[near]
     design = np.stack([np.ones_like(x), x, x**2], axis=1)
     keep = np.ones(len(x), dtype=np.bool_)
-    # Spikes are not out yet: what lies four sigmas off goes, and the next fit sees more.
+    # Spikes have not been removed yet: drop readings beyond four sigmas, and fit again.
     for _ in range(3):
         coefficient, *_ = np.linalg.lstsq(design[keep], y[keep], rcond=None)
         away = np.abs(y - design @ coefficient)

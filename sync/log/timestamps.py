@@ -1,12 +1,13 @@
-"""Timestamps made strictly increasing: rows misplaced, repeated or wrong, and restarts of the clock.
+"""Ordering of timestamps: rows that are misplaced, repeated or wrong, and restarts of the clock.
 
-Three things look alike, a timestamp that is smaller than the one before, and need different repairs:
+A timestamp that is smaller than the one before has one of three causes, which need different repairs:
 
-- rows written out of order: their place further up is vacant; they are put there;
-- a wrong timestamp: no vacant place; it is interpolated from its neighbours where they leave room, else its row goes;
-- a restart of the clock: the rows after it run over timestamps that were there already; they are moved as a block.
+- rows written out of order: there is a gap in the times before, into which they are sorted;
+- a wrong timestamp: there is no such gap; it is interpolated from its neighbours if they leave a gap, else its row is
+  dropped;
+- a restart of the clock: the rows after it repeat times that were there already; they are shifted as a block.
 
-A clock that restarts at zero from negative timestamps jumps forward instead; landing on zero gives it away.
+A clock that restarts at zero from negative timestamps jumps forward instead, which is recognised by the zero.
 """
 
 from __future__ import annotations
@@ -22,20 +23,20 @@ from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats, Ints
 
 BRIDGED_S: Final = 2.0
-"""A straight line over so long misses a cooling by A (2 s / τ)² / 8: 0.03 °C for 60 °C with a time constant of 30 s.
-Where the reference rig moves back it is 0.015 °C, 0.2° of its angle, as little as a good record leaves; over 5 s it is
-1.1°."""
+"""Longest gap that is interpolated: a straight line over 2 s misses a cooling by A (2 s / τ)² / 8, 0.03 °C for 60 °C
+with a time constant of 30 s. Where the reference rig moves back the error is 0.015 °C, 0.2° of its angle, about the
+residual of a good record; over 5 s it is 1.1°."""
 _CLOCK_SET_S: Final = 6 * 3600.0
-"""A step forward longer than this is a clock that was set, not a pause in logging: a choice. Half and twice of it
-change no reading of damaged logs (benchmarks/sync/constants.py)."""
+"""Step forward above which the clock was set, instead of a pause in logging: a choice. Half and twice this value change
+no reading of damaged logs (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True)
 class OrderedTimestamps:
-    """Rows of the file that are kept, in the order of time, and what was done (``repairs``).
+    """The kept rows of the file in the order of time, and the repairs.
 
-    Timestamps (m,) do not decrease within a block; repeated ones are still there. ``block`` is 0 before the first
-    restart of the clock, 1 after it, ...
+    Timestamps (m,) do not decrease within a block, and may repeat. ``block`` is 0 before the first restart of the
+    clock, 1 after it, ...
     """
 
     row: Ints
@@ -45,10 +46,9 @@ class OrderedTimestamps:
 
 
 def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestamps:
-    """Bring rows into the order of time, block by block.
+    """Sort rows by time, block by block.
 
-    ``timestamp_s`` (n,) are the timestamps of the file, NaN where there is none; row 0 stands on its line
-    ``first_line``.
+    ``timestamp_s`` (n,) are the timestamps of the file, NaN where missing; row 0 is on line ``first_line``.
     """
     repairs: list[Repair] = []
     row = np.flatnonzero(np.isfinite(timestamp_s))
@@ -87,33 +87,33 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
 
 
 def longest_gap_s(time_s: Floats) -> float:
-    """Return how far apart samples at these times (n,) may be, and a straight line still stands for what is between.
+    """Return the longest distance of samples at times (n,) that is interpolated linearly.
 
-    What is further apart is a gap, for everyone who asks: it is reported, stays empty in the merged table and does not
-    count in a fit. It is :data:`BRIDGED_S`, or five usual steps where they are longer: such a log is nothing but lines
-    over seconds anyway, and up to four readings in a row may be lost.
+    A longer one is a gap in all stages: it is reported, stays empty in the merged table and does not count in a fit.
+    The limit is :data:`BRIDGED_S`, or five usual steps if longer: such a log consists of lines over seconds anyway, and
+    up to four readings in a row may be missing.
     """
     return max(BRIDGED_S, 5.0 * usual_step(time_s))
 
 
 def _blocks(time_s: Floats) -> Ints:
-    """Give every row the number of restarts before it."""
+    """Return the number of restarts before every row (n,)."""
     block = np.zeros(len(time_s), dtype=np.int64)
     step = np.diff(time_s)
     begin = 0
     usual_s = usual_step(time_s)
-    # Where timestamps are negative a clock that begins at zero again jumps forward, and would pass for a pause.
+    # A clock with negative timestamps that restarts at zero jumps forward, which would count as a pause.
     to_zero = (np.abs(time_s[1:]) <= 2.0 * usual_s) & (step > max(5.0, 20.0 * usual_s))
     backs = np.append(np.flatnonzero(step < 0) + 1, len(time_s))
     for at in np.flatnonzero((step < 0) | (step > _CLOCK_SET_S) | to_zero) + 1:
-        # A single row has no step to compare with that of a restart.
+        # A block of a single row has no step to compare with that of a restart.
         if at < begin + 2:
             continue
         later = time_s[at:]
         if to_zero[at - 1]:
             restarted = True
         elif step[at - 1] > 0:
-            # A lone wild timestamp jumps too; a clock that was set goes on from there.
+            # A single wrong timestamp jumps, too; after a clock was set, the rows continue from there.
             restarted = len(later) >= 3 and bool(np.all(np.abs(later[:3] - later[0]) < _CLOCK_SET_S))
         else:
             until = int(backs[np.searchsorted(backs, at, side="right")])
@@ -125,13 +125,13 @@ def _blocks(time_s: Floats) -> Ints:
 
 
 def _runs_over(before: Floats, later: Floats) -> bool:
-    """Return whether the rows after a step back, up to the next one, cover time that was there already."""
+    """Return whether the rows after a step back, up to the next step back, repeat times that were there already."""
     last_s = float(np.median(before[-3:]))
-    # Those of them that come before the last timestamp was passed.
+    # Rows before the last earlier timestamp is passed again.
     back = later[: int(np.searchsorted(later[1:], last_s)) + 1]
     if len(back) < 3 or back[0] >= last_s:
         return False
-    # Those of them that lie within what was there.
+    # Rows within the range of the earlier timestamps.
     inside = int(np.count_nonzero(back >= before.min()))
     there = int(np.count_nonzero((before >= back[0]) & (before <= back[-1])))
     return inside == 0 or there > inside // 3
@@ -150,7 +150,7 @@ def _ordered_block(row: Ints, time_s: Floats, counts: dict[str, list[int]], firs
         place = int(np.searchsorted(good, timestamp))
         room = (good[place] if place < len(good) else np.inf) - (good[place - 1] if place else -np.inf)
         position = int(np.count_nonzero(kept[:index]))
-        # Room for one more row, as far as a logger's steps vary.
+        # The gap must hold one more row, allowing for the variation of a logger's steps.
         if room > 1.3 * step_s and np.isfinite(room):
             kind = "reordered"
         elif 0 < position < len(good) and good[position] - good[position - 1] > 1.3 * step_s:
@@ -169,7 +169,7 @@ def _ordered_block(row: Ints, time_s: Floats, counts: dict[str, list[int]], firs
 
 
 def _longest_increasing(time_s: Floats) -> Flags:
-    """Mark the longest not decreasing run of rows that can be picked (patience sorting)."""
+    """Return the mask of the longest non-decreasing subsequence (patience sorting)."""
     tails: list[float] = []
     tail_index: list[int] = []
     previous = np.full(len(time_s), -1, dtype=np.int64)

@@ -1,7 +1,7 @@
-"""Timestamps as instruments write them: numbers, dates with a time of day, or a time of day alone, made seconds.
+"""Conversion of timestamps to seconds: numbers, dates with a time of day, or a time of day alone.
 
-Only differences of timestamps count, so that whether ``05/06/2024`` is in May or in June matters only where a log goes
-over midnight: the reading that leaves the shorter steps is the right one then, as the other jumps by a month.
+Only differences of timestamps count, so that whether ``05/06/2024`` is in May or in June matters only if a log passes
+midnight: then the reading with the shorter steps is right, because the other one jumps by a month.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _DAY_S: Final = timedelta(days=1).total_seconds()
 
 @dataclass(frozen=True, slots=True)
 class Timestamps:
-    """Timestamps in seconds (n,), NaN where a field is no timestamp; since the first one where they are dates.
+    """Timestamps in seconds (n,), NaN where a field is no timestamp; dates count from the first one.
 
-    ``zero`` is the instant (ISO 8601) of second 0 then, and ``note`` says how dates were read that can be read in two
-    ways. ``numeric``: the fields are numbers, in whatever unit the column has.
+    For dates ``zero`` is the instant (ISO 8601) of second 0, and ``note`` states the reading of ambiguous dates.
+    ``numeric``: the fields are numbers, in the unit of the column.
     """
 
     time_s: Floats
@@ -42,9 +42,9 @@ class Timestamps:
 
 
 class RunningTimestamps:
-    """Timestamps one by one, as a log grows: the same seconds as :func:`read_timestamps` gives for the whole.
+    """Incremental conversion of the timestamps of a growing log, with the same results as :func:`read_timestamps`.
 
-    Of dates only the first instant and the time of day count: midnight is where the time of day falls.
+    Of dates only the first instant and the time of day are used: midnight is where the time of day falls.
     """
 
     def __init__(self, factor: float = 1.0) -> None:
@@ -81,14 +81,14 @@ class RunningTimestamps:
 
 
 def read_timestamps(column: pd.Series[Any], *, where: str, first_line: int) -> Timestamps:
-    """Read a column of timestamps, numbers, dates or text, whose row 0 stands on ``first_line`` of the file."""
+    """Read a column of timestamps (numbers, dates or text), whose row 0 is on ``first_line`` of the file."""
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column):
         return Timestamps(column.to_numpy(np.float64), numeric=True)
     if pd.api.types.is_datetime64_any_dtype(column):
         return _since_first(pd.to_datetime(column, utc=True))
-    # A column is of a form where most of its fields are; the others are damaged.
+    # A column has the form of most of its fields; the others are damaged.
     text = column.astype("string").str.strip()
     given = int(text.notna().sum())
     numbers = pd.to_numeric(text.str.replace(r"(?<=\d),(?=\d)", ".", regex=True), errors="coerce")
@@ -118,7 +118,7 @@ def _since_first(dates: pd.Series[Any]) -> Timestamps:
 
 
 def _clock_timestamps(text: pd.Series[Any]) -> Timestamps | None:
-    """Read times of day, or of a stop watch: hours, minutes, seconds; where they fall to zero, a new day begins."""
+    """Read times of day, or of a stop watch: hours, minutes, seconds; a new day begins where they fall."""
     fields = text.str.extract(f"^{_CLOCK}$")
     seconds = _seconds_of_day(fields)
     known = np.flatnonzero(np.isfinite(seconds))
@@ -130,7 +130,7 @@ def _clock_timestamps(text: pd.Series[Any]) -> Timestamps | None:
 
 
 def _date_timestamps(text: pd.Series[Any]) -> Timestamps | None:
-    """Read dates with a time of day, the parts of the date in whichever order is possible."""
+    """Read dates with a time of day, with the parts of the date in any possible order."""
     import pandas as pd
 
     fields = text.str.extract(f"^{_DATE}[T,;\\s]+{_CLOCK}$")
@@ -175,7 +175,7 @@ def _named_months(text: pd.Series[Any]) -> Timestamps | None:
 
 
 def _seconds_of_day(fields: pd.DataFrame) -> Floats:
-    """Return seconds for columns of hours, minutes, seconds, the fraction's digits, and a or p; NaN where not known."""
+    """Return seconds from columns of hours, minutes, seconds, digits of the fraction, and a or p; NaN where unknown."""
     hours, minutes, seconds = (_numbers(fields.iloc[:, index]) for index in range(3))
     fraction = _numbers("0." + fields.iloc[:, 3].astype("string").fillna("0"))
     half = fields.iloc[:, 4].astype("string").str.lower()

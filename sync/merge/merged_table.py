@@ -1,12 +1,12 @@
-"""Angle and temperatures on one clock, and what ``sync.json`` says of them.
+"""Angle and temperatures on one clock, and the content of ``sync.json``.
 
 Temperatures are interpolated linearly between the two timestamps around a frame's instant. Nothing is averaged: a mean
 over neighbouring rows rounds the corners of the temperature, where an incomplete transformation ends, and noise is
-better taken out by whoever drives a model with it, with the same filter for measurement and simulation. Where a frame
-falls on a timestamp the reading comes out as it is. Switches and all other columns hold the last row at or before the
-instant, as the logger did. Where the readings around are further apart than the longest gap the temperature stays
-empty. Where the film lacks frames for longer than the log lacks readings, the log's rows stand without an angle: what
-happens there, such as the top of a heating, drives the actuator whether a camera saw it or not.
+better removed before a model is driven, with the same filter for measurement and simulation. Where a frame coincides
+with a timestamp the reading is unchanged. Switches and all other columns have the value of the last row at or before
+the instant. Where the readings around are further apart than the longest gap the temperature is empty. Where the film
+lacks frames for longer than the log lacks readings, the log's rows are added without an angle, because the temperature
+there, such as the top of a heating, drives the actuator whether it is filmed or not.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from torsight.core.units import Flags, Floats, Ints
 
 
 def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_s: float | None = None) -> SyncedTable:
-    """Put temperatures, switches and further columns at the film's instants.
+    """Return the table of angles with temperatures, switches and further columns at the film's instants.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
     log : TemperatureLog
         Readings on the logging clock; NaN readings are bridged like missing rows.
     clock : ClockMap
-        Temperature time of a film time.
+        Map from film time to temperature time.
     max_gap_s : float, optional
         Longest distance between the two readings around an instant, s.
 
@@ -69,10 +69,10 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
 
 
 def _film_instants(film_s: Floats, log_s: Floats) -> tuple[Floats, Ints]:
-    """Return the film's instants with the log's rows where frames are missing, and which of them are frames (n,)."""
+    """Return the film's instants and the log's rows where frames are missing, and the indices (n,) of the frames."""
     if len(film_s) < 3 or len(log_s) < 2:
         return film_s, np.arange(len(film_s))
-    # Half a step either way: a frame is missing from one and a half on, and a row within half of one is at a frame.
+    # A frame is missing where frames are more than one and a half steps apart; a row within half a step is at a frame.
     step_s = usual_step(film_s)
     gaps = np.append(np.diff(film_s), 0.0) > max(1.5 * step_s, usual_step(log_s))
     after = np.searchsorted(film_s, log_s, side="right") - 1
@@ -100,7 +100,7 @@ def require_overlap(
 
 
 def at_instants(time_s: Floats, value: Floats, instant_s: Floats, *, max_gap_s: float) -> Floats:
-    """Interpolate linearly; NaN outside and where the known values around are further apart than ``max_gap_s``."""
+    """Return values at instants, linearly interpolated; NaN outside and in gaps longer than ``max_gap_s``."""
     known = np.isfinite(value)
     at_s, there = time_s[known], value[known]
     if len(at_s) == 0:

@@ -1,21 +1,21 @@
-"""Whether a film plays slower than it was filmed: it is then longer than its log by a power of two."""
+"""Detection of a film in slow motion: it is longer than its log by a power of two."""
 
 from __future__ import annotations
 
 from typing import Final
 
 _FACTORS: Final = (2, 4, 8, 16, 32)
-"""Cameras film 60, 120, 240, 480 or 960 frames a second and play them at 30."""
+"""Factors of slow motion: cameras film 60, 120, 240, 480 or 960 frames a second and play them at 30."""
 _NEAR: Final = 0.1
-"""Share by which the lengths may be off such a factor, where log and camera are started and stopped by hand: a choice,
-which decides over a warning alone."""
+"""Largest relative deviation of the ratio of durations from such a factor, as log and camera are started and stopped by
+hand: a choice, which affects a warning only."""
 
 
 def slow_motion_factor(film_s: float, log_s: float) -> int | None:
-    """Return how many times slower a film seems to play than it was filmed; None where nothing hints at it.
+    """Return the factor by which a film seems to play slower than it was filmed; None without an indication.
 
-    A log that is longer than its film is usual and says nothing. One that is shorter by a factor of 2, 4, 8, … is
-    not: a log is let run for as long as the camera.
+    A log that is longer than its film is usual and no indication. A log that is shorter by a factor of 2, 4, 8, … is an
+    indication, because a log usually runs as long as the camera.
     """
     if not (film_s > 0.0 and log_s > 0.0):
         return None
@@ -23,7 +23,7 @@ def slow_motion_factor(film_s: float, log_s: float) -> int | None:
 
 
 def slow_motion_text(film_s: float, log_s: float, *, rate_fps: float | None) -> tuple[str, str] | None:
-    """Return the warning and the advice for lengths that look like slow motion; None where they do not.
+    """Return the warning and the advice for durations that indicate slow motion; None for others.
 
     ``rate_fps`` is the rate at which the film plays.
     """

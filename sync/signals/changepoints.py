@@ -1,10 +1,10 @@
-"""Changepoints of the log, which a sensor's lag rounds but does not move, and abrupt stops on the film.
+"""Changepoints of the log, which a sensor's lag rounds but does not shift, and abrupt stops on the film.
 
-When the power goes off, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the changepoint
-at the same instant, rounded over its lag. A transformation that is cut short stops the motion at the very instant at
-which the wire stops getting warmer. So a changepoint in the log and a stop on the film are one event, whatever the lag.
-The roundness of the log's changepoints is an upper limit of the lag (a larger one would have rounded them more), and
-equals the lag where the power is cut at once.
+When the power is cut, the rate of a wire's temperature jumps. A sensor with a first-order lag shows the changepoint at
+the same instant, rounded over its lag. A transformation that is cut short stops the motion at the instant at which the
+wire stops getting warmer. So a changepoint in the log and a stop on the film are the same event, whatever the lag. The
+roundness of the log's changepoints is an upper limit of the lag (a larger lag would have rounded them more), and equals
+the lag where the power is cut abruptly.
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import Flags, Floats
 
 MAX_LAG_S: Final = 15.0
-"""Longest lag that is looked for. Half and twice of it move a clock by 0.6 of its standard deviations at most
+"""Longest lag that is considered. Half and twice this value move a clock by 0.6 of its standard deviations at most
 (benchmarks/sync/constants.py)."""
 SPLITS: Final = (0.0, 0.2, 0.45)
-"""Shares of a lag that a second stage may have: a sensor in its sleeve follows in two steps."""
+"""Shares of a lag that a second stage may have: a sensor in its sleeve responds in two stages."""
 _POINTS: Final = 160
-"""Readings around a changepoint are averaged down to fewer than twice as many: the grid search costs in proportion.
-Half and twice of them move a clock by 0.07 of its standard deviations at most (benchmarks/sync/constants.py)."""
+"""Readings around a changepoint are averaged to fewer than twice this number, because the cost of the grid search is
+proportional to it. Half and twice this value move a clock by 0.07 of its standard deviations at most
+(benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changepoint:
     """An instant at which the rate of a temperature jumps.
 
-    When, on the log's clock, and the first-order lag that rounds it like this, each with its sigma; the likelihood of
-    the lag (n,) around its best value. ``log_fit`` is the logarithm of how well the changepoint is described at all, up
-    to a constant of its readings.
+    ``time_s`` is on the log's clock and ``lag_s`` the first-order lag that explains the roundness, each with its sigma;
+    ``lag_log_likelihood`` (n,) is the likelihood of the lag around its best value. ``log_fit`` is the log-likelihood of
+    the best description, up to a constant that depends on the readings.
     """
 
     time_s: float
@@ -52,10 +53,11 @@ class Changepoint:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Course of a temperature around a changepoint.
+    """Model of a temperature around a changepoint.
 
-    Before it a polynomial holds (``powers_before``: its degree); there a decay of time constant ``decay_s`` may begin
-    beside a straight line. ``lag_s`` is the sensor's where it is known, ``split`` the share of its second stage.
+    Before the changepoint the temperature is a polynomial of the degree ``powers_before``; after it a straight line is
+    added and, optionally, a decay with the time constant ``decay_s``. ``lag_s`` is the sensor's lag where it is known,
+    ``split`` the share of its second stage.
     """
 
     powers_before: int
@@ -74,10 +76,10 @@ def fit_changepoint(
     after_s: float,
     noise: float,
 ) -> Changepoint | None:
-    """Find a changepoint and its roundness by least squares over its time and the lag.
+    """Return a changepoint by least squares over its time and the lag.
 
-    ``near_s`` bounds its time; ``before_s`` and ``after_s`` are how far readings count on either side.
-    ``None`` where there are too few readings or none stands out.
+    ``near_s`` bounds the time; readings within ``before_s`` and ``after_s`` of these bounds are used. None where there
+    are too few readings.
     """
     window = (time_s >= near_s[0] - before_s) & (time_s <= near_s[1] + after_s) & np.isfinite(temp_c)
     if np.count_nonzero(window) < 12:
@@ -91,7 +93,7 @@ def fit_changepoint(
         if not np.isfinite(loss).any():
             return None
         i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
-        # Everything that could still be the answer, within four standard deviations, stays inside the next, finer grid.
+        # The next, finer grid contains all points within four standard deviations of the best one.
         likely = loss <= loss[i, j] + 16.0 * max(float(loss[i, j]), spread**2) / len(x)
         at, lags = _zoomed(at, likely.any(axis=1), None), _zoomed(lags, likely.any(axis=0), (0.0, MAX_LAG_S))
     return _summary(_losses(x, y, at, lags, shape), at, lags, spread, len(x))
@@ -110,14 +112,14 @@ def _zoomed(grid: Floats, likely: Flags, bounds: tuple[float, float] | None) -> 
 
 
 def _thinned(time_s: Floats, temp_c: Floats, noise: float) -> tuple[Floats, Floats, float]:
-    """Average fast logs down to some hundred points; return times, values, noise of one."""
+    """Return times and values of a log, averaged to some hundred points if it is fast, and the noise of one point."""
     group = max(1, len(time_s) // _POINTS)
     x, y = block_means(time_s, group), block_means(temp_c, group)
     return x, y, max(noise, 1e-3) / float(np.sqrt(group))
 
 
 def _losses(x: Floats, y: Floats, at: Floats, lags: Floats, shape: Shape) -> Floats:
-    """Return the mean square that is left, for every time and lag."""
+    """Return the residual mean square for every time and lag."""
     loss = np.full((len(at), len(lags)), np.inf)
     away = x - at[:, None]
     tried = (np.sum(away < 0, axis=1) >= shape.powers_before + 2) & (np.sum(away > 0, axis=1) >= 5)
@@ -143,17 +145,17 @@ def _squares(y: Floats, curves: Floats) -> Floats:
 
 
 def _weights(loss: Floats, unit: float, count: int) -> Floats:
-    """Return how likely each mean square is that was tried, of one in all; ``unit`` is the variance of one value."""
+    """Return the normalised likelihood of each residual mean square; ``unit`` is the variance of one value."""
     excess = (loss - float(loss.min())) / unit * count
     weight = np.where(np.isfinite(loss), np.exp(-0.5 * np.minimum(excess, 200.0)), 0.0)
     return np.asarray(weight / weight.sum())
 
 
 def _summary(loss: Floats, at: Floats, lags: Floats, spread: float, count: int) -> Changepoint:
-    """Return the best changepoint, with sigmas from how fast the loss grows around it."""
+    """Return the best changepoint, with sigmas from the likelihood around it."""
     i, j = np.unravel_index(int(np.argmin(loss)), loss.shape)
     lowest = float(loss[i, j])
-    # What the curves cannot follow counts as noise too.
+    # A misfit of the model counts as noise, too.
     unit = max(lowest, spread**2)
     weight = _weights(loss, unit, count)
     at_weight, lag_weight = weight.sum(axis=1), weight.sum(axis=0)
@@ -177,10 +179,10 @@ def cooling_start(
     lag_s: float | None,
     split: float,
 ) -> Changepoint | None:
-    """Find the instant at which the power went off at the beginning of a cooling.
+    """Return the instant at which the power is cut at the beginning of a cooling.
 
-    ``switch_s`` are the instants at which the log's own switch of this spring goes off, where it has one; ``lag_s``
-    holds the lag fixed.
+    ``switch_s`` are the times at which the log's own switch of this spring is turned off, if there is one; ``lag_s``
+    fixes the lag.
     """
     temp_c = log.temp_c(segment.spring)
     length_s = segment.end_s - segment.begin_s
@@ -209,7 +211,7 @@ def cooling_start(
 
 
 def _decay(time_s: Floats, temp_c: Floats, segment: HeatingSegment) -> float | None:
-    """Return the time constant of a cooling from its later part, where a lag shows no more."""
+    """Return the time constant of a cooling from its later part, where a lag has no effect."""
     from scipy.optimize import minimize_scalar
 
     rise = segment.high_c - segment.low_c
@@ -230,7 +232,7 @@ def _decay(time_s: Floats, temp_c: Floats, segment: HeatingSegment) -> float | N
 
 
 def find_stop(angles: StickAngles, stroke: Stroke) -> tuple[float, float] | None:
-    """Return when a stroke ends abruptly, film clock, and one sigma, s; ``None`` where the motion fades out instead."""
+    """Return the film time of a stroke's abrupt end and its sigma, s; None where the motion ends gradually."""
     length_s = stroke.end_s - stroke.begin_s
     window_s = float(np.clip(0.12 * length_s, 0.4, 8.0))
     inside = (np.abs(angles.time_s - stroke.end_s) <= window_s) & angles.valid
@@ -273,11 +275,11 @@ def heating_end(
     lag_s: float | None,
     split: float,
 ) -> Changepoint | None:
-    """Find the instant at which the temperature stopped rising at the end of a heating.
+    """Return the instant at which the temperature stops rising at the end of a heating.
 
-    ``lag_s`` is the roundness of the log's sharp changepoints, where it is known: with it this one has a roundness of
-    its own. Where a hold follows, the end is the changepoint between the ramp and the hold; else it is the beginning of
-    the cooling.
+    ``lag_s`` is the roundness of the log's sharp changepoints, if known; the lag of this changepoint is then fitted,
+    too. Where a hold follows, the end is the changepoint between ramp and hold; else it is the beginning of the
+    cooling.
     """
     temp_c = log.temp_c(segment.spring)
     off_s = cooling.time_s if cooling is not None else segment.end_s
@@ -286,7 +288,7 @@ def heating_end(
         return None
     time_s, here_c = log.time_s[inside], temp_c[inside]
     length_s = off_s - segment.begin_s
-    # The ramp as a straight line over its upper part below the end, and where the temperature leaves it.
+    # The ramp as a straight line through its upper part below the end, and the time at which it reaches the top.
     top_c = float(np.max(here_c[here_c <= np.quantile(here_c, 0.99)]))
     rise_c = top_c - segment.low_c
     ramp = (here_c > top_c - 0.35 * rise_c) & (here_c < top_c - 0.08 * rise_c)
@@ -302,7 +304,7 @@ def heating_end(
     if hold_s < max(0.02 * length_s, 0.5):
         return cooling
     reach_s, roundness_s = float(np.clip(0.4 * hold_s, 0.5, 6.0)), lag_s or 0.0
-    # A current that is set once leaves the rounding to the sensor; a control law on the reading sharpens it.
+    # With a constant current only the sensor rounds the changepoint; a controller on the reading sharpens it.
     changepoint = fit_changepoint(
         time_s,
         here_c,

@@ -1,8 +1,8 @@
-"""When a stroke passes an angle, from the frames around that instant, and how sure that is.
+"""Estimation of the time at which a stroke passes an angle, with its standard deviation, from the frames around.
 
-A smoothed picture of the motion rounds its onset, where the speed jumps within a frame or two: good enough to see that
-something moved, not to say when. Here only as many frames are taken together as the noise of the angle asks for, and
-what the frames between them do not show counts as an error of the time.
+Smoothing rounds the onset of a motion, where the speed jumps within a frame or two: it is good enough to detect a
+motion, not to time it. Here only as many frames are combined as the noise of the angle requires, and the uncertainty
+between frames counts as an error of the time.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from numpy.typing import NDArray
 from torsight.core.units import Floats
 
 _POWERS: Final = 2
-"""Degree of the polynomial through the frames: a speed that changes evenly."""
+"""Degree of the polynomial through the frames: a speed that changes linearly."""
 _FEWEST: Final = _POWERS + 2
 _MOST: Final = _FEWEST * 2**4
-"""Frames that are taken together: one more than the coefficients need, doubled at most four times."""
+"""Number of frames that are combined: one more than the coefficients, doubled at most four times."""
 _NOISE_PER_STEP: Final = 0.05
-"""More frames are taken together until noise moves the crossing by less than this share of the time between frames.
-Half and twice of it move a clock by 0.12 of its standard deviations at most (benchmarks/sync/constants.py)."""
+"""More frames are combined until noise shifts the crossing by less than this share of the time between frames. Half and
+twice this value move a clock by 0.12 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
 
 def crossing_time(
     time_s: Floats, travel_rad: Floats, level_rad: float, *, near_s: float, noise_rad: float
 ) -> tuple[float, float]:
-    """Return the instant near ``near_s`` at which the way passes a level, and one sigma, s.
+    """Return the time near ``near_s`` at which the travel passes a level, and its standard deviation, s.
 
-    NaN where the frames around do not show it: they end, or the way does not grow there. ``travel_rad`` (n,) is the way
-    at each frame of the stroke, ``noise_rad`` its standard deviation.
+    NaN where the frames around do not determine it, because they end or the travel does not grow there. ``travel_rad``
+    (n,) is the travel at each frame of the stroke, ``noise_rad`` its standard deviation.
     """
     count = _FEWEST
     while True:
@@ -46,9 +46,9 @@ def crossing_time(
 def _with(
     time_s: Floats, travel_rad: Floats, level_rad: float, *, near_s: float, noise_rad: float, count: int
 ) -> tuple[float, float, float, float] | None:
-    """Return instant, its error from noise, its error from what lies between frames, and the frames' distance.
+    """Return the time, its error from noise, its error from the motion between frames, and the frames' distance.
 
-    What the frames do not show is half of the difference between a straight line and a parabola through them.
+    The error between frames is half of the difference between a straight line and a parabola through them.
     """
     right = int(np.searchsorted(time_s, near_s))
     first, last = right - count // 2, right + count // 2
@@ -80,6 +80,6 @@ def _root(coefficient: NDArray[np.floating[Any]], reach: float) -> float:
         inside = slope**2 - 4.0 * bend * level
         if inside < 0.0:
             return float("nan")
-        # The branch that grows, written without the difference of nearly equal numbers.
+        # The increasing branch, computed without the difference of nearly equal numbers.
         root = -2.0 * level / (slope + float(np.sqrt(inside)))
     return root if abs(root) <= reach else float("nan")

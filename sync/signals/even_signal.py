@@ -1,4 +1,4 @@
-"""Evenly sampled, smoothed signals of a record: value and slope on a regular grid, unknown parts left out."""
+"""Evenly sampled, smoothed signals of a record: value and slope on a regular grid, with a mask of known points."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from torsight.core.series import scatter, usual_step
 from torsight.core.units import Flags, Floats
 
 WINDOW_S: Final = 2.0
-"""Time over which a log is smoothed: eight rows at 4 Hz. Half and twice of it move a clock by 0.24 of its standard
+"""Time over which a log is smoothed: eight rows at 4 Hz. Half and twice this value move a clock by 0.24 of its standard
 deviations at most (benchmarks/sync/constants.py)."""
 _FINEST_STEP_S: Final = WINDOW_S / 40
-"""Nothing finer is left after the smoothing."""
+"""Finest step of the grid: smoothing removes all finer details."""
 _MAX_POINTS: Final = 400_000
-"""Five and a half hours at the finest step; longer records get coarser steps, to bound memory and time."""
+"""Largest number of points, five and a half hours at the finest step; longer records have coarser steps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ class EvenSignal:
         return self.start_s + self.step_s * np.arange(len(self.value), dtype=np.float64)
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Flags]:
-        """Return value, slope and whether they are known at some times."""
+        """Return value and slope at given times, and the mask of the times at which they are known."""
         place = (time_s - self.start_s) / self.step_s
         left = np.clip(np.floor(np.nan_to_num(place)).astype(np.int64), 0, len(self.value) - 2)
         part = place - left
@@ -58,10 +58,10 @@ class EvenSignal:
 def even_signal(
     time_s: Floats, value: Floats, *, window_s: float, max_gap_s: float, slope_window_s: float | None = None
 ) -> EvenSignal | None:
-    """Average onto an even grid and smooth with a local parabola.
+    """Return samples averaged onto an even grid and smoothed by a local parabola.
 
-    The slope has a window of its own where one is given. Both steps are symmetric in time: they move
-    nothing. ``None`` where fewer than a dozen samples are known.
+    The slope has its own window if ``slope_window_s`` is given. Both steps are symmetric in time, so that they cause no
+    shift. None where fewer than a dozen samples are known.
     """
     known = np.isfinite(value) & np.isfinite(time_s)
     at_s, there = time_s[known], value[known]
@@ -74,7 +74,7 @@ def even_signal(
     grid_s = at_s[0] + step_s * np.arange(count)
     filled = np.interp(grid_s, at_s, there)
     per_point = 1
-    # From here on there are two samples to a point, in rounded numbers.
+    # From this ratio on there are, rounded, two samples or more per point.
     if step_s > 1.5 * usual_s:
         per_point = max(1, round(step_s / usual_s))
         filled = _binned(at_s, there, grid_s, step_s, filled)
@@ -93,7 +93,7 @@ def even_signal(
         slope=slope / step_s,
         value_sigma=scale * value_spread,
         slope_sigma=scale * slope_spread / step_s,
-        # Beside a gap the smoothing reached into it.
+        # Beside a gap the smoothing window extends into the gap.
         known=np.asarray(binary_erosion(bridged, np.ones(3, np.bool_), border_value=1)),
         noise=noise,
         point_sigma=scale,
@@ -101,11 +101,12 @@ def even_signal(
 
 
 def _local_parabola(values: Floats, points: int, *, slope: bool) -> tuple[Floats, float]:
-    """Return the value or the slope per point of the parabola nearest to each point's neighbours, and its spread.
+    """Return value or slope per point of the least-squares parabola through each point's neighbours, and its spread.
 
-    ``points`` is odd; at the ends, the parabola of the first or last so many points. The spread is the standard
-    deviation for values of standard deviation one. Source: Savitzky and Golay, Anal. Chem. 36 (1964) 1627. Not SciPy's
-    filter: to import ``scipy.signal`` takes half a second, and nearly every command would pay it.
+    ``points`` is the odd number of neighbours; at the ends the parabola of the first or last window is used. The spread
+    is the standard deviation of the result for values of standard deviation one. Source: Savitzky and Golay, Anal.
+    Chem. 36 (1964) 1627. SciPy's filter is not used, because importing ``scipy.signal`` takes half a second in nearly
+    every command.
     """
     half = points // 2
     off = np.arange(-half, half + 1, dtype=np.float64)
@@ -124,13 +125,13 @@ def _odd(points: float, most: int) -> int:
 
 
 def _binned(at_s: Floats, there: Floats, grid_s: Floats, step_s: float, filled: Floats) -> Floats:
-    """Average the samples around each grid point; a straight line passes unchanged where they lie evenly."""
+    """Return the means of the samples around each grid point; a straight line is reproduced."""
     index = np.rint((at_s - grid_s[0]) / step_s).astype(np.int64)
     inside = (index >= 0) & (index < len(grid_s))
     count = np.bincount(index[inside], minlength=len(grid_s))
     mean = np.bincount(index[inside], weights=there[inside], minlength=len(grid_s)) / np.maximum(count, 1)
     mean_s = np.bincount(index[inside], weights=at_s[inside], minlength=len(grid_s)) / np.maximum(count, 1)
-    # Samples that lie unevenly in their bin are moved along the local slope to its middle.
+    # The mean of samples that are uneven in their bin is shifted along the local slope to the bin's middle.
     local = np.gradient(filled, step_s)
     return np.where(count > 0, mean + local * (grid_s - mean_s), filled)
 

@@ -15,11 +15,11 @@ from torsight.core.units import Floats
 from torsight.core.words.plausible import HEATED_C
 
 _MIN_SHARE: Final = 0.3
-"""A rise smaller than this share of the largest one is the other spring's warmth. Half and twice of it find the same
-clock (benchmarks/sync/constants.py)."""
+"""Share of the largest rise below which a rise is due to the other spring's heat. Half and twice this value find the
+same clock (benchmarks/sync/constants.py)."""
 _HEATING_SHARE: Final = 0.03
-"""Share of a heating over which its temperature is smoothed for the thresholds: 3 % of the way does not bend it.
-Half and twice of it move a clock by 0.34 of its standard deviations at most (benchmarks/sync/constants.py)."""
+"""Share of a heating over which its temperature is smoothed for the thresholds: over 3 % it is nearly straight. Half
+and twice this value move a clock by 0.34 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
 Spring = Literal["a", "b"]
 
@@ -28,8 +28,8 @@ Spring = Literal["a", "b"]
 class HeatingSegment:
     """One heating or cooling of one spring: times of the log, and temperatures at its cold and its hot end.
 
-    ``until_s`` is how long it may drive a motion: a cooling does until the temperature turns, beyond the end of its
-    steep part, but not into the next heating of either spring.
+    ``until_s`` is the time until which the segment may drive a motion: for a cooling until the temperature turns,
+    beyond the end of its steep part, but not into the next heating of either spring.
     """
 
     spring: Spring
@@ -42,7 +42,7 @@ class HeatingSegment:
 
     @property
     def sign(self) -> int:
-        """Direction in which it drives the angle: heating A turns it down, heating B up, cooling the other way."""
+        """Direction in which the segment drives the angle: heating A down, heating B up, cooling in reverse."""
         return (-1 if self.spring == "a" else 1) * (1 if self.heating else -1)
 
 
@@ -50,8 +50,8 @@ class HeatingSegment:
 class LogSignals:
     """The log as even signals of each spring's temperature, with its segments in the order of time.
 
-    ``heated`` are the same signals smoothed over a time that is short against a heating: noise of a reading is an error
-    of the clock that differs from one offset to the next, and favours one of them by chance.
+    ``heated`` are the same signals smoothed over a longer time that is still short against a heating: a reading's noise
+    acts as an error of the clock that differs between offsets and favours one of them by chance.
     """
 
     springs: dict[Spring, EvenSignal]
@@ -60,7 +60,7 @@ class LogSignals:
 
 
 def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogSignals:
-    """Smooth both temperatures, their slopes over a window of its own, and find their segments."""
+    """Return both temperatures smoothed (their slopes over a separate window, if given) and their segments."""
     readings: tuple[tuple[Spring, Floats], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
     springs = _even(log, readings, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
@@ -68,7 +68,7 @@ def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float 
     threshold_c = max(HEATED_C, _MIN_SHARE * largest)
     segments = [segment for name, signal in springs.items() for segment in _segments(name, signal, threshold_c)]
     heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
-    # Never less than the log is smoothed by anyhow; beyond 20 s corners of slow programmes would go.
+    # At least the window of the other signals; beyond 20 s the corners of slow programmes would vanish.
     window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), WINDOW_S, 20.0)) if heatings_s else WINDOW_S
     heated = springs if window_s == WINDOW_S else _even(log, readings, window_s=window_s, max_gap_s=max_gap_s)
     return LogSignals(springs, heated, _until_the_next(sorted(segments, key=lambda segment: segment.begin_s)))
@@ -92,7 +92,7 @@ def _even(
 
 
 def _until_the_next(segments: list[HeatingSegment]) -> tuple[HeatingSegment, ...]:
-    """End every cooling where the next heating begins: a rest turns anywhere."""
+    """Return the segments with coolings that end where the next heating begins: at rest turning points are random."""
     begins = [segment.begin_s for segment in segments if segment.heating]
     found: list[HeatingSegment] = []
     for segment in segments:
@@ -103,14 +103,14 @@ def _until_the_next(segments: list[HeatingSegment]) -> tuple[HeatingSegment, ...
 
 
 def lag_window_s(signals: LogSignals) -> float:
-    """Return the time over which a slope can be taken without rounding a cooling: a fifth of its time constant."""
+    """Return the window over which a slope can be computed without rounding a cooling: a fifth of its time constant."""
     lengths = [segment.end_s - segment.begin_s for segment in signals.segments if not segment.heating]
     return float(np.clip(np.median(lengths) / 16.0, 0.5, 8.0)) if lengths else 2.0
 
 
 def _segments(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[HeatingSegment]:
     value, time_s = signal.value, signal.time_s
-    # A finer look than at fifty thousand points finds no other heating.
+    # Fifty thousand points are enough to find all heatings.
     turns = extremes(value, threshold_c, stride=max(1, len(value) // 50_000))
     found: list[HeatingSegment] = []
     for first, last in itertools.pairwise(turns):
@@ -119,7 +119,7 @@ def _segments(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[He
             continue
         heating = bool(value[last] > value[first])
         piece = value[first : last + 1]
-        # A turning point anywhere on a noisy rest says little: the segment begins and ends where 4 % of it are done.
+        # The turning point on a noisy rest is random: the segment begins and ends at 4 % of its rise.
         margin = 0.04 * (high - low)
         if heating:
             begin = first + int(np.flatnonzero(piece <= low + margin)[-1])

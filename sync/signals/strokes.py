@@ -1,4 +1,4 @@
-"""Strokes of the actuator on the film: when it moved, which way, and when it passed which angle."""
+"""Strokes of the actuator on the film: their times, directions, and the times at which they pass given angles."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
-"""A shorter motion is no stroke. Half and twice of it give the same clock (benchmarks/sync/constants.py)."""
+"""Least length of a stroke. Half and twice this value give the same clock (benchmarks/sync/constants.py)."""
 _PAUSE_SHARE: Final = 0.15
-"""A pause that is shorter than this share of the longer motion beside it does not end a stroke: stick-slip."""
+"""A pause shorter than this share of the longer motion beside it does not end a stroke: it is stick-slip."""
 _LONGEST_PAUSE_S: Final = 5.0
-"""From here on a pause must be short against the shorter motion too, half of it at most.
-Half and twice of both give the same clock (benchmarks/sync/constants.py)."""
+"""Pause from which it must also be short against the shorter motion: half of it at most. Half and twice of both values
+give the same clock (benchmarks/sync/constants.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stroke:
-    """One motion from rest to rest: film times of its first and last motion, angles before and after it.
+    """One motion from rest to rest: film times of its begin and end, angles before and after it.
 
-    The way from the start (n,), growing from 0, at film times; the same from the frames as they are (m,), and one
-    standard deviation of the way in one frame.
+    ``travel_rad`` (n,) is the travel from the start, growing from 0, at film times ``time_s``; ``frame_travel_rad``
+    (m,) is the same at the original frames, with the standard deviation ``travel_sigma_rad`` in one frame.
     """
 
     begin_s: float
@@ -48,11 +48,11 @@ class Stroke:
 
     @property
     def length_rad(self) -> float:
-        """The whole way, positive."""
+        """The length of the stroke, positive."""
         return abs(self.stop_rad - self.start_rad)
 
     def crossing_s(self, level_rad: Floats) -> tuple[Floats, Floats]:
-        """Return film times at which the way first passes some levels, and their sigmas; NaN where it does not."""
+        """Return the film times at which the travel first passes given levels, and their sigmas; NaN if it does not."""
         highest = np.maximum.accumulate(self.travel_rad)
         at = np.searchsorted(highest, level_rad, side="left")
         inside = (at > 0) & (at < len(highest))
@@ -75,8 +75,8 @@ class Stroke:
 def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     """Return the strokes of a film in order; empty where nothing moves beyond the noise.
 
-    Frames without an angle are bridged over at most two seconds (five frames, where that is more); a stroke that
-    reaches into a longer gap is cut there.
+    Frames without an angle are bridged over at most two seconds (five frames if that is longer); a stroke that extends
+    into a longer gap is cut there.
     """
     usable = angles.valid & np.isfinite(angles.angle_rad)
     time_s, angle = angles.time_s[usable], angles.angle_rad[usable]
@@ -88,7 +88,7 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     low, high = extent(signal.value)
     floor_rad = max(_MIN_STROKE_RAD, 0.015 * (high - low), 2.0 * BY_CHANCE * signal.noise)
     span_s = float(time_s[-1] - time_s[0])
-    # What would come through a fiftieth of the range in the whole film is creep or drift, no motion.
+    # A speed that covers less than a fiftieth of the range in the whole film is creep or drift, no motion.
     slowest = max(BY_CHANCE * signal.slope_sigma, 0.02 * (high - low) / max(span_s, 1.0))
     moving = np.where(signal.known & (np.abs(signal.slope) > slowest), np.sign(signal.slope), 0.0)
     runs = [
@@ -107,7 +107,7 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
 
 
 def _joined(moving: Floats, step_s: float) -> list[tuple[int, int]]:
-    """Return motions (n,: −1, 0, 1) from begin to end; those of one direction are one where their pause is short."""
+    """Return begin and end of motions (n,: −1, 0, 1); motions in one direction with a short pause are joined."""
     joined: list[tuple[int, int]] = []
     for begin, end in (run for run in constant_runs(moving) if moving[run[0]] != 0):
         if joined and moving[joined[-1][0]] == moving[begin]:
@@ -125,9 +125,9 @@ def _joined(moving: Floats, step_s: float) -> list[tuple[int, int]]:
 def _stroke(
     signal: EvenSignal, frames: tuple[Floats, Floats], begin: int, end: int, *, earlier: int, later: int, sign: float
 ) -> Stroke | None:
-    """Cut one stroke out, with the rests on both sides up to its neighbours."""
+    """Return one stroke, with the rests on both sides up to its neighbours; None if it is too short or inconsistent."""
     margin = max(2, round(1.0 / signal.step_s))
-    # The first slow motion lies below the speed that found the stroke: the rest ends well before.
+    # The first slow motion is below the speed threshold: the rest ends well before the detected begin.
     lead = max(margin, (end - begin) // 3)
     first = max(begin - lead, min(earlier + margin, begin))
     last = min(end + lead, max(later - margin, end), len(signal.value))

@@ -1,4 +1,4 @@
-"""Changes of a heating switch, or of the LED that shows it: when each fell, and to within how much."""
+"""Changes of a heating switch, or of the LED that shows it: the interval within which each occurred."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torsight.core.units import Flags, Floats, Ints
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """Changes of the LED or of a switch (n,): middle and length of the interval that each fell in, s; direction."""
+    """Changes of the LED or of a switch (n,): middle and length of the interval of each, s; direction."""
 
     time_s: Floats
     step_s: Floats
@@ -20,7 +20,7 @@ class Changes:
         return len(self.time_s)
 
     def at(self, rows: Ints | Flags) -> Changes:
-        """Return some of the changes."""
+        """Return the changes with the given indices or mask."""
         return Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
 
 

@@ -78,7 +78,7 @@ def test_where_nothing_is_heated_after_that_the_record_is_kept_and_it_is_said():
     table, model = whole_record()
     drive = model.prepare(table.at((table.time_s > 50.0) & (table.time_s < HALF_S)))
     assert drive.left_out_s == 0.0
-    assert "nothing is heated once both are cold" in notes_of_drive(drive)[0]
+    assert "no spring is heated once both are cold" in notes_of_drive(drive)[0]
 
 
 def test_a_record_that_begins_cold_is_taken_whole():

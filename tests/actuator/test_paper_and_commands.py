@@ -75,7 +75,7 @@ def test_simulate_reads_the_log_of_an_instrument(tmp_path, capsys):
 
 def test_a_log_with_a_row_of_too_many_fields_is_not_answered(tmp_path):
     (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c\n0,24,24\n1,24,24,7,8\n2,24,24\n")
-    with pytest.raises(InputError, match=r"cannot be answered.*first on line 3"):
+    with pytest.raises(InputError, match=r"there can be no result.*first on line 3"):
         read_log(tmp_path / "t.csv")
 
 

@@ -93,7 +93,7 @@ def test_no_heating_is_refused_with_what_is_missing():
 
 def test_both_heated_at_once_is_told_as_that():
     log, _ = programme([(0, [(75.0, 0.2)])])
-    with pytest.raises(InputError, match="both springs are heated at once"):
+    with pytest.raises(InputError, match="both springs are heated simultaneously"):
         half_cycles(log.temp_a_c, log.temp_a_c, heat_a=log.heat_a, heat_b=log.heat_a)
     cold = np.full(len(log), 23.0)
     with pytest.raises(NoResultError, match="neither spring is heated"):

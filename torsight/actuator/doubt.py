@@ -125,7 +125,7 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
         raise ConfigError("'covariance' is no square of numbers", where=where) from error
     size = np.sqrt(np.abs(np.diag(covariance)))
     if not np.isfinite(covariance).all() or np.any(np.abs(covariance) > 1.001 * np.outer(size, size)):
-        raise ConfigError("'covariance' is that of no values", where=where)
+        raise ConfigError("'covariance' is no covariance matrix", where=where)
     if not isinstance(others, list) or not all(isinstance(other, Mapping) for other in others):
         raise ConfigError("'alternatives' is no list of tables", where=where, value=repr(others))
     left_deg = get_number(table, "residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG)

@@ -27,7 +27,7 @@ from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
 
 ROW_RATE_HZ: Final = 5.0
-"""A record that is faster than this is thinned to about so many rows per second for a fit."""
+"""Rows per second to which a faster record is thinned for a fit, approximately."""
 _ROW_STEP_C: Final = 0.25
 """Change of temperature per row that 99 % of the rows stay below; faster heatings and coolings keep more rows for that.
 A row's mean angle then lies within 0.1° of the angle at its instant, unless motion starts or stops within the row."""

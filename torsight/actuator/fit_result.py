@@ -31,8 +31,8 @@ from torsight.core.words.wording import estimate as estimate_words
 from torsight.core.words.wording import number, unexplained
 
 _SILENT: Final = 0.9
-"""Ratio of posterior to prior standard deviation above which the record says nothing about a value: less than a fifth
-of the information comes from the record (1 − 0.9² = 0.19)."""
+"""Ratio of posterior to prior standard deviation above which the record contains no information on a value: it is less
+than a fifth of all information (1 − 0.9² = 0.19)."""
 _SIMILAR: Final = 2.0
 """Factor within which two ranges of the angle count as equal; a choice: degrees and radians differ by 57."""
 _SCALE_NOTE: Final = (
@@ -240,9 +240,9 @@ def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str
     low, high = extent(drive.angle_rad[drive.measured])
     share = 100.0 * rmse_deg * DEG / (high - low)
     return (
-        f"{doubt} The error is {number(rmse_deg)}° rms, {number(share, 2)} % of the range of motion, and the noise of "
-        f"angle and temperatures makes {number(floor_deg, 2)}°: 'torsight discover' names what the model lacks; where "
-        "the error is a large part of that range, check the actuator file first"
+        f"{doubt} The error is {number(rmse_deg)}° rms, {number(share, 2)} % of the range of motion; the noise of "
+        f"angle and temperatures accounts for {number(floor_deg, 2)}°. 'torsight discover' names what the model lacks; "
+        "where the error is a large part of that range, check the actuator file first"
     )
 
 
@@ -262,8 +262,8 @@ def _begun_within(drive: Drive) -> list[str]:
         return []
     rest = f"its first {drive.left_out_s:.0f} s, until both springs are cold, are left out"
     if drive.left_out_s == 0.0:
-        rest = "as nothing is heated once both are cold, the angle may be off by any amount; start before the heating"
-    return [f"The record begins when a spring is hot already, and how far it had transformed is not in it: {rest}"]
+        rest = "as no spring is heated once both are cold, the angle may have any error; start before the heating"
+    return [f"The record begins when a spring is already hot, and does not show how far it had transformed: {rest}"]
 
 
 def _heated_again(drive: Drive) -> list[str]:
@@ -305,8 +305,8 @@ def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, row
     ``rows`` its correlation time in rows.
     """
     uncertain = (
-        f"the residual is {number(float(np.sqrt(ratio)), 2)} times what the noise of angle and temperatures makes, and "
-        f"one in {rows:.0f} rows of it counts as independent; the intervals allow for both"
+        f"the residual is {number(float(np.sqrt(ratio)), 2)} times that of the noise of angle and temperatures, and "
+        f"one in {rows:.0f} of its rows counts as independent; the intervals allow for both"
     )
     notes = [_SCALE_NOTE, uncertain]
     scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}

@@ -96,7 +96,7 @@ class ActuatorModel:
         return {parameter.name: parameter.value for parameter in self.all_parameters}
 
     @cached_property
-    def _alike(self) -> bool:
+    def _equal_springs(self) -> bool:
         """Whether no value is given for spring B alone, so that both springs have the same values."""
         return not any(name.startswith(SPRING_B) for name in self._nominal)
 
@@ -189,25 +189,25 @@ class ActuatorModel:
         given = {**self._nominal, **values}
         history = history or _NO_HISTORY
         rig, zero_rad = Rig.from_values(given), given["zero_deg"] * DEG
-        ports = self._felt(drive, history, rig, given).changed(
+        ports = self._temperature_ports(drive, history, rig, given).changed(
             rig=rig,
-            rig_b=rig if self._alike else Rig.from_values(values_of_b(given)),
+            rig_b=rig if self._equal_springs else Rig.from_values(values_of_b(given)),
             reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
         )
-        return _acted(ports, self._parts[len(self._first) :], given)
+        return _applied(ports, self._parts[len(self._leading_parts) :], given)
 
-    def _felt(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
+    def _temperature_ports(self, drive: Drive, history: History, rig: Rig, given: Mapping[str, float]) -> Ports:
         """Return the ports after the leading parts, which act on clocks and temperatures alone.
 
         Successive simulations of a record mostly differ in a single value: the results of all parts that do not depend
         on this value come from the cache.
         """
-        ports = self._once(0, (drive, history), _begin, drive, history, rig)
-        for place, (part, names) in enumerate(self._first, 1):
-            ports = self._once(place, (ports, *map(given.__getitem__, names)), _acted, ports, (part,), given)
-        return self._once(-1, (ports,), lambda: ports.changed(samples=ports.sampled()))
+        ports = self._cached(0, (drive, history), _initial_ports, drive, history, rig)
+        for place, (part, names) in enumerate(self._leading_parts, 1):
+            ports = self._cached(place, (ports, *map(given.__getitem__, names)), _applied, ports, (part,), given)
+        return self._cached(-1, (ports,), lambda: ports.changed(samples=ports.sampled()))
 
-    def _once(self, place: int, asked: tuple[Any, ...], make: Callable[..., Ports], *given: Any) -> Ports:
+    def _cached(self, place: int, asked: tuple[Any, ...], make: Callable[..., Ports], *given: Any) -> Ports:
         """Return the ports of a place from the cache if either of its last two inputs was ``asked``; else compute."""
         kept = self._cache.get(place, ())
         found = next((one for one in kept if one[0] == asked), None) or (asked, make(*given))
@@ -216,7 +216,7 @@ class ActuatorModel:
         return found[1]
 
     @cached_property
-    def _first(self) -> tuple[tuple[Effect | LawForm, tuple[str, ...]], ...]:
+    def _leading_parts(self) -> tuple[tuple[Effect | LawForm, tuple[str, ...]], ...]:
         """The leading parts, with their parameters' names, that depend only on temperatures and these parameters.
 
         Effects of other packages may depend on more, so that they end the sequence.
@@ -263,11 +263,11 @@ class ActuatorModel:
         ConfigError
             When a name in ``values`` is no parameter of the model; the message gives the most similar name.
         """
-        return run_ports(self.ports(drive, values or {}, history=history), **self._as_stepped(drive))
+        return run_ports(self.ports(drive, values or {}, history=history), **self._run_options(drive))
 
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
         """Return the angle (n,) that :meth:`simulate` gives, alone."""
-        return angle_of_ports(self.ports(drive, values, history=history), **self._as_stepped(drive))
+        return angle_of_ports(self.ports(drive, values, history=history), **self._run_options(drive))
 
     def seen_rad(
         self, drive: Drive, values: Mapping[str, float], *, history: History | None = None
@@ -276,9 +276,9 @@ class ActuatorModel:
 
         A fit calls this method tens of thousands of times.
         """
-        return seen_of_ports(self.ports(drive, values, history=history), **self._as_stepped(drive))
+        return seen_of_ports(self.ports(drive, values, history=history), **self._run_options(drive))
 
-    def _as_stepped(self, drive: Drive) -> dict[str, Any]:
+    def _run_options(self, drive: Drive) -> dict[str, Any]:
         tanaka = self.phase_law == "tanaka"
         return {"start_angle_rad": drive.start_angle_rad, "tanaka": tanaka, "theta_l_deg": self.theta_l_deg}
 
@@ -289,7 +289,7 @@ def _on_temperatures(part: Effect | LawForm) -> bool:
     return part.acts_on in _EARLY and part.apply.__module__.startswith(__package__ or "")
 
 
-def _acted(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str, float]) -> Ports:
+def _applied(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str, float]) -> Ports:
     """Return ports on which effects and laws have acted, one after the other."""
     for part in parts:
         if isinstance(part, LawForm):
@@ -299,7 +299,7 @@ def _acted(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str, 
     return ports
 
 
-def _begin(drive: Drive, history: History, rig: Rig) -> Ports:
+def _initial_ports(drive: Drive, history: History, rig: Rig) -> Ports:
     """Return the ports of a drive before any effect or law acts; their arrays are shared and never written to."""
     counts = drive.cycles.counts()
     before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)

@@ -239,7 +239,7 @@ def _wanted(table_name: str, table: Mapping[str, Any], names: tuple[str, ...], *
         for name in ("mean_diameter_mm", "active_coils"):
             if name in table:
                 raise ConfigError(
-                    f"'wire_length_mm' and '{name}' are two answers to one question",
+                    f"'wire_length_mm' and '{name}' both determine the length of the wire",
                     where=where,
                     limit="wire_length_mm, or mean_diameter_mm with active_coils",
                     do="remove one of them",

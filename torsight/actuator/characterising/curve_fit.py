@@ -92,7 +92,7 @@ def fit_curve(
             rows = correlation_time([residual[part]])
             spread[part] = float(np.sqrt(np.mean(residual[part] ** 2) * taken * rows)) or 1e-12
     if status <= 0:
-        raise NoResultError("the fit does not come to an end", where=what, do="check the test's log and its range")
+        raise NoResultError("the fit does not converge", where=what, do="check the test's log and its range")
     jacobian = _slopes(misfit, u)
     inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     covariance = np.asarray(inverse * np.outer(scale, scale), np.float64)

@@ -183,7 +183,7 @@ def _log(table: Mapping[str, Any], folder: Path, columns: tuple[str, str], *, wh
     rows = frame[list(columns)].to_numpy(np.float64)
     rows = rows[np.isfinite(rows).all(axis=1)]
     if len(rows) < 20:
-        raise InputError("holds too little", where=str(name), value=f"{len(rows)} rows", limit="20 rows or more")
+        raise InputError("has too few rows", where=str(name), value=f"{len(rows)} rows", limit="20 rows or more")
     for column, values in zip(columns, rows.T, strict=True):
         low, high, hint = _RANGES[column]
         wrong = values[(values < low) | (values > high)]
@@ -204,7 +204,7 @@ def _pre_deformation(table: Mapping[str, Any], *, where: str) -> float:
     size = abs(get_number(table, "pre_deformation_deg", where=where, lower=-5000.0, upper=5000.0))
     if size < _LEAST_PRE_DEFORMATION_DEG:
         raise ConfigError(
-            "'pre_deformation_deg' is next to nothing",
+            "'pre_deformation_deg' is too small",
             where=where,
             value=f"{size:g}",
             limit=f"{_LEAST_PRE_DEFORMATION_DEG:g} or more, either sign",

@@ -72,8 +72,8 @@ class Effect(Shown):
     id : str
         Name in files, code and report; the module's name.
     family : str
-        Kind of mechanism that rival effects share (``sensor``, ``clock``, ``heat``, ``friction``, ``material``,
-        ``camera``; ``start``, ``form`` and ``remainder`` are always fitted).
+        Kind of mechanism that rival effects share (``sensor``, ``clock``, ``heat``, ``friction``, ``mechanics``,
+        ``material``, ``camera``; ``start``, ``form`` and ``remainder`` are always fitted).
     acts_on : str
         Where it acts: clock, temperature, phase, torque, friction or reading.
     title : str

@@ -28,7 +28,7 @@ EFFECT: Final = Effect(
     id="clock_remainder",
     family="remainder",
     acts_on="temperature",
-    title="what is left between the clocks of camera and temperature log",
+    title="remaining offset between the clocks of camera and temperature log",
     parameters=(
         Parameter(
             name="clock_remainder_s",

@@ -32,10 +32,10 @@ EFFECT: Final = Effect(
     id="creep",
     family="material",
     acts_on="torque",
-    title="a wound spring that gives way with time",
+    title="a wound spring that relaxes with time",
     parameters=(
         Parameter("creep_per_decade", 0.01, "", 0.0, 0.3, null=0.0, symbol="c", title="torque lost per decade of time"),
-        Parameter("creep_onset_s", 10.0, "s", 0.5, 600.0, sigma=20.0, symbol="t_0", title="time from which it shows"),
+        Parameter("creep_onset_s", 10.0, "s", 0.5, 600.0, sigma=20.0, symbol="t_0", title="onset time of creep"),
     ),
     apply=apply,
     starts=({"creep_per_decade": 0.05},),

@@ -29,7 +29,7 @@ EFFECT: Final = Effect(
     id="home_torque",
     family="start",
     acts_on="friction",
-    title="what friction held at the start",
+    title="torque that friction held at the start",
     parameters=(
         Parameter(
             name="home_hold",

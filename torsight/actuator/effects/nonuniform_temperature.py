@@ -36,10 +36,10 @@ EFFECT: Final = Effect(
     id="nonuniform_temperature",
     family="heat",
     acts_on="phase",
-    title="part of the wire is cooler than the sensor says",
+    title="part of the wire is cooler than the sensor",
     parameters=(
         Parameter("cool_share", 0.2, "", 0.0, 0.9, null=0.0, symbol="w", title="cooler share of the wire"),
-        Parameter("cool_drop_c", 6.0, "°C", 0.0, 40.0, null=0.0, symbol="ΔT", title="by how much it is cooler"),
+        Parameter("cool_drop_c", 6.0, "°C", 0.0, 40.0, null=0.0, symbol="ΔT", title="temperature difference"),
     ),
     apply=apply,
     starts=({"cool_share": 0.1, "cool_drop_c": 12.0}, {"cool_share": 0.5, "cool_drop_c": 3.0}),

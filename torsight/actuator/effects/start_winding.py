@@ -41,7 +41,7 @@ EFFECT: Final = Effect(
     id="start_winding",
     family="start",
     acts_on="phase",
-    title="what the springs could recover before the record",
+    title="recoverable angles at the start of the record",
     parameters=tuple(
         Parameter(
             name=f"start_loss_{spring}_deg",

@@ -39,8 +39,8 @@ EFFECT: Final = Effect(
         Parameter(
             "static_excess", 0.3, "", 0.0, 5.0, null=0.0, symbol="e", title="excess of friction after a long rest"
         ),
-        Parameter("static_time_s", 60.0, "s", 1.0, 600.0, sigma=60.0, symbol="t_0", title="time in which it grows"),
-        Parameter("static_power", 1.0, "", 0.3, 4.0, sigma=0.5, symbol="p", title="power of its growth"),
+        Parameter("static_time_s", 60.0, "s", 1.0, 600.0, sigma=60.0, symbol="t_0", title="time of friction's growth"),
+        Parameter("static_power", 1.0, "", 0.3, 4.0, sigma=0.5, symbol="p", title="power of the growth"),
         Parameter("static_swing", 0.0, "", 0.0, 1.0, sigma=0.5, symbol="s", title="part of a jump that inertia adds"),
     ),
     apply=apply,

@@ -58,7 +58,7 @@ EFFECT: Final = Effect(
             upper=2000.0,
             sigma=200.0,
             symbol="θ_on",
-            title="winding at which it begins",
+            title="winding at which stiffening begins",
         ),
         Parameter("stiffening_exponent", 3.0, "", 0.8, 6.0, sigma=1.0, symbol="p", title="power of the stiffening"),
         Parameter(

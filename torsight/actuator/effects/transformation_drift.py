@@ -32,7 +32,7 @@ EFFECT: Final = Effect(
     id="transformation_drift",
     family="material",
     acts_on="phase",
-    title="the transformation temperatures move from cycle to cycle",
+    title="the transformation temperatures drift from cycle to cycle",
     parameters=(
         *(
             Parameter(
@@ -43,11 +43,11 @@ EFFECT: Final = Effect(
                 upper=20.0,
                 null=0.0,
                 symbol=symbol,
-                title=f"move in the first cycle on {way}",
+                title=f"shift in the first cycle on {way}",
             )
             for way, symbol in (("heating", "d_A"), ("cooling", "d_M"))
         ),
-        persistence("drift", "move"),
+        persistence("drift", "shift"),
     ),
     apply=apply,
     starts=({"drift_heating_c": -0.2, "drift_cooling_c": -0.2},),

@@ -27,7 +27,7 @@ EFFECT: Final = Effect(
     id="unlike_lags",
     family="sensor",
     acts_on="temperature",
-    title="the sensors follow their wires late, each by its own time",
+    title="the sensors follow their wires late, each with its own lag",
     parameters=tuple(
         Parameter(
             f"lag_{one}_s",

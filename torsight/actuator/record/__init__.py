@@ -1,4 +1,4 @@
 """Preprocessing of a record for the model.
 
-Input: noisy temperatures (°C). Output: conditioned temperatures, half-cycles, turns and row weights.
+Input: noisy temperatures (°C). Output: conditioned temperatures, half-cycles and turns.
 """

@@ -52,10 +52,10 @@ def read_log(
     for repair in table.repairs:
         if repair.kind not in _HARMLESS:
             raise InputError(
-                "has rows that cannot be answered",
+                "has rows for which there can be no result",
                 where=str(path),
                 value=repair.text,
-                do="mend them: every row of the log is answered",
+                do="mend them: every row of the log gets a result",
             )
     written = table.frame.notna().any(axis=1).to_numpy()
     frame, lines = table.frame[written], (np.flatnonzero(written) + table.first_line).tolist()

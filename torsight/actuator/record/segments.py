@@ -164,7 +164,7 @@ def _unheated(temps: tuple[Floats, Floats], *, where: str) -> InputError | NoRes
     value = f"temperatures that change by {span[0]:.1f} °C (A) and {span[1]:.1f} °C (B)"
     if min(span) >= _RISE_C:
         return InputError(
-            "both springs are heated at once, and none on its own",
+            "both springs are heated simultaneously, and neither alone",
             where=where,
             value=value,
             limit=f"a rise of {_RISE_C:g} °C or more of one spring over the other",

@@ -7,9 +7,9 @@ as::
 
     cov(z_i, z_j) = a² · (δ_ij + κ² · exp(−|ψ_i − ψ_j| / ℓ) · (1 − p |w_i − w_j| / 2))
 
-with ψ the stick's direction and w, from −1 to 1, its sense of rotation: the traces of the last picture that a codec, or
-a camera that averages noise over frames, leaves differ between the two senses (p = 1). κ, ℓ and p (0 or 1) are chosen
-by the restricted likelihood (Patterson and Thompson, 1971, which accounts for the degrees of freedom of the fit) under
+with ψ the stick's direction and w, from −1 to 1, its sense of rotation. A codec, or a camera that averages noise over
+frames, leaves traces of the last picture, which differ between the two senses (p = 1). κ, ℓ and p (0 or 1) are chosen
+by the restricted likelihood (Patterson and Thompson, 1971), which accounts for the degrees of freedom of the fit, with
 a weak prior on the usual size of such errors. Among the values within a 95 % interval of the best, those with the
 strongest correlation are taken, because short arcs contain few independent errors.
 """

@@ -149,7 +149,7 @@ _THREAD: Final = _Thread()
 
 @dataclass(slots=True)
 class _AtWork:
-    """Number of working threads of all processes that share the work, except threads that are not counted."""
+    """Number of threads within :func:`at_work`, and of their helpers, in all processes that share the work."""
 
     lock: AbstractContextManager[Any]
     count: MutableSequence[int]

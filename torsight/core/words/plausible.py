@@ -25,7 +25,7 @@ MOST_TURNED_DEG: Final = 1e6
 _SLOWEST_HALF_S: Final = 7200.0
 """Longest time for half of a heating, which takes minutes; a record in milliseconds seems a thousand times longer."""
 _SHORTEST_S: Final = 2.0
-"""Shortest record: a heating and a cooling take minutes; in minutes or hours a record seems 60 or 3,600 times shorter."""
+"""Shortest record: a heating takes minutes; a record in minutes or hours seems 60 or 3,600 times shorter."""
 SPRING_C: Final = (-273.15, 250.0)
 """Range of a spring's temperature: absolute zero to the limit of readings of a working instrument (sync.log.outliers);
 a room in kelvin has 290."""
