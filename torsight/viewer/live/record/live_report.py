@@ -55,7 +55,7 @@ def write_experiment(
 ) -> None:
     """Write ``experiment.toml`` into a record's folder, with the actuator's file beside it.
 
-    A film is named where one was played; without an actuator the file says where to put its values.
+    A played film is named in it; without an actuator a comment says where to put the actuator's values.
     """
     if actuator is not None:
         shutil.copyfile(actuator, folder / "actuator.toml")
