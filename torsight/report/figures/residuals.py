@@ -59,8 +59,8 @@ LABELS: Final = {
 def driver_columns(curves: pd.DataFrame) -> dict[str, Floats]:
     """Return the variables that a missing effect may depend on, as curves over the record.
 
-    Rates are slopes over two seconds of the model's angle and of the conditioned temperature: the rates of the
-    measured angle and temperature would be noise.
+    Rates are slopes over two seconds of the model's angle and of the conditioned temperature: the rates of the measured
+    angle and temperature would be noise.
     """
     temp_a, temp_b = column(curves, "temp_a_c"), column(curves, "temp_b_c")
     is_a = is_driven(curves, "a")
@@ -148,8 +148,8 @@ def over_variable(
 def branches(curves: pd.DataFrame) -> dict[str, Flags]:
     """Return the samples of each part of the motion, by its name: one spring, heating or cooling.
 
-    The two springs' parts mirror each other, and heating and cooling often differ in sign: a mean over all parts
-    would cancel their residuals.
+    The two springs' parts mirror each other, and heating and cooling often differ in sign: a mean over all parts would
+    cancel their residuals.
     """
     keys = [name for name in ("active", "direction") if name in curves.columns]
     if not keys:

@@ -1,6 +1,6 @@
-"""Hidden effects outside the contract's list: mechanisms that the literature or a rig has, each with its law.
+"""Hidden effects outside the contract's list: mechanisms from the literature or from rigs, each with its law.
 
-The contract's twelve, and the list of all, stand in :mod:`torsight.synthetic.effects.hidden`.
+The contract's twelve effects, and the list of all, are in :mod:`torsight.synthetic.effects.hidden`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class HiddenEffect:
     """One effect that a rig has and its ``actuator.toml`` does not declare; its keys are the scene file's."""
 
     def constants(self) -> dict[str, float]:
-        """Return the integrator's constants that its keys set, SI; empty where it acts on clock or reading only."""
+        """Return the integrator's constants that the keys set, SI; empty if the effect acts on clock or reading."""
         return constants_of(self)
 
 

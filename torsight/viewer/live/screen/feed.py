@@ -1,7 +1,7 @@
 """To the screen: a queue that drops its oldest entries, a thread that empties it, a process that serves the viewer.
 
-A viewer that is absent, late, stopped or killed delays at most that process, never the measurement. Entries that
-cannot be handed over in time are missing on the screen, not in the record.
+A viewer that is absent, late, stopped or killed delays at most that process, never the measurement. Entries that cannot
+be handed over in time are missing on the screen, not in the record.
 """
 
 from __future__ import annotations
