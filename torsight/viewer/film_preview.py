@@ -79,7 +79,7 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
         where=str(film),
         value=said or None,
         limit=f"{STUCK_S:g} s for one picture",
-        do="is this computer very busy? what was measured is there: the same command with --resume tries it again",
+        do="is this computer very busy? The measurements are saved: the same command with --resume tries again",
     )
 
 

@@ -16,8 +16,7 @@ from torsight.report.figures.residuals import slope
 from torsight.report.plots.panels import Axis, Panel
 
 _MOST_EVENTS: Final = 60
-"""Events that are marked, the first ones: over the page's width such lines are 18 pixels apart and can be told
-apart."""
+"""Number of marked events, the first ones: over the page's width such lines are 18 pixels apart and distinguishable."""
 
 
 def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]]) -> Figure | None:

@@ -123,7 +123,7 @@ def temperatures_over_time(table: pd.DataFrame, *, source: str) -> Figure:
     return Figure(
         "temperatures",
         "Temperatures against time",
-        "Where one spring is heated, look at how far the other one follows.",
+        "Where one spring is heated, check how much the other one warms up.",
         (plot,),
         "Temperatures of both springs against time",
         source,

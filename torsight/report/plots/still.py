@@ -60,7 +60,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
 
 
 def still(panels: Sequence[Panel]) -> str:
-    """Return panels one above the other as the text of an SVG that stands alone."""
+    """Return panels one above the other as the text of a self-contained SVG."""
     with mpl.rc_context(_SETTINGS):
         buffer = io.StringIO()
         _picture(panels).savefig(buffer, format="svg", transparent=True)

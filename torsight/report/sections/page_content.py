@@ -247,7 +247,7 @@ def missing(results: RunResults) -> dict[str, Any]:
 
 
 def _shares(discovery: Mapping[str, Any]) -> dict[str, float]:
-    """Return how much of the plain model's squared error each effect explains, percent.
+    """Return the share of the plain model's squared error that each effect explains, percent.
 
     The share of the whole set is divided in proportion to the loss without each member.
     """

@@ -138,7 +138,7 @@ class UnlikeSprings(HiddenEffect):
 
 @dataclass(frozen=True, slots=True)
 class LocalTorque(HiddenEffect):
-    """A torque at one place of the turn, alike for both directions."""
+    """A torque at one place of the turn, the same in both directions."""
 
     height_mnm: float = key(0.3, "largest torque; of a magnet, towards it", lower=-20.0, upper=20.0, constant="local")
     angle_deg: float = key(40.0, "the place", lower=-1e4, upper=1e4, constant="local_angle")
@@ -176,9 +176,11 @@ class LatentHeat(HiddenEffect):
 
 @dataclass(frozen=True, slots=True)
 class MinorLoops(HiddenEffect):
-    """A transformation after an incomplete one waits for the whole loop instead of beginning at once."""
+    """A transformation after an incomplete one begins only on the complete loop instead of immediately."""
 
-    memory: float = key(0.7, "0: begins at once; 1: on the whole loop", lower=0.0, upper=1.0, constant="loop_memory")
+    memory: float = key(
+        0.7, "0: begins immediately; 1: on the complete loop", lower=0.0, upper=1.0, constant="loop_memory"
+    )
 
 
 @dataclass(frozen=True, slots=True)

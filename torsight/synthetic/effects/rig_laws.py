@@ -11,8 +11,8 @@ friction        angle, temperature of the driven spring (°C), angle   relative 
                 rate (rad/s), dwell (time at rest, s; at its end)
 reading         angle, time (s)                                       added to the angle that is read, rad
 temperature     temperature, temp_rate (K/s)                          wire less sensor, K
-phase           temperature less what stress moves the windows by     by how much the phase law takes it warmer, K
-winding         winding θ of the spring itself (rad)                  added torque, N·m, alike in both ways
+phase           temperature minus its shift by stress                 added to the phase law's temperature, K
+winding         winding θ of the spring itself (rad)                  added torque, N·m, in both directions
 loading         winding                                               added to the loading curve past θ_cr, N·m
 recoverable     half_cycle, cycle (of the spring itself)              relative change of θ_L
 ==============  ====================================================  ======================================

@@ -187,7 +187,7 @@ def pack(
 
 
 def zones(effects: Mapping[str, HiddenEffect]) -> tuple[Floats, Floats]:
-    """Return the weights of the wire's zones and how much cooler each is than the middle, °C."""
+    """Return the weights of the wire's zones and their temperatures below that of the middle, °C."""
     effect = effects.get("nonuniform_temperature")
     if not isinstance(effect, NonuniformTemperature):
         return np.ones(1), np.zeros(1)

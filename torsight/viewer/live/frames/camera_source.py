@@ -113,6 +113,6 @@ class _Timestamps:
         usual_s = statistics.median(self._steps) if len(self._steps) >= 5 else None
         self._steps.append(step_s)
         steps = 1 if usual_s is None else round(step_s / usual_s)
-        # Two steps at once are a lost picture; an arrival, not a timestamp, may be late by one, delayed by other
+        # A double step is a lost picture; an arrival, unlike a timestamp, may be late by one step, because of other
         # programs.
         return taken_s, steps - 1 if steps > (1 if self._by_driver else 2) else 0

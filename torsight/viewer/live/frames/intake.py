@@ -159,7 +159,7 @@ class Intake:
         with served_first(INTAKE, wanted=comes_in_time(self.pictures)):
             for index, picture in enumerate(self.pictures.frames(self._stop)):
                 if index == 1 and self.pictures.waits:
-                    # A film stands at its first frame until that is measured.
+                    # A film waits at its first frame until this frame is measured.
                     self._go.wait()
                 given_s = time.perf_counter()
                 due_s = pace.due_s(picture.time_s)

@@ -37,7 +37,7 @@ class LiveAngle:
     def step(self, time_s: float, position_px: Floats, covariance_px2: Floats) -> tuple[float, float, Floats | None]:
         """Return angle and its sigma (rad; NaN where not known) and positions in space.
 
-        Markers (4, 2) stand in the order of ``torsight.core.tracks.MARKERS``, NaN where not seen, with covariances (4,
+        Markers (4, 2) are in the order of ``torsight.core.tracks.MARKERS``, NaN where not seen, with covariances (4,
         2, 2).
         """
         plane = [onto(position_px[2 * stick : 2 * stick + 2]) for stick, onto in enumerate(self._maps)]

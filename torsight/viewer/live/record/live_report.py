@@ -67,7 +67,7 @@ def write_experiment(
         "output": {"dir": "results"},
         **({} if offset_s is None else {"sync": {"offset_s": offset_s}}),
     }
-    head = "# A live record; 'torsight run' goes on from it, to the report.\n"
+    head = "# A live record; 'torsight run' continues from it, to the report.\n"
     if actuator is None:
         head += (
             "# The rig's characterised values belong into actuator.toml; 'torsight init' writes some to start from.\n"
