@@ -1,4 +1,4 @@
-"""A constant at half and at twice of its value."""
+"""A constant at half and at twice its value."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from types import ModuleType
 
 
 def half_and_twice(name: str, *modules: ModuleType, most: float = math.inf) -> Iterator[float]:
-    """Give 0.5 and 2 while a constant is so many times its value; it is as before at the end.
+    """Yield 0.5 and 2 while a constant is multiplied by that factor; its value is restored at the end.
 
-    It changes in the first of the modules, whose own it is, and in those of the others that have imported it. A whole
-    number stays whole, a share near one keeps so many times its distance from one, and none becomes more than ``most``.
+    The constant changes in the first of the modules, which defines it, and in those of the others that have imported
+    it. A whole number stays whole; for a share near one the distance from one is multiplied; no value exceeds ``most``.
     """
     was = getattr(modules[0], name)
     holders = [one for one in modules if getattr(one, name, None) is was]

@@ -1,8 +1,8 @@
-"""Sphinx: the pages from this folder; commands, effects and the Python reference are written from the code.
+"""Sphinx: the pages from this folder; commands, effects and the Python reference are generated from the code.
 
 Formulas are MathML; the notebooks run while the pages are built.
 
-Nothing is fetched while the pages are built or looked at.
+Nothing is downloaded while the pages are built or read.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def library() -> str:
     """Return the page of all effects: their docstrings and parameters."""
     pages = [_effect(name, effect) for name, effect in load_effects().items()]
     return "\n".join(
-        ["# The library of effects", "", "Written from `torsight/actuator/effects/` by `make docs`.", "", *pages]
+        ["# The library of effects", "", "Generated from `torsight/actuator/effects/` by `make docs`.", "", *pages]
     )
 
 
@@ -99,9 +99,9 @@ def _effect(name: str, effect: Effect) -> str:
 
 _HEAD = """# Commands
 
-Written from the commands themselves by `make docs`; `torsight COMMAND --help` says the same. Everything for people
-goes to standard error; with `--json` standard output holds one object, see [](scripts.md). Exit codes: 0 done, 2 wrong
-usage or configuration, 3 an input that cannot be used, 4 no result could be had; 130 after Ctrl-C.
+Generated from the commands by `make docs`; `torsight COMMAND --help` prints the same. Text for people goes to standard
+error; with `--json` standard output holds one JSON object ([](scripts.md)). Exit codes: 0 done, 2 wrong usage or
+configuration, 3 an input that cannot be used, 4 no result is possible; 130 after Ctrl-C.
 `--debug`, before or after the command, shows the traceback of an error.
 """
 
@@ -126,7 +126,7 @@ def _section(name: str, command: Any) -> str:
 
 
 def _paragraphs(text: str) -> list[str]:
-    """Return the paragraphs of a help, those whose lines it keeps apart as the Python that they are."""
+    """Return the paragraphs of a help text; a paragraph that keeps its lines becomes a block of Python."""
     parts = text.strip().split("\n\n")
     return [f"```python\n{part[1:].strip()}\n```\n" if part.startswith("\b") else f"{part}\n" for part in parts]
 
@@ -157,7 +157,7 @@ _PLAIN = str.maketrans(
 
 
 def _math(node: Any, *, block: bool) -> str:
-    """Return a formula as MathML; one that the converter does not know stands as it is written."""
+    """Return a formula as MathML; a formula that the converter does not know is shown as its source."""
     try:
         return str(latex2mathml.tex2mathml(node.astext().translate(_PLAIN), as_block=block))
     except MathError:
@@ -181,7 +181,7 @@ def _skip() -> Exception:
 
 
 def _write_pages(_app: Any, _config: Any) -> None:
-    """Write the pages that come from the code; unchanged ones stay, so that they are not built again."""
+    """Write the pages that are generated from the code; unchanged files are kept, so that they are not built again."""
     pages = {"effects_library.md": library(), "commands.md": command_reference()}
     pages |= {f"reference/{package}.md": reference(package) for package in PACKAGES}
     (HERE / "reference").mkdir(exist_ok=True)
@@ -192,6 +192,6 @@ def _write_pages(_app: Any, _config: Any) -> None:
 
 
 def setup(app: Any) -> None:
-    """Connect the pages from the code, and the formulas."""
+    """Connect the generated pages and the formulas to Sphinx."""
     app.connect("config-inited", _write_pages)
     app.add_html_math_renderer("mathml", (_inline, None), (_display, None))

@@ -1,4 +1,4 @@
-"""Draw what the angle is: both springs and the disk from the side, both sticks as the camera sees them.
+"""Draw the definition of the angle: both springs and the disk from the side, both sticks as the camera sees them.
 
 Run: .venv/bin/python docs/make_drawing.py
 """
@@ -19,7 +19,7 @@ B_COLOUR: Final = "#0072b2"
 DARK: Final = "#333333"
 SHOWN_DEG: Final = 62.0
 BASE_DEG: Final = 200.0
-"""Where the base stick points in the picture: anywhere."""
+"""Direction of the base stick in the picture: arbitrary."""
 
 
 def main() -> None:
@@ -94,7 +94,7 @@ def _arrow(axes: Axes, start: tuple[float, float], stop: tuple[float, float], co
 
 
 def _sense(axes: Axes, arc_deg: tuple[float, float], colour: str, text: str, place: tuple[float, float]) -> None:
-    """Draw which way the moving stick goes while a spring is heated."""
+    """Draw the direction in which the moving stick turns while a spring is heated."""
     turn = np.radians(np.linspace(*arc_deg, 40))
     axes.plot(1.12 * np.cos(turn[:-3]), 1.12 * np.sin(turn[:-3]), color=colour, lw=2.0)
     _arrow(axes, (1.12, arc_deg[1] - 0.12 * (arc_deg[1] - arc_deg[0])), (1.12, arc_deg[1]), colour)

@@ -1,6 +1,6 @@
 """Make the pages' pictures from a finished demo: the README's, the report with numbers on it, and the gallery's.
 
-The report is seen by Chromium or Chrome (``TORSIGHT_BROWSER`` names another program).
+The report is rendered by Chromium or Chrome (``TORSIGHT_BROWSER`` names another program).
 
 Run: make demo && .venv/bin/python docs/make_pictures.py demo
 """
@@ -32,7 +32,7 @@ MARKS: Final = (
     *(".kicker", "h1", ".lead", ".hero figure", ".hero .plot", ".tiles li:nth-child(1)", ".tiles li:nth-child(2)"),
     *(".tiles li:nth-child(3)", ".facts", *(f"#next .step:nth-child({k})" for k in (1, 2, 3))),
 )
-"""What the numbers 1, 2, … on the report stand at, as CSS has it; ``report.md`` says what each is."""
+"""CSS selectors of the parts of the report at which the numbers 1, 2, … stand; ``report.md`` explains each part."""
 FIGURES: Final = ("candidates", "angle_temperature_a", "angle_sigma")
 """Plots of the report that the gallery shows."""
 _NUMBERS: Final = """marks => marks.forEach((mark, k) => {
@@ -73,7 +73,7 @@ def report(folder: Path) -> None:
     flags = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=flags)
-        # Without scripts the plots are the pictures that are on paper, too: nothing moves while they are taken.
+        # Without scripts the plots are the pictures for paper: nothing moves while the screenshot is taken.
         page = browser.new_page(viewport={"width": REPORT_PX[0], "height": REPORT_PX[1]}, java_script_enabled=False)
         page.goto((folder / "report.html").resolve().as_uri())
         for name in FIGURES:

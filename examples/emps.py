@@ -1,9 +1,9 @@
-"""What a linear drive's model lacks: the discovery engine on measured data that have nothing to do with springs.
+"""The missing part of a linear drive's model: the discovery engine on measured data unrelated to springs.
 
 The EMPS benchmark (Janot, Gautier and Brunot, 2019) is a screw-driven carriage. Its reference model says
-force = M a + Fv v + Fc sign(v) + offset, which leaves a relative error of 4.08 %. This script asks what is missing, and
-then lets both models predict a second record that neither has seen. Then it asks once more, with no form in mind: the
-friction over speed is measured as a curve.
+force = M a + Fv v + Fc sign(v) + offset, which leaves a relative error of 4.08 %. This script finds what is missing,
+and both models then predict a second record that was not fitted. Finally the friction over speed is measured as a
+curve, without an assumed form.
 
 Run: python examples/emps.py ../shared/data/emps
 """
@@ -116,7 +116,7 @@ def relative_error(drive: Drive, explanation: Explanation) -> float:
 
 
 def discover_drive(folder: Path) -> tuple[Findings, Drive, Drive]:
-    """Return what is found on the first record, and both records."""
+    """Return the findings on the first record, and both records."""
     record, later = read_drive(folder / "DATA_EMPS.mat"), read_drive(folder / "DATA_EMPS_PULSES.mat")
     return find_missing(problem_of(record)), record, later
 
@@ -135,13 +135,13 @@ def table_of(drive: Drive) -> dict[str, Array]:
 
 
 def drive_force(p: Any, record: Any) -> Array:
-    """Return the reference model's force, and what friction has beside it as a law of speed."""
+    """Return the reference model's force plus a law of speed for the remaining friction."""
     plain = p.mass_kg * record.acceleration + p.viscous_n_s_per_m * record.speed + p.coulomb_n * record.direction
     return plain + p.offset_n + p.friction_n(record.speed)
 
 
 def measure_friction(drive: Drive) -> Findings:
-    """Return what is found where no form is offered, only the place and the variable."""
+    """Return the findings where only a port and its driver are offered, no form."""
     starts = {"mass_kg": 90.0, "viscous_n_s_per_m": 200.0, "coulomb_n": 20.0, "offset_n": 0.0}
     problem = model_problem(
         drive_force,
@@ -156,7 +156,7 @@ def measure_friction(drive: Drive) -> Findings:
 
 
 def main(folder: Path) -> None:
-    """Print what is missing and what it is worth."""
+    """Print the missing effects and the relative errors of the models without and with them."""
     findings, record, later = discover_drive(folder)
     field, chosen = findings.field, findings.decision.chosen
     single = next(one for one in findings.ranked(1) if one.effects)

@@ -25,7 +25,7 @@ SCENE = {
 
 
 def main(out: Path) -> None:
-    """Say what the rig does, then film it."""
+    """Print the rig's motion and friction torque, then film the rig."""
     record = make_record(SCENE, rate_hz=15.0)
     angle_deg = record.angle_rad / DEG
     print(f"{len(record.table)} rows over {record.table.time_s[-1]:.0f} s, range {np.ptp(angle_deg):.1f}°")

@@ -1,4 +1,4 @@
-"""What the model lacks on one record, and how well the better model predicts a later one.
+"""The effect that the model lacks on one record, and the extended model's prediction of a later one.
 
 Run: python examples/find_what_is_missing.py merged.csv actuator.toml [later_temps.csv START_DEG]
 """
@@ -16,18 +16,18 @@ from torsight.discovery import DiscoveryReport, discover, predict_with_sigma
 
 
 def told(step: str, done: float, total: float | None) -> None:
-    """Show where the work stands: any function of this shape can be given as ``progress``."""
+    """Print the progress: any function with these arguments can be given as ``progress``."""
     if total:
         print(f"\r{step}: {100 * done / total:3.0f} %   ", end="", file=sys.stderr)
 
 
 def find(merged: Path, actuator: Path) -> DiscoveryReport:
-    """Return what is missing on a record."""
+    """Return the report on what the model lacks on a record."""
     return discover(read_merged(merged), read_actuator(actuator), progress=told)
 
 
 def main(merged: Path, actuator: Path, later: Path | None = None, start_deg: float = 0.0) -> DiscoveryReport:
-    """Print the verdict, the error before and after, and what is expected of a later temperature log."""
+    """Print the verdict, the error before and after, and the prediction for a later temperature log."""
     report = find(merged, actuator)
     print(f"\n{report.verdict}: {', '.join(effect.id for effect in report.effects) or 'nothing'}")
     before, after = report.before.rmse_held_out_deg, report.after.rmse_held_out_deg

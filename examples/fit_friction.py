@@ -23,7 +23,7 @@ def fit_record(angle: Path, temperature: Path, actuator: Path) -> tuple[ClockMap
 
 
 def main(angle: Path, temperature: Path, actuator: Path) -> tuple[ClockMap, FitResult]:
-    """Print what was found, each with its interval."""
+    """Print offset and friction torque with their intervals."""
     clock, result = fit_record(angle, temperature, actuator)
     print(f"offset {clock.offset_s:.2f} s, 95 %: {clock.offset_ci95_s[0]:.2f} to {clock.offset_ci95_s[1]:.2f}")
     for name, estimate in result.estimates.items():

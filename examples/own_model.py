@@ -1,9 +1,9 @@
-"""The discovery engine on a model of one's own: nothing of it knows springs.
+"""The discovery engine, which knows nothing of springs, on a model of one's own.
 
 A carriage on a screw: force = mass · acceleration + viscous · speed + coulomb · sign(speed) + offset. The carriage of
-this script also has a friction that changes along the screw, which its model lacks. Candidates are named with the
-columns that they would add; the engine says which one is missing and by how much the prediction of unseen strokes
-improves. For a model that is not linear in its parameters see ``torsight.discovery.model_problem``.
+this script also has a friction that changes along the screw, which its model lacks. Each candidate is given by its name
+and the columns that it would add; the engine names the missing one, and the improvement of the prediction on held-out
+strokes. For a model that is not linear in its parameters see ``torsight.discovery.model_problem``.
 
 Run: python examples/own_model.py
 """
@@ -18,7 +18,7 @@ TRUE = {"mass_kg": 95.0, "viscous_n_s_per_m": 200.0, "coulomb_n": 20.0, "offset_
 
 
 def carriage(*, seed: int = 4, strokes: int = 8) -> LinearProblem:
-    """Return strokes to and fro at several speeds, with noise, as a problem for the engine."""
+    """Return the problem of strokes back and forth at several speeds, with noise."""
     rng = np.random.default_rng(seed)
     share = np.linspace(0.0, 1.0, 150, endpoint=False)
     time_s, position_m, stroke = [], [], []

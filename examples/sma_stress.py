@@ -1,9 +1,9 @@
-"""How far a shape memory alloy transforms under stress: a law of stress, measured on published records.
+"""The transformation strain of a shape memory alloy under stress: a law of stress, measured on published records.
 
 A specimen of NiTiCo was cooled and heated under constant stress, once at 7, 50, 150 and 200 MPa (SMA-REACT,
-doi.org/10.1177/00219983221144499). The plain model says that it always transforms by the same strain. What is missing
-is measured as a curve over stress, at its place inside the model; then two forms of it, a straight line and one that
-saturates, are candidates.
+doi.org/10.1177/00219983221144499). The plain model says that it always transforms by the same strain. The missing part
+is measured as a curve over stress, at its place inside the model; then two forms of this curve, a straight line and one
+that saturates, are candidates.
 
 Run: python examples/sma_stress.py ../shared/data/sma_react/isobaric
 """
@@ -72,7 +72,7 @@ def _share(below_c: Array, width_c: float) -> Array:
 
 
 def discover(folder: Path, candidates: Sequence[Candidate] = tuple(CANDIDATES)) -> Findings:
-    """Return what the plain model lacks on the four loops."""
+    """Return the findings on what the plain model lacks on the four loops."""
     loops = [read_loop(folder / f"{stress} MPa.txt") for stress in STRESSES_MPA]
     problem = model_problem(
         predict,

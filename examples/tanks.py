@@ -1,4 +1,4 @@
-"""A nonlinear model of one's own, from a table to what it lacks: two tanks, the upper of which can overflow.
+"""A nonlinear model of one's own, from a table to its missing effect: two tanks, the upper of which can overflow.
 
 A pump fills the upper tank, which drains into the lower one; the level of the lower one is measured. The model knows no
 overflow; candidates are an overflow into the lower tank, a leak, and a drift of the sensor.
@@ -60,7 +60,7 @@ def _rates(p: Any, volt: float, above: float, below: float) -> tuple[float, floa
 
 
 def record_of(*, seed: int = 3, rows: int = 480) -> dict[str, Array]:
-    """Return a made-up record, by SciPy's integrator with short steps."""
+    """Return a simulated record, by SciPy's integrator with short steps."""
     rng = np.random.default_rng(seed)
     time = STEP_S * np.arange(rows)
     pump = np.repeat(rng.uniform(0.5, 5.5, rows // 16 + 1), 16)[:rows]
@@ -77,7 +77,7 @@ def record_of(*, seed: int = 3, rows: int = 480) -> dict[str, Array]:
 
 
 def main() -> Findings:
-    """Print what is missing, and how a later record is predicted."""
+    """Print the missing effect, and the error of the prediction of a later record."""
     reading = Reading(sigma=sigma)
     problem = model_problem(
         predict, record_of(), parameters, candidates, output=output, initial=initial, reading=reading

@@ -12,12 +12,12 @@ from torsight.cli.campaign import find_experiments, run_campaign, tasks, write_r
 
 
 def told(step: str, done: float, total: float | None) -> None:
-    """Say how many experiments are done."""
+    """Print the number of finished experiments."""
     print(f"{step}: {done:g} of {total:g}")
 
 
 def main(folder: Path, out: Path, *, jobs: int = 1) -> list[dict[str, object]]:
-    """Do every experiment that is not done yet and print one line for each."""
+    """Run every unfinished experiment and print one line for each."""
     rows = run_campaign(tasks(find_experiments([str(folder)]), out), jobs=jobs, progress=told)
     for row in rows:
         found = row["message"] or f"τ_c {row['tau_c_mnm']:.3f} mN·m, {row['verdict']} {row['effects']}"

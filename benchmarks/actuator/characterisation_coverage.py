@@ -1,9 +1,9 @@
-"""How often the intervals of the characterisation hold: synthetic tests with the paper's noise, many seeds.
+"""Coverage of the characterisation's intervals: synthetic tests with the paper's noise, many seeds.
 
 ``python benchmarks/actuator/characterisation_coverage.py OUT.jsonl [FIRST] [SEEDS]``
 
-One line per seed is appended to OUT.jsonl and seeds that stand there are passed over, so that a run that was stopped
-goes on; the table of everything in the file is printed at the end.
+One line per seed is appended to OUT.jsonl; seeds that the file already holds are skipped, so that an interrupted run
+can be continued; the table of all seeds in the file is printed at the end.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""How often the intervals of the fit hold: records of the synthetic rig, which has an integrator of its own.
+"""Coverage of the fit's intervals: records of the synthetic rig, which has an integrator of its own.
 
 ``python benchmarks/actuator/fit_coverage.py OUT.jsonl [FIRST] [SEEDS]``
 
 A seed draws the rig's true values around the declared ones (which are the fit's priors), the protocol (full and partial
 heatings, holds, one spring twice, the pace), the rate of the record (4 to 66 Hz), the noise of temperature (0.1 to
-0.3 °C) and angle. One line per seed is appended to OUT.jsonl and seeds that stand there are passed over, so that a run
-that was stopped goes on; the table of everything in the file is printed at the end. Seeds from 10,000 on are for the
-report.
+0.3 °C) and angle. One line per seed is appended to OUT.jsonl; seeds that the file already holds are skipped, so that an
+interrupted run can be continued; the table of all seeds in the file is printed at the end. Seeds from 10,000 on are for
+the report.
 """
 
 from __future__ import annotations

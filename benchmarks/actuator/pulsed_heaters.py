@@ -1,4 +1,4 @@
-"""Logs that are too slow for the pulses of a heater: how far off later records are, and whether the interval knows it.
+"""Logs that are too slow for the pulses of a heater: error of later records, and coverage of their intervals.
 
 Run: python benchmarks/actuator/pulsed_heaters.py [--seeds 4]
 

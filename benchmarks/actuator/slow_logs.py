@@ -1,4 +1,4 @@
-"""Logs that are slower than the film: what is left of the wire's corners in the merged table, and in the angle.
+"""Logs that are slower than the film: errors at the wire's corners in the merged table, and in the angle.
 
 Run: python benchmarks/actuator/slow_logs.py [--seeds 3] [--half-and-twice]
 
@@ -6,8 +6,8 @@ Half-cycles of a known wire (ramps, holds, natural cooling; four rows a second) 
 of 0.02 to 0.07 °C and put back on the rows by straight lines, as a merged table has them. Columns: rms and largest
 error of the temperature in mK, on the lines and as they are prepared; and rms error of the plain model's angle, in
 degrees, driven by the table (a record) and by the log alone (a later record), against the same wire without noise. The
-tops are held for up to 15 s, or (second table) not at all. ``--half-and-twice`` prints both with half and with twice of
-how long the preparation takes a top to be held at most.
+tops are held for up to 15 s, or (second table) not at all. ``--half-and-twice`` prints both with half and with twice
+the longest hold of a top that the conditioning assumes.
 """
 
 from __future__ import annotations

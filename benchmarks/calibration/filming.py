@@ -1,7 +1,8 @@
 """Error caused by codec, marker size, light, exposure and distance, one at a time, on rendered films.
 
-A stick turns in front of a camera that looks straight along the axis, so that the angle needs no correction and what is
-left is the error of the markers. The first row is the reference; every other row changes what it names.
+A stick turns in front of a camera that looks straight along the axis, so that the angle needs no correction and the
+remaining error is that of the markers. The first row is the reference; every other row changes the property that it
+names.
 
     python benchmarks/calibration/filming.py
 """

@@ -1,7 +1,8 @@
 """Benefit of each correction of the camera on rendered films, from pixels to the angle.
 
 A rig that turns at a steady speed is filmed by a stereo pair over a grid of tilts, lenses and distances; both films are
-tracked; the camera is the film's own. Codec and quality are options, so that what compression costs shows beside it.
+tracked; the camera is the film's own. Codec and quality are options, so that the error caused by compression can be
+compared.
 
     python benchmarks/calibration/films.py --codec h264 --crf 12
 """

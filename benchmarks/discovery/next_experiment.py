@@ -1,9 +1,9 @@
-"""Does the proposed experiment distinguish rivals? Tested on a rig with another integrator, with either as the truth.
+"""Test whether the proposed experiment distinguishes rivals, on a rig with another integrator and either as the truth.
 
 For each pair a first record is made in which the two can hardly be distinguished, ``discover`` runs on it, and the
-programme that it proposes (or, where it came out with another verdict, that it would propose for the pair) is run on
-the rig twice: with the true effect, and with the other one at the size that was fitted to it. ``discover`` then runs on
-either new record alone. One line of JSON per pair, and a picture of each programme with both records.
+programme that it proposes (or, after another verdict, would propose for the pair) is run on the rig twice: with the
+true effect, and with the other one at the size that was fitted to it. ``discover`` then runs on either new record
+alone. One line of JSON per pair, and a picture of each programme with both records.
 
 Examples
 --------

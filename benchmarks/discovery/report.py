@@ -1,4 +1,4 @@
-"""Print the blind suite's figures from the lines that run.py has written, and draw how far its probabilities hold.
+"""Print the blind suite's figures from the lines that run.py has written, and draw its probabilities' calibration.
 
 Example: python benchmarks/discovery/report.py report.jsonl --diagram reliability.png
 """

@@ -1,8 +1,8 @@
-"""Run the blind suite, one line of JSON per case; what a file already holds is not run again.
+"""Run the blind suite, one line of JSON per case; cases that the file already holds are skipped.
 
 ``work`` and ``report`` are random laws, other forms, pairs and clean rigs (:mod:`blind`); ``forms-…`` is the suite of
-the library's own effects and of mechanisms outside it (:mod:`cases`). A case at which discovery fails is noted and run
-again next time.
+the library's own effects and of mechanisms outside it (:mod:`cases`). A case at which discovery fails is recorded and
+run again next time.
 
 Examples
 --------

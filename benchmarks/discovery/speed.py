@@ -1,4 +1,4 @@
-"""How long a discovery takes on a record of an hour at 4 rows a second, and of two hours at 4 and at 66.
+"""Time of a discovery on a record of an hour at 4 rows a second, and of two hours at 4 and at 66.
 
     python benchmarks/discovery/speed.py
     python benchmarks/discovery/speed.py --rates 4 --effects position_friction

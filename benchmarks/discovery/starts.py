@@ -1,4 +1,4 @@
-"""Whether fits of the plain model from five starts end at one optimum, on clean records of the blind suite.
+"""Test whether fits of the plain model from five starts end at one optimum, on clean records of the blind suite.
 
 The first start is the priors' means, the others are drawn from the priors of all values and of the start state. An end
 is as good as the best where its posterior density is within 0.5 log units, under the likelihood of the first one's end.

@@ -1,10 +1,10 @@
-"""How well the top temperatures of incomplete heatings are known, on clean records of the blind suite.
+"""Uncertainty of the top temperatures of incomplete heatings, on clean records of the blind suite.
 
 Discovery takes a top to be known as well as the smoother says (``temperature_errors``). That is right where the errors
 that the records ask for have mean square one, in their own standard deviations, and the evidence is largest: it is
 measured with the standard deviations as they are, and with half and twice of them.
 
-``--constants`` prints what half and twice of the constants by which errors are drawn make of the angle's errors.
+``--constants`` prints the angle's errors with half and with twice the constants from which errors are drawn.
 
     python benchmarks/discovery/tops.py --first 22
     python benchmarks/discovery/tops.py --first 4 --constants

@@ -1,4 +1,4 @@
-"""Models whose squares have many valleys, a driven pendulum that goes over the top: fitted, and what it lacks found.
+"""A model whose sum of squares has many local minima, a driven pendulum that goes over the top: fit and discovery.
 
     python benchmarks/discovery/valleys.py
 

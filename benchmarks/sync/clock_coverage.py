@@ -1,4 +1,4 @@
-"""How often the 95 % intervals of offset and drift hold the truth, and how wide they are.
+"""Coverage and width of the 95 % intervals of offset and drift.
 
 Offsets within ±600 s, drifts within ±200 ppm, a fifth of the log's rows lost, one restart of its clock in a rest or on
 a ramp. The pairs of ``--kind slow``, ``fast`` and ``one_rate`` come from the tests' own generator, with and without a

@@ -1,4 +1,4 @@
-"""Dots that look like markers beside a rig: how often the right ones are taken, or else a warning is given.
+"""Dots that look like markers beside a rig: share of films with the right markers, or else with a warning.
 
 Run: python benchmarks/tracking/decoys.py [--first 0] [--films 40]
 

@@ -1,4 +1,4 @@
-"""Whether the sigma of a tilt estimated from a film's own paths is right: drawn films, tracked without a camera file.
+"""Test of the sigma of a tilt that is estimated from the markers' paths: drawn films, tracked without a camera file.
 
 Run: python benchmarks/tracking/tilt.py [--seeds 2] [--tilt 10]
 

@@ -1,4 +1,4 @@
-"""How much faster a campaign is on two cores than on one.
+"""Speed-up of a campaign on two cores over one core.
 
     python benchmarks/trust/batch_speed.py --records 64
 

@@ -81,7 +81,7 @@ def test_four_clicks_a_check_and_a_file(page: Any, film: Path, rig: Rig, tmp_pat
 def test_what_was_found_is_there_at_once(page: Any, film: Path, rig: Rig, tmp_path: Path) -> None:
     with Picking(film, tmp_path / "markers.toml") as picking:
         load(page, picking.address)
-        assert "found by themselves" in page.inner_text("#told")
+        assert "found automatically" in page.inner_text("#told")
         page.click("#save")
         page.wait_for_selector("#done[open]")
     np.testing.assert_allclose(saved_px(tmp_path / "markers.toml"), rig.marker_px(60.0), atol=CENTRE_PX)

@@ -70,7 +70,7 @@ def test_a_film_of_which_nothing_tells_the_markers_has_no_result(
         main(["track", str(path), "--out", str(out)])
     assert ended.value.code == 4
     told = capsys.readouterr().err
-    assert "other dots may as well be the markers" in told
+    assert "other dots may equally be the markers" in told
     assert f"torsight markers {path}" in told
     markers = read_json(out / "track.json")["markers"]
     (rival,) = markers["rivals"]

@@ -33,4 +33,4 @@ def demo(
     say("Measuring and modelling, as 'torsight run' does with any film")
     with progress_bar() as progress:
         folder = run_experiment(read_experiment(film / "experiment.toml"), out=out, progress=progress)
-    return shown(folder, f"What was hidden   {film / 'truth.toml'} tells, for comparison", view=view)
+    return shown(folder, f"Hidden effect     in {film / 'truth.toml'}, for comparison", view=view)

@@ -165,7 +165,7 @@ def experiment_from(
             "needs one of [video] and [angle]",
             where=where,
             value="both" if "video" in content else "none",
-            do="name the film in [video] path, or angles that are there already in [angle] file",
+            do="name the film in [video] path, or an existing table of angles in [angle] file",
         )
 
     files = _Files(folder, absent)

@@ -61,7 +61,7 @@ def unsure_markers(account: Mapping[str, Any], *, where: str) -> NoResultError |
     if sure >= LEAST_SURE:
         return None
     return NoResultError(
-        "other dots may as well be the markers",
+        "other dots may equally be the markers",
         where=where,
         value=f"those that were taken are the right ones with a probability of {100.0 * sure:.0f} %",
         limit=f"{100.0 * LEAST_SURE:.0f} % or more",

@@ -103,7 +103,7 @@ def live(
         )
         write_experiment(folder, film=film_of(pictures), actuator=actuator, offset_s=offset_s, **named)
         if not temperature.exists():
-            say(f"waiting for {temperature}: it is followed as soon as it is there")
+            say(f"waiting for {temperature}: it is followed as soon as it exists")
         with _screens(feed, browser_port=ports[1] if serve else None, window=viewer):
             outcome = session.run(stop)
     for line in summary(outcome, folder):
@@ -131,7 +131,7 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
     lines = [
         "",
         f"Frames            {outcome.frames}, {share:.1f} % of them measured, {outcome.dropped} dropped{lost}",
-        f"Temperature rows  {outcome.log_rows or 'none: the log was not there, or stayed empty'}",
+        f"Temperature rows  {outcome.log_rows or 'none: the log did not exist, or stayed empty'}",
     ]
     if outcome.measured:
         span = outcome.high_deg - outcome.low_deg
@@ -158,7 +158,7 @@ def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[
     def start() -> None:
         # A viewer that finds nothing to connect to does not try again.
         if not feed.wait_until_open():
-            say("the view cannot be served; the record goes on without it")
+            say("the view cannot be served; the record continues without it")
             return
         if browser_port is not None:
             arguments = ["--serve-web", "--web-viewer-port", str(browser_port), feed.address]
@@ -168,7 +168,7 @@ def _screens(feed: Feed, *, browser_port: int | None, window: bool) -> Iterator[
             arguments = ["--connect", feed.address, "--memory-limit", WINDOW_MEMORY]
             screens.append(Viewer(arguments, port=free_port(), stays=True))
         elif window:
-            say("No display here   --serve shows it in a browser, --no-viewer leaves this out")
+            say("No display here   --serve shows the view in a browser, --no-viewer suppresses this line")
         say(f"For any viewer    rerun {feed.address}")
 
     starter = threading.Thread(target=start, daemon=True)

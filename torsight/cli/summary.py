@@ -40,7 +40,7 @@ def _errors(discovery: Mapping[str, Any]) -> str:
     on = "held-out half-cycles"
     if before is None or after is None:
         before, after = (discovery[name]["rmse_train_deg"] for name in ("before", "after"))
-        on = "the very record that was fitted: one half-cycle only, none could be held out"
+        on = "the record that was fitted itself: with one half-cycle, none can be held out"
     return f"{error_words(before)} rms before, {error_words(after)} after, on {on}"
 
 

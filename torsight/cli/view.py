@@ -39,7 +39,7 @@ def view(
     from torsight.viewer.program import Viewer, address_of, browser_address, chosen_port, free_port, has_display
 
     if pictures is None and at is not None:
-        raise ConfigError("says what --pictures shows, and that is not there", where="--at", do="add --pictures OUT")
+        raise ConfigError("needs --pictures: it is the time that these show", where="--at", do="add --pictures OUT")
     _require_within(at, folder if folder.is_dir() else folder.parent)
     recording = recording_of(folder)
     if pictures is not None:

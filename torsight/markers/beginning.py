@@ -1,4 +1,4 @@
-"""The first seconds of a film as a film of their own: what the check on the page follows the picks through."""
+"""The first seconds of a film as a separate film, through which the page's check follows the picked markers."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from tracker.frames.frame import Frame, FrameSource
 
 MOST_FRAMES: Final = 1000
-"""Frames that a check follows at most: one at 1000 frames a second ends after a second, not after minutes."""
+"""Largest number of frames of a check: a film of 1000 frames a second is followed for a second, not for minutes."""
 _SHOWN: Final = 61
-"""Frames of a check that the page plays; the points are followed in all."""
+"""Frames of a check that the page plays; the points are followed in all frames."""
 
 
 class Beginning:
@@ -31,14 +31,14 @@ class Beginning:
     def __init__(self, source: FrameSource, *, seconds: float) -> None:
         self.name, self.damage = source.name, source.damage
         self.size_px, self.pixel_aspect = source.size_px, source.pixel_aspect
-        # How many frames there are is not known before they are read.
+        # The number of frames is not known before they are read.
         self.frame_count: int | None = None
         self.files, self.describe = source.files, source.describe
         self._source = source
         self._seconds = seconds
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames up to the first one that is too late."""
+        """Give the frames up to the limits of time and number."""
         start_s: float | None = None
         for frame in self._source:
             start_s = frame.time_s if start_s is None else start_s
@@ -49,11 +49,11 @@ class Beginning:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """What became of picked points in the first seconds.
+    """Result of following picked points through the first seconds.
 
-    The frames (k,) that are shown, from all that were followed, with their times, and as JPEG; the points in them (k,
-    4, 2) and the angle (k,), NaN where not seen or not known. How many frames were followed, and in how many of them
-    each point (4,) was seen. One sentence, and what does not look right.
+    It holds the shown frames (k,) among all that were followed, with their times and as JPEG; the points in them (k, 4,
+    2) and the angle (k,), NaN where not seen or not known; the number of followed frames, and the number of frames in
+    which each point (4,) was seen; a summary in one sentence, and warnings.
     """
 
     frame: Ints
@@ -67,7 +67,7 @@ class Followed:
     warnings: tuple[str, ...]
 
     def to_page(self) -> dict[str, Any]:
-        """Return what the page shows, without the pictures; None for NaN."""
+        """Return the content for the page, without the pictures; None for NaN."""
         return {
             "frames": [
                 {
@@ -137,7 +137,7 @@ def _verdict(known: int, tracks: MarkerTracks, moving: int | None) -> str:
 
 
 def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
-    """Return which stick moves, 0 for the one given as base and 1 for the other; None where neither does yet."""
+    """Return the index of the stick that moves, 0 for the given base and 1 for the other; None where neither moves."""
     from tracker.initialise import find_start
 
     follower = find_start(source, hints).follower(motion_tells=True)
@@ -151,7 +151,7 @@ def which_moves(source: FrameSource, hints: MarkerHints) -> int | None:
 def name_sticks(source: FrameSource, sticks_px: Floats, *, seconds: float) -> Floats | None:
     """Return the markers (4, 2) of two sticks (2, 2, 2) in their order, base first; None where neither moves yet.
 
-    The sticks' markers are those of the first frame, inner ones first; so many seconds of the film are looked at.
+    The sticks' markers are those of the first frame, inner ones first; the first ``seconds`` of the film are searched.
     """
     one, two = sticks_px.tolist()
     try:
@@ -162,7 +162,7 @@ def name_sticks(source: FrameSource, sticks_px: Floats, *, seconds: float) -> Fl
 
 
 def _turned_deg(tracks: MarkerTracks) -> float:
-    """Return by how much the moving stick turned from its one extreme to the other; NaN where it is not seen."""
+    """Return the range of the moving stick's angle, degrees; NaN where the stick is not seen."""
     offset = (tracks.position_px[:, 3] - tracks.position_px[:, 2])[tracks.valid[:, 2:].all(axis=1)]
     if not len(offset):
         return float("nan")
@@ -170,7 +170,7 @@ def _turned_deg(tracks: MarkerTracks) -> float:
 
 
 def _pictures(source: Beginning, shown: Ints) -> tuple[bytes, ...]:
-    """Return some frames as JPEG, shrunk to what a page shows; a frame that cannot be decoded as an empty picture."""
+    """Return some frames as JPEG, shrunk to the page's size; a frame that cannot be decoded as an empty picture."""
     wanted, empty = set(shown.tolist()), np.zeros(source.size_px[::-1], np.uint8)
     lumas = (empty if frame.luma is None else frame.luma for frame in source if frame.index in wanted)
     return tuple(encoded(shrunk(luma, SHOWN_PX), ".jpg", quality=85) for luma in lumas)
@@ -181,6 +181,6 @@ def _known(point: Floats) -> list[float] | None:
 
 
 def seconds_of(seconds: Any) -> float:
-    """Return how many seconds to follow from what a page sends; three where it sends nothing usable."""
+    """Return the duration of a check, s, from the page's request; three seconds for an unusable value."""
     usable = isinstance(seconds, (int, float)) and 0.0 < float(seconds) <= 60.0
     return float(seconds) if usable else 3.0

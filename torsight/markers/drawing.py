@@ -1,6 +1,7 @@
-"""What the pictures of a film's markers share: a canvas, a frame as background, candidates, named markers.
+"""Common parts of the pictures of a film's markers: a canvas, a frame as background, candidates, named markers.
 
-Drawn with OpenCV, which a track has loaded anyway: a plotting library takes longer to start than a short film to track.
+They are drawn with OpenCV, which a track has loaded anyway: importing a plotting library takes longer than tracking a
+short film.
 """
 
 from __future__ import annotations
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
 Box = tuple[float, float, float, float]
 """Left, top, width, height in pixels."""
 Ticks = Iterable[tuple[float, float]]
-"""Lines of a grid: place in pixels of the plot, number."""
+"""Lines of a grid: position in pixels of the plot, number."""
 SHOWN_PX: Final = 960
 """Longer side of a frame in a page or a picture: smaller ones are enlarged, larger ones shrunk."""
 DOT: Final = rgb(LIGHT["held"])
 """A dot that was not taken."""
 REFUSED: Final[Colour] = (204, 121, 167)
-"""A place that is no dot."""
+"""A candidate that is no dot."""
 PLAIN: Final[Colour] = (51, 51, 51)
 WHITE: Final[Colour] = (255, 255, 255)
 BLACK: Final[Colour] = (0, 0, 0)
@@ -46,15 +47,15 @@ _BOLD: Final = 600
 _SHIFT: Final = 4
 """Binary digits of a coordinate after the point, for OpenCV's anti-aliased lines."""
 _BEFORE: Final = {"left": 0.0, "center": 0.5, "right": 1.0}
-"""Share of a line of text that lies before its place."""
+"""Share of a line of text that lies before its position, by alignment."""
 _DOT_PX: Final = 2
-"""Length of a dotted ring's pieces, and of the gaps between them."""
+"""Length of the pieces of a dotted ring, and of the gaps between them."""
 
 
 class Canvas:
-    """A picture (h, w, 3) that is drawn on in place, OpenCV's way: blue, green, red.
+    """A picture (h, w, 3) that is changed in place, with OpenCV's order of channels: blue, green, red.
 
-    Places are x and y in pixels from its upper left pixel, colours are given as red, green, blue.
+    Positions are x and y in pixels from the upper left pixel, colours are given as red, green, blue.
     """
 
     def __init__(self, pixels: NDArray[np.uint8]) -> None:
@@ -67,7 +68,7 @@ class Canvas:
         return Canvas(np.full((round(size_px[1]), round(size_px[0]), 3), 255, np.uint8))
 
     def part(self, box_px: Box) -> Canvas:
-        """Return a part ``(left, top, width, height)`` as a canvas of its own: what is drawn ends at its border."""
+        """Return a part ``(left, top, width, height)`` as a canvas: drawings are clipped at its border."""
         left, top, width, height = (round(value) for value in box_px)
         return Canvas(self.pixels[top : top + height, left : left + width])
 
@@ -86,13 +87,13 @@ class Canvas:
         bold: bool = False,
         align: str = "left",
     ) -> None:
-        """Write one line; its base line begins, is centred or ends at a place."""
+        """Write one line of text; its base line begins, is centred or ends at a position."""
         before = _BEFORE[align] * self.width_of(words)
         at = (round(place_px[0] - before), round(place_px[1]))
         cv2.putText(self.pixels, words, at, colour[::-1], self._face, size_px, _BOLD if bold else _REGULAR)
 
     def text_upwards(self, place_px: tuple[float, float], words: str) -> None:
-        """Write one line from below to above, its middle at a place."""
+        """Write one line of text upwards, its middle at a position."""
         _, _, wide, tall = self._extent(words)
         line = Canvas.blank((wide + 4, tall + 8))
         line.text((2, tall), words)
@@ -101,7 +102,7 @@ class Canvas:
         self.pixels[max(top, 0) : top + turned.shape[0], left : left + turned.shape[1]] = turned[max(-top, 0) :]
 
     def label(self, place_px: tuple[float, float], words: str, colour: Colour) -> None:
-        """Write black on a patch of a colour, with its lower left corner at a place, or as near as there is room."""
+        """Write black text on a coloured box, its lower left corner at a position, or as near as there is room."""
         _, top, wide, tall = self._extent(words)
         x = max(0, min(round(place_px[0]), self.size_px[0] - wide - 7))
         y = max(tall + 3, round(place_px[1]))
@@ -117,13 +118,13 @@ class Canvas:
         return int(left), int(top), int(wide), int(tall)
 
     def line(self, points_px: Floats, colour: Colour, *, width_px: int = 1) -> None:
-        """Draw the line through places (n, 2); it is interrupted where one is NaN."""
+        """Draw the line through positions (n, 2); it is interrupted at NaN."""
         for begin, end in runs(np.asarray(np.isfinite(points_px).all(axis=1))):
             places = [_fixed(points_px[begin:end])]
             cv2.polylines(self.pixels, places, False, colour[::-1], width_px, cv2.LINE_AA, _SHIFT)
 
     def dashes(self, x_px: float, *, dash_px: int) -> None:
-        """Draw an upright line over the whole height, in dashes with gaps as long."""
+        """Draw a vertical line over the whole height, in dashes with gaps of the same length."""
         x = min(max(round(x_px), 0), self.size_px[0] - 1)
         for top in range(0, self.size_px[1], 2 * dash_px):
             self.pixels[top : top + dash_px, x] = PLAIN[::-1]
@@ -147,7 +148,7 @@ class Canvas:
         self.line(np.array([[x, y - reach_px], [x, y + reach_px]]), colour)
 
     def tint(self, polygons_px: Sequence[Floats], colour: Colour, share: float) -> None:
-        """Colour polygons (n, 2) apart from each other, by a share from 0 (not at all) to 1 (opaque)."""
+        """Fill separate polygons (n, 2) with a colour, with an opacity from 0 to 1."""
         over = self.pixels.copy()
         for corners_px in polygons_px:
             cv2.fillPoly(over, [_fixed(corners_px)], colour[::-1], cv2.LINE_AA, _SHIFT)
@@ -165,7 +166,7 @@ class Canvas:
 
 @dataclass(frozen=True, slots=True)
 class FrameView:
-    """A part of a frame that fills a canvas: its first column and row, and the canvas' pixels for one of the frame."""
+    """A part of a frame that fills a canvas: its first column and row, and canvas pixels per pixel of the frame."""
 
     canvas: Canvas
     left_px: int
@@ -174,7 +175,7 @@ class FrameView:
     scale_y: float
 
     def at(self, places_px: Floats) -> Floats:
-        """Return where places (..., 2) of the frame are on the canvas; pixel centres are at whole numbers in both."""
+        """Convert positions (..., 2) from the frame to the canvas; pixel centres are whole numbers in both."""
         corner = np.array([self.left_px, self.top_px]) - 0.5
         return np.asarray((places_px - corner) * np.array([self.scale_x, self.scale_y]) - 0.5, dtype=np.float64)
 
@@ -184,7 +185,7 @@ def show_frame(
 ) -> FrameView:
     """Draw a frame, or the part of it from ``(left, top)`` to before ``(right, bottom)``, over a whole canvas.
 
-    What has more pixels than the canvas is shrunk by means over areas: thin marks stay visible.
+    A part with more pixels than the canvas is shrunk by means over areas, so that thin marks stay visible.
     """
     left, top, right, bottom = view_px or (0, 0, luma.shape[1], luma.shape[0])
     part = np.ascontiguousarray(luma[top:bottom, left:right])
@@ -196,7 +197,7 @@ def show_frame(
 
 
 def show_stick(view: FrameView, points_px: Floats, *, colour: Colour, radius_px: float) -> None:
-    """Draw the markers (2, 2) of a stick that were read, and the line between them; NaN where one was not."""
+    """Draw the tracked markers (2, 2) of a stick, and the line between them; NaN for a marker that was not tracked."""
     places = view.at(points_px)
     view.canvas.line(places, colour)
     for x, y in places[np.isfinite(places).all(axis=1)].tolist():
@@ -218,7 +219,7 @@ def show_candidates(view: FrameView, candidates: Sequence[Candidate]) -> None:
 
 
 def show_named(view: FrameView, places_px: Floats, names: Sequence[str], colours: Sequence[Colour]) -> None:
-    """Draw places (n, 2) as rings with a cross and a name."""
+    """Draw positions (n, 2) as rings with a cross and a name."""
     for (x, y), name, colour in zip(view.at(places_px).tolist(), names, colours, strict=True):
         view.canvas.ring((x, y), 9.0, colour)
         view.canvas.cross((x, y), 5.0, colour)
@@ -247,15 +248,15 @@ def marker_colours() -> list[Colour]:
 
 
 def round_numbers(low: float, high: float, *, most: int) -> Floats:
-    """Return at most so many multiples of 1, 2 or 5 times a power of ten from ``low`` to ``high``."""
-    # Matplotlib's would do, but to import it takes a tenth of what starting to follow a film does.
+    """Return at most ``most`` multiples of 1, 2 or 5 times a power of ten from ``low`` to ``high``."""
+    # Matplotlib has such a function, but importing it takes a tenth of the time in which a film's tracking starts.
     power = 10.0 ** np.floor(np.log10((high - low) / most))
     steps = (power * step for step in (1.0, 2.0, 5.0, 10.0, 20.0))
-    # Nought is added to what may be −0.
+    # Adding zero turns −0 into 0.
     found = (np.arange(np.ceil(low / step), np.floor(high / step) + 1.0) * step + 0.0 for step in steps)
     return next(numbers for numbers in found if len(numbers) <= most)
 
 
 def _fixed(places_px: Floats) -> NDArray[np.int32]:
-    """Return places in OpenCV's numbers with fixed point; what lies far outside is drawn at the edge of its range."""
+    """Return positions in OpenCV's fixed-point numbers; those far outside are clipped to the range of these numbers."""
     return np.clip(np.rint(places_px * 2.0**_SHIFT), -(2**24), 2**24).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Four picked markers: from the page's words to ``markers.toml``, judged by the tracker's own rules."""
+"""Four picked markers: from the page's requests to ``markers.toml``, checked by the tracker's own rules."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from tracker.frames.frame import FrameSource
 
 PICKED: Final = tuple(kind for kind in KINDS if kind != "tag")
-"""Kinds of marker that are given by their positions; a tag is found by its number."""
+"""Kinds of markers that are given by position; a tag is found by its number."""
 SNAPS: Final = "dot"
-"""The kind of marker whose position is the centre of a dot; every other kind is followed where it was picked."""
+"""The kind of marker whose position is the centre of a dot; other kinds are followed where they were picked."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a pick came to lie in the first frame, y down, with the dot's radius; None for a point without one."""
+    """Position of a pick in the first frame, y down, with the dot's radius; None for a point without a dot."""
 
     x_px: float
     y_px: float
@@ -38,9 +38,9 @@ class Place:
 def place(
     luma: NDArray[np.uint8], x_px: float, y_px: float, *, kind: str, others: Mapping[str, tuple[float, float]]
 ) -> Place:
-    """Return where a pick in the first frame (h, w) comes to lie: on the centre of the dot next to it, or just there.
+    """Return the position of a pick in the first frame (h, w): the centre of the nearest dot, or the pick itself.
 
-    Only markers of the ``kind`` dot have centres; ``others`` are the picks before it, by the markers' names.
+    Only markers of the ``kind`` dot are moved to a centre; ``others`` are the earlier picks, by the markers' names.
     """
     from tracker.detect.dots import dot_near
     from tracker.detect.given_positions import SNAP_PX
@@ -78,10 +78,10 @@ def place(
 
 
 def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of ``markers.toml`` from what a page sends.
+    """Return the content of ``markers.toml`` from the page's request.
 
-    That is ``points``, a pair of numbers by the name of each marker, and ``kind`` by the name of each stick; of
-    ``kept``, the content of the file that is replaced, the measured lengths stay.
+    The request holds ``points``, a pair of numbers by the name of each marker, and ``kind`` by the name of each stick;
+    the measured lengths of ``kept``, the content of the replaced file, are kept.
     """
     points, kind = picks.get("points"), picks.get("kind")
     points = points if isinstance(points, Mapping) else {}
@@ -101,14 +101,14 @@ def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, A
 
 
 def _pair(value: Any) -> Any:
-    """Return a position with hundredths of a pixel; anything else as it is, for the tracker to refuse."""
+    """Return a position rounded to hundredths of a pixel; anything else unchanged, for the tracker to refuse."""
     if isinstance(value, Sequence) and all(isinstance(number, (int, float)) for number in value):
         return [round(float(number), 2) for number in value]
     return value
 
 
 def hints_of(content: Mapping[str, Any], source: FrameSource) -> MarkerHints:
-    """Return the markers as the tracker takes them, refusing those that it cannot start from.
+    """Return the markers in the tracker's form, refusing those from which it cannot start.
 
     Raises ConfigError or NoResultError as ``torsight track`` would.
     """
@@ -127,18 +127,18 @@ def write_markers(path: Path, content: Mapping[str, Any], *, film: str, size_px:
         f"# Markers in the first frame of {' '.join(film.split())} ({size_px[0]} × {size_px[1]} px): x to the right, "
         "y down, inner marker first.\n"
     )
-    # One line a stick, as in the documentation; the library would take one for every number.
+    # One line per stick, as in the documentation; the library would write one line per number.
     sticks = "".join(f"{stick} = {json.dumps(content[stick])}\n" for stick in STICKS)
     write_text(path, head + sticks + tomli_w.dumps({key: content[key] for key in content if key not in STICKS}))
 
 
 def read_earlier(path: Path) -> tuple[dict[str, Any], str]:
-    """Return the content of a marker file that is there already, and what to say where it cannot be used."""
+    """Return the content of an existing marker file, and a message where the file cannot be used."""
     if not path.exists():
         return {}, ""
     try:
         content = read_toml(path)
-        # The table may stand in the file under its own name, as it does in an experiment.
+        # The file may hold the keys in a table [markers], as an experiment does.
         content = dict(content["markers"]) if set(content) == {"markers"} else content
         read_markers(content)
     except (ConfigError, InputError) as error:

@@ -1,4 +1,4 @@
-"""A picture of the first frame with a grid, the candidates by number, and why each was refused."""
+"""A picture of the first frame with a grid, the numbered candidates, and the reason for rejecting each."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tracker.detect.candidates import Sighting
 
 _CORNER_PX: Final = (60.0, 50.0)
-"""Where the frame's upper left corner is in the picture."""
+"""Position of the frame's upper left corner in the picture."""
 _LINE_CHARACTERS: Final = 98
 _LIST_PX: Final = 0.53 * TEXT_PX * _LINE_CHARACTERS
 _LINE_PX: Final = 1.25 * TEXT_PX
@@ -60,9 +60,8 @@ def write_preview(
 ) -> None:
     """Draw one frame (h, w) with a grid in pixels, the candidates with their numbers, and the markers that were found.
 
-    ``message`` says why nothing came of it, where it failed. Positions (4, 2) are in the order of
-    :data:`torsight.core.tracks.MARKERS`: those that a person gave, and those that were found where it is known which
-    stick moves.
+    ``message`` is the reason of a failure. Positions (4, 2) are in the order of :data:`torsight.core.tracks.MARKERS`:
+    ``given_px`` by a person, ``named_px`` found automatically (only where it is known which stick moves).
     """
     height, width = luma.shape
     scale = SHOWN_PX / max(width, height)

@@ -1,7 +1,7 @@
-"""The page for picking markers on a port of this computer: it ends with the page, and nobody else is answered.
+"""Server of the page for picking markers, on a port of this computer: it ends when the page is closed.
 
-Only requests to ``127.0.0.1`` under a path that begins with a secret of this run are answered: other programs of other
-users and other pages in the same browser do not know it.
+Only requests to ``127.0.0.1`` under a path that begins with a secret of this run are answered: programs of other users
+and other pages in the same browser do not know the secret.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from torsight.markers.session import Session, require_saved
 
 PAGE: Final = Path(__file__).parent / "page.html"
 _BEAT_S: Final = 0.5
-"""How often the page is written to, to notice that it is gone."""
+"""Interval at which data are sent to the page, to notice when it has been closed."""
 _RELOAD_S: Final = 4.0 * _BEAT_S
-"""A page that is back within this time was only loaded again."""
+"""A page that returns within this time was only reloaded."""
 _LARGEST: Final = 100_000
-"""Bytes that a page ever sends: four positions and their kinds take a hundredth of it."""
+"""Largest size of a request, bytes: four positions and their kinds take a hundredth of this."""
 
 
 class Server(ThreadingHTTPServer):
-    """Answers the page of one session, which :func:`pick` gives it: a port in use is reported before any work."""
+    """Answers the page of one session, which :func:`pick` sets later: a port in use is reported before any work."""
 
     daemon_threads = True
-    # Elsewhere the option lets two programs listen on one port.
+    # On other systems the option lets two programs listen on one port.
     allow_reuse_address = os.name == "posix"
 
     session: Session
@@ -60,7 +60,7 @@ class Server(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """What a browser opens."""
+        """Address that a browser opens."""
         return f"http://{LOOPBACK}:{self.server_address[1]}/{self.token}/"
 
     @contextlib.contextmanager
@@ -77,17 +77,17 @@ class Server(ThreadingHTTPServer):
                 self._left_s = time.monotonic()
 
     def page_gone(self) -> bool:
-        """Return whether the page was there and has been closed, not only loaded again."""
+        """Return whether the page was open and has been closed, not only reloaded."""
         with self._guard:
             return self.came.is_set() and self._pages == 0 and time.monotonic() - self._left_s > _RELOAD_S
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a connection that the browser has cut."""
+        """Do not report a connection that the browser has closed."""
         del request, client_address
 
 
 def pick(server: Server, session: Session, *, patience_s: float, tell: Callable[[str], None]) -> dict[str, Any]:
-    """Serve the page until the markers are saved or the page is closed, and return what was saved.
+    """Serve the page until the markers are saved or the page is closed, and return the saved content.
 
     ``tell`` is given the page's address as soon as it can be opened; a browser has ``patience_s`` to open it.
     """
@@ -131,7 +131,7 @@ class _Handler(BaseHTTPRequestHandler):
     sys_version = ""
 
     def do_GET(self) -> None:
-        """Answer with the page, what it begins with, or a picture."""
+        """Answer with the page, its initial state, or a picture."""
         name = self._asked()
         session = self.server.session
         if name == "":
@@ -152,7 +152,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND)
 
     def do_POST(self) -> None:
-        """Do what the page asks for."""
+        """Answer a request of the page: place, check or save."""
         name, session = self._asked(), self.server.session
         work = {"place": session.place, "check": session.check, "save": session.save}.get(name or "")
         size = self.headers.get("Content-Length", "")
@@ -173,7 +173,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.server.ending.set()
 
     def _asked(self) -> str | None:
-        """Return what is asked for below the secret; None where the secret or the host is another one."""
+        """Return the path below the secret; None where the secret or the host is wrong."""
         host = f"{LOOPBACK}:{self.server.server_address[1]}"
         _, _, rest = self.path.partition("?")[0].partition("/")
         token, slash, name = rest.partition("/")
@@ -190,7 +190,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(text.encode(), "text/html; charset=utf-8", {"Content-Security-Policy": policy})
 
     def _answer(self, work: Callable[[], Mapping[str, Any]]) -> None:
-        """Send what ``work`` returns, or its error as words: the page shows them, the browser need not complain."""
+        """Send the result of ``work``, or its error message, which the page shows."""
         try:
             content = dict(work())
         except TorsightError as error:
@@ -206,7 +206,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(json.dumps(content, allow_nan=False).encode(), "application/json")
 
     def _stay(self) -> None:
-        """Keep a connection open as long as the page is."""
+        """Keep a connection open as long as the page is open."""
         self.send_response(HTTPStatus.OK)
         self._headers("text/event-stream", {"Connection": "close"})
         with self.server.page_open(), contextlib.suppress(OSError):
@@ -238,7 +238,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_error(status)
 
     def log_message(self, format: str, *arguments: Any) -> None:  # noqa: A002 - the base class names it so
-        """Say nothing: the terminal is for the person."""
+        """Do not log requests: the terminal is for the user."""
 
 
 def _mapping(data: bytes) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What the page for picking markers asks of the film, and when it has ended; nothing of HTTP."""
+"""Session of the page for picking markers: its requests about the film, and its end; independent of HTTP."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tracker.frames.image_sequence import PictureSource
 
 NAMING_S: Final = 10.0
-"""How much of the film is looked at to tell which of two sticks that were found moves: films begin with a rest."""
+"""Length of the film that is searched to find which of the two sticks moves: films begin with a rest."""
 
 
 class Session:
@@ -45,7 +45,7 @@ class Session:
         self._seen = seen
 
     def state(self) -> dict[str, Any]:
-        """Return all that the page needs to begin."""
+        """Return the initial state of the page."""
         height, width = self.first.shape
         found = self._found if self._found is not None else self._seen.sticks_px
         return {
@@ -70,10 +70,10 @@ class Session:
 
     def _found_note(self) -> str:
         if self._seen.sticks_px is None:
-            return f"Not found by itself: {self._seen.reason}. Pick the four markers."
+            return f"Not found automatically: {self._seen.reason}. Pick the four markers."
         if self._found is None:
-            return "Four markers were found; which stick moves is not seen yet. Look whether base and moving are right."
-        return "Four markers were found by themselves. Look whether they are right."
+            return "Four markers were found; which stick moves is not known yet. Check base and moving."
+        return "Four markers were found automatically. Check that they are right."
 
     def _earlier_picks(self) -> dict[str, Any] | None:
         if not self._earlier:
@@ -89,7 +89,7 @@ class Session:
         return {"points": points, "kind": {stick: kind if kind in PICKED else SNAPS for stick, kind in kinds.items()}}
 
     def place(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Return where a pick comes to lie; ``asked`` holds ``x, y, kind`` and ``others``, the other picks by name."""
+        """Return the position of a pick; ``asked`` holds ``x, y, kind`` and ``others``, the other picks by name."""
         x, y = asked.get("x"), asked.get("y")
         if not isinstance(x, (int, float)) or not isinstance(y, (int, float)):
             raise ConfigError("a point is two numbers", value=f"{x!r}, {y!r}")
@@ -98,7 +98,7 @@ class Session:
         return {"x": found.x_px, "y": found.y_px, "radius": found.radius_px}
 
     def check(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Follow the picks through the first seconds and return what became of them."""
+        """Follow the picks through the first seconds and return the result."""
         content = content_of(asked, {})
         with self._busy:
             hints = hints_of(content, self.source)
@@ -106,12 +106,12 @@ class Session:
         return self._followed.to_page()
 
     def picture(self, number: int) -> bytes | None:
-        """Return a frame of the last check, None where there is none of this number."""
+        """Return a frame of the last check by its number, None where there is none."""
         pictures = () if self._followed is None else self._followed.pictures
         return pictures[number] if 0 <= number < len(pictures) else None
 
     def first_png(self) -> bytes:
-        """Return the first frame, every pixel as it is."""
+        """Return the first frame as a PNG, with every pixel unchanged."""
         return encoded(self.first, ".png")
 
     def save(self, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -126,7 +126,7 @@ class Session:
 
 
 def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8], int]:
-    """Return the first frame that was decoded whole, and its number."""
+    """Return the first frame that was decoded completely, and its number."""
     from tracker.detect.given_positions import first_frame
 
     frame = first_frame(source)
@@ -135,7 +135,7 @@ def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8]
 
 
 def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -> tuple[Sighting, Floats | None]:
-    """Return what automatic detection sees in the first frame, and the four markers in their order.
+    """Return the result of automatic detection in the first frame, and the four markers in their order.
 
     The order, base first, is None where no markers are found or neither stick moves in the first ten seconds.
     """
@@ -144,7 +144,7 @@ def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -
     from tracker.initialise import find_start
 
     seen = look(first)
-    # Motion may tell others than the picture does, or where that shows none.
+    # The motion may select other markers than the picture, also where the picture shows none.
     with contextlib.suppress(NoResultError):
         start = find_start(Beginning(source, seconds=NAMING_S), None)
         if start.choice is not None and start.frame == first_frame(source).index:
@@ -154,7 +154,7 @@ def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -
 
 
 def require_saved(session: Session) -> dict[str, Any]:
-    """Return what was saved; a page that was closed before is no result."""
+    """Return the saved content; a page that was closed before saving gives an error."""
     if session.saved is None:
         raise NoResultError(
             "the page was closed before the markers were saved",

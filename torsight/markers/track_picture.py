@@ -1,4 +1,4 @@
-"""``track.png``: frames of the film with what was read drawn on them, and the angle with its gaps."""
+"""``track.png``: frames of the film with the tracked markers drawn on them, and the angle with its gaps."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SHAPE: Final = 4.0 / 3.0
 """Width over height of the part of a frame that is drawn, where the frame has it."""
 _HEAD_PX: Final = 40.0
 _PLOT_PX: Final = 260.0
-"""Room for the words above a panel; height of the plot of the angle."""
+"""Height of the text above a panel; height of the plot of the angle."""
 _GAP: Final = rgb(LIGHT["before"])
 _ANGLE: Final = rgb(LIGHT["after"])
 """As in the report."""
@@ -49,14 +49,14 @@ _GRID: Final[Colour] = (230, 230, 230)
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A frame in the picture: which, and why this one."""
+    """A frame in the picture: its number, and the reason for showing it."""
 
     index: int
     why: str
 
 
 def keep_pictures(source: FilmSource | PictureSource) -> None:
-    """Say to a source, before a pass, which of its frames will be drawn as far as that is known by then."""
+    """Let a source keep, during a pass, the frames that will be drawn, as far as they are known beforehand."""
     if source.frame_count:
         source.keep(_evenly(source.frame_count))
 
@@ -64,9 +64,9 @@ def keep_pictures(source: FilmSource | PictureSource) -> None:
 def write_track_picture(
     path: Path, source: FilmSource | PictureSource, result: TrackResult, angles: StickAngles
 ) -> None:
-    """Draw the first frame, four over the film and the worst one with the markers as read, and the angle with its gaps.
+    """Draw the first frame, four over the film and the worst one with the tracked markers, and the angle with its gaps.
 
-    The film is asked for these frames after a pass.
+    The source is read for these frames after a pass.
     """
     shown = chosen_frames(result, angles)
     view = _view(result)
@@ -95,8 +95,8 @@ def write_track_picture(
 def chosen_frames(result: TrackResult, angles: StickAngles) -> list[Shown]:
     """Return the frames that are drawn: the first, four up to the last, and the worst; none twice.
 
-    The worst frame is the middle one of the longest stretch without an angle; where every frame has one, that of the
-    largest sigma.
+    The worst frame is the middle of the longest stretch without an angle; where every frame has an angle, the frame
+    with the largest sigma.
     """
     count = len(angles)
     if count == 0:
@@ -117,19 +117,19 @@ def chosen_frames(result: TrackResult, angles: StickAngles) -> list[Shown]:
 
 
 def _evenly(count: int) -> list[int]:
-    """Return the first frame of so many and four up to the last."""
+    """Return the first of ``count`` frames and four more up to the last, evenly spaced."""
     return [round(part * (count - 1) / _OVER_THE_FILM) for part in range(_OVER_THE_FILM + 1)]
 
 
 def _why(result: TrackResult, index: int) -> str:
-    """Return the states of the markers that were not read in a frame, as words."""
+    """Return the states of the markers that were not tracked in a frame, as words."""
     states = [STATES[code] for code in result.rows["state"][index].tolist()]
     bad = sorted({state for state in states if state != "seen"})
     return ", ".join(f"{states.count(state)} {state}" for state in bad) or "impossible length"
 
 
 def _view(result: TrackResult) -> tuple[int, int, int, int]:
-    """Return the part of the picture that holds all places of all markers, with room around them."""
+    """Return the part of the picture that holds all positions of all markers, with a margin."""
     width, height = result.tracks.size_px
     rivals = [point for one in result.report["markers"].get("rivals", []) for point in (*one["base"], *one["moving"])]
     places = np.concatenate([result.tracks.position_px.reshape(-1, 2), np.reshape(rivals, (-1, 2))])
@@ -139,7 +139,7 @@ def _view(result: TrackResult) -> tuple[int, int, int, int]:
     low, high = places.min(axis=0), places.max(axis=0)
     room = max(0.15 * float((high - low).max()), 4.0 * float(result.report["markers"]["radius_px"]))
     wide, tall = (high - low + 2.0 * room).tolist()
-    # Panels of one shape, as far as the picture reaches; a smaller part is moved to lie inside it.
+    # Panels have one shape where the picture is large enough; a part beyond its border is shifted inside.
     wide, tall = min(max(wide, _SHAPE * tall), float(width)), min(max(tall, wide / _SHAPE), float(height))
     left = min(max(0, round(0.5 * (low[0] + high[0] - wide))), width - round(wide))
     top = min(max(0, round(0.5 * (low[1] + high[1] - tall))), height - round(tall))
@@ -164,7 +164,7 @@ def _draw_frame(
 
 
 def _show_rivals(frame: FrameView, result: TrackResult) -> None:
-    """Draw the dots that may be the markers as well as those that were taken."""
+    """Draw the dots that may equally be the markers."""
     taken = result.report["markers"].get("taken", {})
     for rival in result.report["markers"].get("rivals", []):
         for stick in ("base", "moving"):
@@ -173,7 +173,7 @@ def _show_rivals(frame: FrameView, result: TrackResult) -> None:
 
 
 def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Shown]) -> None:
-    """Draw the angle over time, its 95 % interval, the gaps as bands, and where the frames above are."""
+    """Draw the angle over time, its 95 % interval, the gaps as bands, and the times of the frames above."""
     left, top, width, height = (round(value) for value in box_px)
     plot = canvas.part(box_px)
     time_s, angle_deg = angles.time_s, np.where(angles.valid, angles.angle_rad, np.nan) / DEG
@@ -209,7 +209,7 @@ def _draw_angle(canvas: Canvas, box_px: Box, angles: StickAngles, shown: list[Sh
 
 
 def _write_legend(canvas: Canvas, end_px: tuple[int, int], *, gaps: int) -> None:
-    """Write what the line and the bands mean, up to a place from the left."""
+    """Write the legend of the line and the bands, right-aligned at a position."""
     words = [("angle, with its 95 % interval", _ANGLE)]
     if gaps:
         words.append((f"no angle ({counted(gaps, 'frame')})", _GAP))
@@ -222,7 +222,7 @@ def _write_legend(canvas: Canvas, end_px: tuple[int, int], *, gaps: int) -> None
 
 
 def _limits(values: Floats, *, margin: float) -> tuple[float, float]:
-    """Return the range of values and a share of it at either side; never an empty one."""
+    """Return the range of values with a margin, a share of the range, at either side; never an empty range."""
     if not len(values):
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())

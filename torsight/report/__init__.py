@@ -1,8 +1,8 @@
-"""``report.html``: one self-contained page that shows what a run found.
+"""``report.html``: one self-contained page with the results of a run.
 
 In: the tables and JSON results of a run's folder. Out: the page, and its figures beside it.
 :mod:`torsight.report.figures` makes the figures, :mod:`torsight.report.plots` draws them,
-:mod:`torsight.report.sections` words the rest; ``write`` puts them together.
+:mod:`torsight.report.sections` holds the text and the tables; ``write`` assembles the page.
 """
 
 from torsight.report.write import write_report

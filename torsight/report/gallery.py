@@ -40,7 +40,7 @@ def _card(row: Mapping[str, Any], out: Path) -> dict[str, Any]:
     except TorsightError as error:
         return card | {"message": str(error)}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        # A file that was changed by hand: its own card says so, the others stand.
+        # A file that was changed by hand: its own card says so, the others are not affected.
         return card | {"message": f"its results are damaged ({type(error).__name__}: {error})"}
     return card | {"link": os.path.relpath(folder / "report.html", out)}
 
@@ -54,7 +54,7 @@ def _lines(results: RunResults) -> list[str]:
 
 
 def _pictures(results: RunResults) -> list[tuple[str, str]]:
-    """Return the small pictures of one experiment: their words, and an address that holds each of them."""
+    """Return the small pictures of one experiment: for each its description and a data URL."""
     if results.curves is None:
         return []
     time_s = column(results.curves, "time_s")

@@ -21,7 +21,7 @@ def write_own_report(found: Findings, folder: Path, *, model: Path, records: Seq
 
 
 def contents(found: Findings) -> dict[str, Any]:
-    """Return everything that the page shows, by the names that its template uses."""
+    """Return the content of the page, by the names that its template uses."""
     candidates = found.field.base.fitter.candidates
     return {
         "verdict": found.verdict,

@@ -38,7 +38,7 @@ TEMPLATES: Final = Path(__file__).parent / "templates"
 
 
 def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
-    """Write ``report.html`` into a run's folder from whatever results are there.
+    """Write ``report.html`` into a run's folder from the results that exist there.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
         ``fit.json``, ``discovery.json``, ``curves.csv`` and ``provenance.json``; a section whose files are missing is
         left out.
     progress : Progress
-        Called with which part of the page is drawn.
+        Called with the part of the page that is drawn.
 
     The page draws its plots with zoom and values under the pointer; on paper, and where scripts are off, it shows them
-    as pictures. Beside the page every figure is written as ``figures/NAME.svg``, and as ``figures/NAME.csv`` where its
-    numbers stand in no other table.
+    as pictures. Beside the page every figure is written as ``figures/NAME.svg``, and as ``figures/NAME.csv`` where no
+    other table holds its numbers.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
 def write_page(
     folder: Path, shown: Mapping[str, Any], *, template: str = "report.html", ours: Callable[[str], bool] | None = None
 ) -> Path:
-    """Write ``report.html`` that shows some contents, and its figures beside it; on ``ours`` see ``write_figures``."""
+    """Write ``report.html`` with some :func:`contents`, and its figures; for ``ours`` see :func:`write_figures`."""
     figures = [figure for some in shown["figures"].values() for figure in some]
     pictures = {figure.name: still(figure.panels) for figure in figures}
     write_figures(folder, figures, pictures, ours=ours or NAMES.__contains__)
@@ -95,8 +95,8 @@ def page(
 ) -> str:
     """Return the text of the page that shows some :func:`contents`.
 
-    ``pictures`` are the figures' SVG by name, without which the page has its words alone; ``drawn`` the same figures
-    for a browser with scripts.
+    ``pictures`` are the figures' SVG by name (a page without them holds text only); ``drawn`` are the same figures for
+    a browser with scripts.
     """
     return from_template(
         template,
@@ -127,7 +127,7 @@ def _templates() -> jinja2.Environment:
 
 
 def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, Any]:
-    """Return everything that the page shows, by the names that its template uses."""
+    """Return the content of the page, by the names that its template uses."""
     title = headline(results)
     shown: dict[str, Any] = {
         "name": results.folder.resolve().name,
@@ -152,7 +152,7 @@ def contents(results: RunResults, *, progress: Progress = silent) -> dict[str, A
 
 
 def _parts(shown: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the sections that the page has, by the names of their places, for its list of contents."""
+    """Return the sections of the page, each with its anchor, for the table of contents."""
     figures = shown["figures"]
     there = {
         "next": ("What to do next", shown["next_steps"]),
@@ -184,20 +184,20 @@ def headline(results: RunResults) -> str:
 
 
 def _figures(results: RunResults, *, progress: Progress) -> dict[str, list[Figure]]:
-    """Return the figures by the section that they stand in; a section without any is absent."""
+    """Return the figures by section; a section without figures is absent."""
     found: dict[str, list[Figure | None]] = {}
     for number, part in enumerate(_GROUPS, 1):
         found |= part(results)
         progress("report", number, _PARTS)
     kept = {name: [figure for figure in some if figure is not None] for name, some in found.items()}
     if kept.get("unseen"):
-        # The errors of the half-cycles that the fit did not see say more than those of the fit itself.
+        # Errors on held-out half-cycles are more informative than those of the fit itself.
         kept.pop("cycles", None)
     return {name: some for name, some in kept.items() if some}
 
 
 def _motion(results: RunResults) -> dict[str, list[Figure | None]]:
-    """Return the figures of the motion and of the residual, from the best table that is there."""
+    """Return the figures of the motion and of the residual, from the most complete table of the run."""
     for table, source in ((results.curves, "curves.csv"), (results.merged, "merged.csv")):
         if table is None or not drawable(table):
             continue
@@ -237,7 +237,7 @@ def _measurement(results: RunResults) -> dict[str, list[Figure | None]]:
 
 
 def _answer(results: RunResults) -> dict[str, list[Figure | None]]:
-    """Return the figures of what was found: candidates, held-out half-cycles, pulls, the next experiment."""
+    """Return the figures of the answer: candidates, held-out half-cycles, pulls, the next experiment."""
     discovery = results.discovery or {}
     plain = discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {}
     after = discovery.get("parameters") or {}

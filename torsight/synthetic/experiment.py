@@ -23,9 +23,9 @@ from torsight.synthetic.scene import Scene, scene_from
 class Played:
     """A scene's signals on the film's clock.
 
-    The rig's record, None where the motion is given by hand, begins ``before_s`` before the film, which lasts
-    ``duration_s``; ``read_rad`` (n,) is the rig's angle as a camera reads it, sample by sample, but for a slipped
-    marker.
+    The rig's record, None where the motion is prescribed, begins ``before_s`` before the film, which lasts
+    ``duration_s``; ``read_rad`` (n,) is the rig's angle as a camera reads it, sample by sample, without the offset of a
+    slipped marker.
     """
 
     scene: Scene
@@ -46,7 +46,7 @@ class Played:
         if self.rig is None or self.read_rad is None:
             read = reading_angle(hand_motion(self.scene, time_s), time_s, _steady(self.scene))
         else:
-            # Play has a history: it is followed sample by sample; a slip happens between any two.
+            # Play depends on the history and is computed sample by sample; a slip may happen between two samples.
             read = between_samples(self.read_rad, (time_s + self.before_s) / self.rig.step_s)
         return reading_angle(read, time_s, slips) + self.scene.sticks.offset_deg * DEG
 
@@ -60,7 +60,7 @@ class Played:
 
 
 def hand_motion(scene: Scene, time_s: Floats) -> Floats:
-    """Return a motion that is given by hand, rad."""
+    """Return the angle of a prescribed motion, rad."""
     motion = scene.motion
     angle_deg = np.full(time_s.shape, motion.start_deg)
     if motion.kind == "sweep":
@@ -71,7 +71,7 @@ def hand_motion(scene: Scene, time_s: Floats) -> Floats:
 
 
 def play_scene(scene: Scene) -> Played:
-    """Let the scene's rig run (nothing is filmed or written)."""
+    """Simulate the scene's rig (nothing is filmed or written)."""
     if scene.motion.kind != "rig":
         return Played(scene, None, 0.0, scene.motion.duration_s)
     total_s = scene.film.seconds or scene.protocol.duration_s
@@ -91,18 +91,18 @@ def play_scene(scene: Scene) -> Played:
 
 
 def _steady(scene: Scene) -> dict[str, HiddenEffect]:
-    """Return the effects that do not happen at one moment of the film."""
+    """Return the effects without those that happen at one moment of the film."""
     return {name: effect for name, effect in scene.effects.items() if name != "marker_slip"}
 
 
 def clock(scene: Scene) -> tuple[float, float]:
-    """Return offset, s, and drift, ppm, of the log's clock: declared ones and the hidden ones together."""
+    """Return offset, s, and drift, ppm, of the log's clock: the sums of the declared and the hidden values."""
     offset_s, drift_ppm = hidden_clock(scene)
     return scene.log.offset_s + offset_s, scene.log.drift_ppm + drift_ppm
 
 
 def hidden_clock(scene: Scene) -> tuple[float, float]:
-    """Return offset, s, and drift, ppm, that nobody declared."""
+    """Return the hidden offset, s, and drift, ppm, which ``[log]`` does not declare."""
     effect = scene.effects.get("clock_offset")
     return (effect.offset_s, effect.drift_ppm) if isinstance(effect, ClockOffset) else (0.0, 0.0)
 
@@ -140,7 +140,7 @@ class Record(Shown):
     Attributes
     ----------
     table : SyncedTable
-        What a film and a log would have given, merged.
+        The merged table that a film and a log would have given.
     angle_rad : (n,) float64
         The true angle as a camera would read it, without noise.
     played : Played
@@ -181,8 +181,8 @@ def make_record(
     Returns
     -------
     Record
-        Temperatures stand as the clocks' declared offset puts them: ``[log]`` is undone, a hidden ``clock_offset`` is
-        not.
+        Its temperatures are shifted by the declared offset of the clocks: the offset of ``[log]`` is removed, a hidden
+        ``clock_offset`` is not.
     """
     scene = content if isinstance(content, Scene) else scene_from(content, seed=seed)
     if scene.motion.kind != "rig":
@@ -194,7 +194,7 @@ def make_record(
     angle_rad = played.stick_angle(time_s)
     noise = scene.rng("angle").standard_normal(len(time_s)) * sigma_deg * DEG
     shift_s, drift_ppm = hidden_clock(scene)
-    # Temperature time = film time (1 + drift) + offset: read at film time t, the log shows what happened earlier.
+    # Temperature time = film time (1 + drift) + offset: at film time t the log shows an earlier temperature.
     then_s = (time_s - shift_s) / (1.0 + drift_ppm * PPM) + played.before_s
     index = np.clip(np.rint(then_s / scene.sensor.sample_s).astype(np.int64), 0, len(rig) - 1)
     table = SyncedTable(

@@ -1,7 +1,7 @@
-"""Sections of a scene file as frozen dataclasses: every key carries its default, its bounds and one line of help.
+"""Sections of a scene file as frozen dataclasses: every key has a default, bounds and one line of help.
 
-A section is a dataclass whose fields are made by :func:`key`. :func:`read_section` fills it from a TOML table and
-refuses what the section does not know.
+A section is a dataclass whose fields are made by :func:`key`. :func:`read_section` fills a section from a TOML table
+and refuses unknown keys.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class KeyRule:
-    """What a key may hold: a number (each, in a list) within its bounds, one of the choices where there are any.
+    """Allowed values of a key: a number (each, in a list) within its bounds, or one of the choices if given.
 
-    ``help`` is one line, the unit is in the key's name; ``constant`` is the integrator's that the key sets by itself,
-    if any.
+    ``help`` is one line, the unit is in the key's name; ``constant`` is the constant of the integrator that the key
+    sets directly, if any.
     """
 
     help: str
@@ -62,7 +62,7 @@ def is_section(kind: Any) -> bool:
 
 
 def constants_of(section: Any) -> dict[str, float]:
-    """Return the integrator's constants that a section's keys set, in SI; a text is its place among the choices."""
+    """Return the integrator's constants that a section's keys set, in SI; a text gives its index among the choices."""
     rules = {item.name: rule_of(item) for item in fields(section)}
     return {rule.constant: _in_si(name, getattr(section, name), rule) for name, rule in rules.items() if rule.constant}
 
@@ -74,7 +74,7 @@ def _in_si(name: str, value: float | str, rule: KeyRule) -> float:
 
 
 def read_section(kind: type[T], table: Mapping[str, Any], *, where: str) -> T:
-    """Fill a section from a TOML table; keys that are absent keep their defaults.
+    """Fill a section from a TOML table; absent keys have their defaults.
 
     Raises ConfigError for an unknown key (naming the nearest), a value of the wrong kind, or one out of its bounds.
     """

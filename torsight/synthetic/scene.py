@@ -1,4 +1,4 @@
-"""``SCENE.toml``: a rig, its temperature programme, and how it is filmed and logged."""
+"""``SCENE.toml``: a rig, its temperature programme, its filming and its log."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class OutputSettings:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Scene(Frozen):
-    """Everything that a synthetic experiment is made of."""
+    """Complete description of a synthetic experiment."""
 
     seed: int
     declared: Declared
@@ -190,7 +190,7 @@ class Scene(Frozen):
         return f"Scene(seed {self.seed}, {hidden}, {done}, {film})"
 
     def rng(self, purpose: str) -> np.random.Generator:
-        """Return the random numbers for one purpose; they do not depend on what else is drawn."""
+        """Return the random generator for one purpose, independent of the draws for other purposes."""
         return np.random.default_rng([self.seed, *purpose.encode()])
 
 
@@ -201,7 +201,7 @@ SECTIONS: Final[Mapping[str, type[Any]]] = {
 
 
 def read_scene(path: AnyPath) -> Scene:
-    """Read ``SCENE.toml``; all that is left out is the reference rig's and the default film's.
+    """Read ``SCENE.toml``; absent keys have the values of the reference rig and the default film.
 
     Raises
     ------

@@ -26,12 +26,12 @@ from torsight.synthetic.scene import Scene
 
 
 def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> Path:
-    """Film a scene and write everything that belongs to it.
+    """Film a scene and write all files of its experiment.
 
     Parameters
     ----------
     scene : Scene
-        What is filmed.
+        The scene to film.
     out : str or Path
         Folder; gets ``film.mp4`` (``film_left`` and ``film_right`` for a pair; ``.mkv`` or a folder by codec),
         ``temps.csv``, ``truth.csv``, ``camera.toml``, ``markers.toml``, ``actuator.toml``, ``experiment.toml`` and
@@ -72,8 +72,8 @@ def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> 
 def record_scene(scene: Scene, *, out: Path) -> Path:
     """Write the record of a scene's rig without filming it, as from a perfect camera and one clock.
 
-    The folder gets ``merged.csv``, whose path is returned, ``actuator.toml`` and ``truth.toml``. Film, camera, light
-    and the log's clock do not matter, but for the frame rate.
+    The folder gets ``merged.csv``, whose path is returned, ``actuator.toml`` and ``truth.toml``. Film (except for the
+    frame rate), camera, light and the log's clock do not matter.
 
     Raises ConfigError when the scene's motion is not a rig's; OutputError when a file cannot be written.
     """
@@ -93,7 +93,7 @@ def film_names(scene: Scene) -> tuple[str, ...]:
 
 
 def _film(played: Played, ticks: Ints, time_s: Floats, *, out: Path, progress: Progress) -> Floats:
-    """Film the scene; return where the first camera sees the markers in the first frame."""
+    """Film the scene; return the positions of the markers in the first camera's first frame."""
     scene = played.scene
     seen = views(scene)
     studios = [Studio(scene, view, purpose=str(number)) for number, view in enumerate(seen)]

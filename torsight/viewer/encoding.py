@@ -1,14 +1,14 @@
-"""A video encoder in a process of its own, pictures on standard input.
+"""A video encoder in a separate process, with pictures on standard input.
 
-An encoder with threads of its own must not run in the process that holds the results: SVT-AV1 was
-seen to wait for itself for ever when its last pictures are asked for, and where it is run by root it gives its caller
-real-time priority before everything else. Here it runs without root's rights, and this process ends itself when
-nothing comes out for LIMIT seconds.
+An encoder with its own threads must not run in the process that holds the results: SVT-AV1 has been observed to
+deadlock when its last pictures are requested, and when run by root it gives its caller real-time priority above
+everything else. Here the encoder runs without root's rights, and this process ends itself when no output appears for
+LIMIT seconds.
 
-Its arguments are TARGET CODEC WIDTH HEIGHT RATE LIMIT. Every picture is the letter ``f`` and its luma, row by row, in
-video levels (16 to 235); ``e`` is the end. Input that stops without an end means that the sender is gone; then this
-process ends, too. What is wrong is reported as ``{"errno": …, "message": …}`` on standard output. The file stands
-alone, so that the interpreter starts with little more than PyAV.
+The arguments are TARGET CODEC WIDTH HEIGHT RATE LIMIT. Every picture is the letter ``f`` and its luma, row by row, in
+video levels (16 to 235); ``e`` is the end. Input that stops without an end means that the sender has gone; this process
+then ends, too. An error is reported as ``{"errno": …, "message": …}`` on standard output. The file imports nothing of
+Torsight, so that the interpreter starts with little more than PyAV.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ GONE: Final = 3
 
 
 def _load_everything(av: Any) -> None:
-    """Encode a picture into memory, so that what PyAV imports on first use is there.
+    """Encode a picture into memory, so that everything that PyAV imports on first use is loaded.
 
-    Root's own environment may lie in a folder that nobody else may read.
+    This happens before root's rights are given up: root's environment may lie in a folder that other users cannot read.
     """
     with av.open(io.BytesIO(), "w", format="mp4") as container:
         stream = container.add_stream("mpeg4", rate=1)
@@ -57,10 +57,10 @@ def report(message: str, *, errno: int | None) -> None:
 
 
 def main(target: str, codec: str, width: int, height: int, rate_hz: int, limit_s: float) -> int:
-    """Encode what comes on standard input and return the exit code."""
+    """Encode the pictures on standard input and return the exit code."""
     import av
 
-    # Ctrl-C at the terminal is for the sender, which then closes what this process reads.
+    # Ctrl-C at the terminal is for the sender, which then closes this process's input.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = Path(os.devnull).open("w")  # noqa: SIM115 - faulthandler writes there until the end
     # The encoder prints its settings on standard error unless it is limited to errors.
@@ -106,5 +106,5 @@ if __name__ == "__main__":
         # PyAV's errors are OSErrors, too: their numbers are FFmpeg's.
         report(str(error), errno=None if type(error).__module__.startswith("av") else number)
         code = 1
-    # At once: what an encoder does at its own end no longer matters.
+    # Exit immediately: the encoder's own clean-up no longer matters.
     os._exit(code)

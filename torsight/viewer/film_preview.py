@@ -1,4 +1,4 @@
-"""A small video of the film for the viewer; what is measured is always the film itself."""
+"""A small video of the film for the viewer; measurements always use the film itself."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 WIDEST_PX: Final = WINDOW_PX[0] // 2
 """Width of the preview; a wider film is shrunk. Its pane takes four tenths of the window."""
 RATE_HZ: Final = 25
-"""Rate of the preview's own clock, a usual one: any would do, since the recording says which film time each of its
-frames belongs to."""
+"""Rate of the preview's own clock, a usual one: any rate would do, because the recording gives the film time of each
+frame of the preview."""
 MOST_FRAMES: Final = 60 * RATE_HZ
 """Frames of the preview: a minute of it."""
 
 _ENCODER: Final = Path(encoding.__file__)
 _CODECS: Final = ("libsvtav1", "libsvtav1", "libx264")
-"""One after the other until one comes to its end. The viewer shows AV1 by itself; for H.264 it needs ffmpeg."""
+"""Encoders, tried in order until one finishes. The viewer decodes AV1 itself; for H.264 it needs ffmpeg."""
 
 # Videos hold black to white as 16 to 235.
 _VIDEO_LEVELS: Final = np.round(16.0 + np.arange(256) * (219.0 / 255.0)).astype(np.uint8)
@@ -49,12 +49,12 @@ class Preview:
     size_px: tuple[int, int]
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain values."""
+        """Return the preview as plain values for JSON."""
         return {"path": str(self.path), "frame": self.frame.tolist(), "scale": self.scale, "size_px": self.size_px}
 
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> Preview:
-        """Return what :meth:`to_json` was made of."""
+        """Return the preview from the content of :meth:`to_json`."""
         frame = np.array(content["frame"], np.int64)
         width, height = content["size_px"]
         return cls(Path(content["path"]), frame, float(content["scale"]), (width, height))
@@ -63,10 +63,10 @@ class Preview:
 def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: Progress = silent) -> Preview:
     """Write an mp4 of at most :data:`MOST_FRAMES` frames, evenly chosen among ``frame_count``, in grey.
 
-    ``progress`` is called after every frame that was looked at.
+    ``progress`` is called after every frame that was read.
 
     Raises InputError when the film cannot be read; OSError when the file cannot be written; NoResultError when no
-    encoder comes to its end.
+    encoder finishes.
     """
     said = ""
     for codec in _CODECS:
@@ -79,7 +79,7 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
         where=str(film),
         value=said or None,
         limit=f"{STUCK_S:g} s for one picture",
-        do="is this computer very busy? what was measured is there: the same command with --resume tries it again",
+        do="is this computer very busy? The measurements are saved: the same command with --resume tries again",
     )
 
 
@@ -120,7 +120,7 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
             encoder.kill()
             raise
         finally:
-            # What still waits to be written to an encoder that has ended must not hide why it ended.
+            # An error from data still buffered for an encoder that has ended must not hide why the encoder ended.
             with contextlib.suppress(BrokenPipeError):
                 pictures.close()
     if encoder.returncode != 0:

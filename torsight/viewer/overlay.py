@@ -1,4 +1,4 @@
-"""What is drawn on the film: markers, sticks, and the arc of the angle between them; geometry without a viewer."""
+"""Overlay of the film: markers, sticks, and the arc of the angle between the sticks; geometry without a viewer."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ ARC_STEP_RAD: Final = np.deg2rad(6.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlay:
-    """What is drawn on one frame, in pixels of the picture.
+    """Overlay of one frame, in pixels of the picture.
 
-    The markers (k, 2) that were found, by their names; lines (2, 2) through both markers of a stick, base first, and
-    which sticks these are; the arc (m, 2) from the base stick to the moving one, empty where the angle is not known,
-    with the angle as it is written beside it.
+    It holds the markers (k, 2) that were found, with their names; lines (2, 2) through both markers of a stick, base
+    first, with the names of the sticks; the arc (m, 2) from the base stick to the moving stick, empty where the angle
+    is not known, with the angle as a label.
     """
 
     points_px: Floats
@@ -35,7 +35,7 @@ class Overlay:
     label: str
 
     def strokes(self) -> tuple[list[Floats], list[Colour], list[str]]:
-        """Return sticks and arc as lines, with their colours and the words beside them."""
+        """Return sticks and arc as lines, with their colours and labels."""
         lines = list(self.sticks_px)
         colours = [colour_of(stick) for stick in self.sticks]
         words = [""] * len(lines)
@@ -55,7 +55,7 @@ def overlay(position_px: Floats, angle_rad: float, *, scale: float) -> Overlay:
     """Return the overlay of one frame.
 
     Markers (4, 2) are in the film's pixels and the order of ``torsight.core.tracks.MARKERS``, the angle is positive
-    counter-clockwise as displayed; NaN where not known. ``scale`` is pixels of what is shown per pixel of the film.
+    counter-clockwise as displayed; NaN where not known. ``scale`` is the number of shown pixels per pixel of the film.
     """
     shown = position_px * scale
     found = np.asarray(np.isfinite(shown).all(axis=1))
@@ -90,7 +90,7 @@ def _arc(shown: Floats, angle_rad: float) -> Floats:
 
 
 def _crossing(first: Floats, along: Floats, second: Floats, across: Floats) -> Floats:
-    """Return where two lines cross, or the middle between their inner markers where they are nearly parallel."""
+    """Return the crossing of two lines, or the middle between their inner markers where they are nearly parallel."""
     determinant = along[0] * across[1] - along[1] * across[0]
     middle = (first + second) / 2.0
     if abs(determinant) < 0.05 * np.hypot(*along) * np.hypot(*across):

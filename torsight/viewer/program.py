@@ -1,4 +1,4 @@
-"""The viewer's program: where it is, and how it is started so that it listens on this computer only."""
+"""The viewer's program: its path, and its start so that it listens on this computer only."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _TROUBLE: Final = (
     "display",
     "address already in use",
 )
-"""What the viewer's own messages on a failed start contain."""
+"""Phrases in the viewer's own messages on a failed start."""
 _END_S: Final = 3.0 * THOUGHT_S
 """Time in which the viewer ends after it was asked to, or could not draw: a choice; then it is killed."""
 
 
 def viewer_program() -> Path:
-    """Return the viewer's own binary; the script of that name is a wrapper that does not pass on its end."""
+    """Return the viewer's own binary; the script of that name is a wrapper that does not forward signals to end."""
     found = importlib.util.find_spec("rerun_cli")
     places = [] if found is None else [Path(place) for place in found.submodule_search_locations or []]
     for place in places:
@@ -81,23 +81,23 @@ def has_display() -> bool:
 
 
 def step_back(process: int = 0) -> None:
-    """Let a process (by its id; 0: this one) run only where nothing that measures needs the processor."""
+    """Lower the priority of a process (by its id; 0: this one), so that it never delays the measurement."""
     # Beside a process of ordinary niceness it gets a tenth of a processor (Linux weighs 110 against 1024).
     if hasattr(os, "setpriority"):
         os.setpriority(os.PRIO_PROCESS, process, 10)
 
 
 class Viewer:
-    """A viewer that was started here; what it says is kept in a file, so that it never waits for a reader.
+    """A viewer process of this program; its output goes to a file, so that the viewer never waits for a reader.
 
-    One that ``stays`` outlives this program, and takes care of its own temporary folders. One that is ``quiet`` shows
-    no notices over its panes, such as that it runs without a screen: it shows what it logs, and logs errors only.
+    A viewer that ``stays`` outlives this program, and removes its own temporary folders. A ``quiet`` viewer shows no
+    notices over its panes, such as that it runs without a screen: notices are log messages, and it logs errors only.
     """
 
     def __init__(self, arguments: Sequence[str], *, port: int, stays: bool = False, quiet: bool = False) -> None:
         self.port = port
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the viewer
-        # It makes folders for temporary files, and leaves them where it ends early: as without a graphics driver.
+        # The viewer leaves its folders for temporary files where it ends early, as without a graphics driver.
         self._folder = None if stays else tempfile.TemporaryDirectory(prefix="torsight-viewer-")
         places = {} if self._folder is None else dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)
         command = [str(viewer_program()), "--bind", LOOPBACK, "--port", str(port), *arguments]
@@ -113,15 +113,15 @@ class Viewer:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended yet."""
+        """Whether the viewer has not ended yet."""
         return self.process.poll() is None
 
     def wait(self) -> int:
-        """Wait until it ends and return its exit code."""
+        """Wait until the viewer ends and return its exit code."""
         return self.process.wait()
 
     def ends(self) -> bool:
-        """Wait a moment for its end, and return whether it came."""
+        """Wait briefly for the viewer to end, and return whether it has ended."""
         try:
             self.process.wait(timeout=_END_S)
         except subprocess.TimeoutExpired:
@@ -129,14 +129,14 @@ class Viewer:
         return True
 
     def why_ended(self) -> str:
-        """Return its error message, else its last line of output."""
+        """Return the viewer's error message, else its last line of output."""
         self._said.seek(0)
         lines = [line.strip() for line in self._said.read().decode("utf-8", "replace").splitlines() if line.strip()]
         trouble = [line for line in lines if any(word in line.lower() for word in _TROUBLE)]
         return (trouble or lines[-1:] or [f"exit code {self.process.returncode}"])[0][:300]
 
     def end(self) -> None:
-        """End it, wait for it, and remove its output and temporary folder."""
+        """End the viewer, wait for it, and remove its output and temporary folder."""
         if self.running:
             self.process.terminate()
             if not self.ends():

@@ -42,7 +42,7 @@ CURVES: Final = {
     "temperature/a": ("temp_a_c", ("merged", "curves")),
     "temperature/b": ("temp_b_c", ("merged", "curves")),
 }
-"""The column of each curve, and the tables that may hold it, the best first."""
+"""The column of each curve, and the tables that may hold it, in order of preference."""
 
 WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
 
@@ -51,7 +51,7 @@ _END: Final = b"RRF2FOOT"
 
 
 def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: Progress = silent) -> Path:
-    """Write ``recording.rrd`` from whatever results lie in a run's folder.
+    """Write ``recording.rrd`` from the results that exist in a run's folder.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     film : str or Path, optional
         The film, folder or glob of pictures; without it the markers are drawn on an empty picture.
     progress : Progress
-        Called with how much of the film is in the recording.
+        Called with the amount of the film that is in the recording.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
 def run_writer(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
     """Let :mod:`torsight.viewer.writing` write the recording, as long as the file grows."""
     task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
-    # It finds what this process has found, however that was started.
+    # The child gets this process's import path, which may not be the default.
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
     words = [sys.executable, *WRITER]
     with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
@@ -110,7 +110,7 @@ def run_writer(folder: Path, target: Path, preview: Preview | None, *, patience_
 
 
 def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
-    """Write a recording in this process; on a full disk it may never come back, or lack its end."""
+    """Write a recording in this process; on a full disk the call may never return, or the file lack its end."""
     import rerun as rr
 
     results = read_results(folder)
@@ -131,7 +131,7 @@ def log_recording(folder: Path, target: Path, preview: Preview | None) -> None:
 
 @contextlib.contextmanager
 def _whole(path: Path) -> Iterator[None]:
-    """Refuse a recording that lacks its end: on a full disk its writer ends early, or says nothing at all."""
+    """Refuse a recording that lacks its end: on a full disk the writer stops early, sometimes without an error."""
     full = OSError(errno.ENOSPC, "it was cut off while it was written: is the disk full?")
     try:
         yield
@@ -161,7 +161,7 @@ def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
 
 
 def log_band(stream: rr.RecordingStream, results: RunResults) -> None:
-    """Log the band of the residual that the angle's own error explains."""
+    """Log the band of the residual that the measured angle's own error explains."""
     table = results.first_of("curves", "merged", "angle")
     if table is None or "angle_sigma_deg" not in table.columns:
         return
@@ -187,7 +187,7 @@ def _law_name(law: MeasuredLaw) -> str:
 
 
 def log_laws(stream: rr.RecordingStream, laws: Mapping[str, MeasuredLaw]) -> None:
-    """Log every law as bars over its driver; those that the record did not reach are apart."""
+    """Log every law as bars over its driver; bars at values that the record does not cover are a separate entity."""
     import rerun as rr
 
     for name, law in laws.items():

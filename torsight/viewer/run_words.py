@@ -1,4 +1,4 @@
-"""What the recording says in words: the summary and the list of events."""
+"""Text of the recording: the summary and the list of events."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from torsight.core.words.wording import (
 )
 
 WARNINGS: Final = ("occlusion", "lost", "damage", "clipped", "timestamps", "jump", "bump", "light")
-"""Kinds of events that a person should look at."""
+"""Kinds of events that deserve a person's attention."""
 
 
 class Event(NamedTuple):
@@ -57,7 +57,7 @@ def run_events(results: RunResults) -> list[Event]:
 
 
 class HalfCycleBegin(NamedTuple):
-    """Where a half-cycle begins: time, measured angle (NaN where not known), and the spring that is driven (A or B)."""
+    """Start of a half-cycle: time, measured angle (NaN where not known), and the driven spring (A or B)."""
 
     time_s: float
     angle_deg: float
@@ -65,7 +65,7 @@ class HalfCycleBegin(NamedTuple):
 
 
 def half_cycle_begins(results: RunResults) -> list[HalfCycleBegin]:
-    """Return the half-cycles of a run whose model has been fitted; none where it has not."""
+    """Return the starts of the half-cycles of a run whose model has been fitted; none without a fit."""
     table = results.curves
     if table is None or not {"half_cycle", "active"} <= set(table.columns):
         return []

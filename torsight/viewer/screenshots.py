@@ -25,20 +25,20 @@ WHOLE: Final = "whole"
 """Name of the picture of all panes together."""
 
 PATIENCE_S: Final = 2.0 * STUCK_S
-"""How long a viewer may take to start, and is asked again where it did not answer in time: it draws without a graphics
-card, and its own waiting may end in between."""
+"""Time for a viewer to start, and to repeat a request that timed out in the viewer: without a graphics card it draws
+slowly."""
 SETTLE_S: Final = THOUGHT_S
-"""Panes slide into place after the first picture, as quickly as lets a person go on, and the video is decoded beside.
+"""Wait after the first picture: panes slide into place, and the video is decoded meanwhile.
 """
 
 
 def take_pictures(recording: Path, *, time_s: float | None, size_px: tuple[int, int] = WINDOW_PX) -> dict[str, bytes]:
-    """Return a recording's panes as PNG pictures by their names, and all together as :data:`WHOLE`; needs no screen."""
+    """Return a recording's panes as PNG by name, and all panes together as :data:`WHOLE`; no screen is needed."""
     with viewer_without_screen(size_px) as client:
         patiently(client.open, str(recording.resolve()))
         if time_s is not None:
             patiently(client.set_time, TIME, duration=time_s, play_state="paused")
-        # The first picture is drawn before all that was opened is there.
+        # The first picture is drawn before the whole recording is loaded.
         patiently(client.take_screenshot)
         time.sleep(SETTLE_S)
         return pictures_of(client)
@@ -56,7 +56,7 @@ def save_pictures(
     out : Path or str
         Folder for the pictures; each has the name of its pane, and ``whole.png`` shows them all.
     time_s : float, optional
-        Where the cursor stands, s on the film's clock; at the start without it.
+        Time of the cursor, s on the film's clock; by default the start.
     size_px : (int, int)
         Width and height of the picture of all panes.
 
@@ -86,7 +86,7 @@ def save_pictures(
 
 
 def file_name(pane: str) -> str:
-    """Return a pane's name as that of a file: ``Residual: measured − model (°)`` is ``residual_measured_model``."""
+    """Return a pane's name as a file name: ``Residual: measured − model (°)`` gives ``residual_measured_model``."""
     return re.sub(r"[^a-z0-9]+", "_", pane.lower()).strip("_")
 
 
@@ -98,7 +98,7 @@ def pictures_of(client: ViewerClient) -> dict[str, bytes]:
 
 
 def patiently(ask: Callable[..., Answer], *arguments: Any, **options: Any) -> Answer:
-    """Ask a viewer again where a busy machine kept it from answering in its own time."""
+    """Repeat a request to a viewer that has timed out on a busy machine."""
     end = time.monotonic() + PATIENCE_S
     while True:
         try:
@@ -110,12 +110,12 @@ def patiently(ask: Callable[..., Answer], *arguments: Any, **options: Any) -> An
 
 @contextmanager
 def viewer_without_screen(size_px: tuple[int, int] = WINDOW_PX) -> Iterator[ViewerClient]:
-    """Give a connection to a viewer that draws without a screen; it ends with the block."""
+    """Give a connection to a viewer that draws without a screen; the viewer ends with the block."""
     viewer = Viewer(["--headless", "--window-size", f"{size_px[0]}x{size_px[1]}"], port=free_port(), quiet=True)
     try:
         yield _connected(viewer)
     except (RuntimeError, ConnectionError) as error:
-        # Without a driver it answers first and ends when it is to draw.
+        # Without a driver the viewer answers at first and ends when it has to draw.
         if viewer.ends():
             raise _cannot_draw(viewer.why_ended()) from error
         raise

@@ -1,4 +1,4 @@
-"""How the run looks in Rerun: panes, colours, names; one and the same for a recorded run and for the live view."""
+"""Layout of a run in Rerun: panes, colours, names; the same for a recorded run and for the live view."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ APPLICATION: Final = "torsight"
 TIME: Final = "film_time"
 FRAME: Final = "frame"
 WINDOW_PX: Final = (1280, 800)
-"""Width and height of all panes together, where nobody says another size."""
+"""Default width and height of all panes together, pixels."""
 
 
 class Series(NamedTuple):
@@ -48,18 +48,18 @@ SERIES: Final = (
 """Every curve of the view."""
 
 BAND: Final = {2.0: "residual/above", -2.0: "residual/below"}
-"""Where a residual that is nothing but the measured angle's error stays, 95 times in a hundred: sigmas, entity."""
+"""Limits within which 95 % of a residual lie that consists only of the measured angle's error: sigmas, entity."""
 
 HALF_CYCLE: Final = "angle/half_cycle"
-"""Points where a half-cycle begins."""
+"""Points at the starts of half-cycles."""
 
 LAW_COLOURS: Final = {"reached": _SHADE["after"], "not_reached": (110, 118, 130)}
-"""Bars of a law, by whether the record reached that value of its driver."""
+"""Bars of a law, by whether the record covers that value of the driver."""
 
 HALF_CYCLE_COLOUR: Final = _SHADE["held"]
 
 LIVE_WINDOW_S: Final = 120.0
-"""How far back the curves of a live view reach: a choice."""
+"""Time span of the curves of a live view: a choice."""
 
 LEGEND_SHARE: Final = 0.3
 """Room for the legends to the right of the newest sample, as a share of the span of the curves: of a pane of 770 px,
@@ -69,8 +69,8 @@ six tenths of the window, 0.3 / 1.3 or 177 px. The longest name has 21 letters o
 def blueprint(span_s: tuple[float, float] | None = None, *, laws: Sequence[str] = ()) -> rrb.Blueprint:
     """Return the arrangement of the panes, with one for each law by its name below the curves.
 
-    ``span_s`` is first and last time of a record that is finished; without it the curves follow the cursor. Both leave
-    room on the right, where the legends stand.
+    ``span_s`` is the first and last time of a finished record; without ``span_s`` the curves follow the cursor. Both
+    leave room on the right for the legends.
     """
     import rerun.blueprint as rrb
 
@@ -99,7 +99,7 @@ def blueprint(span_s: tuple[float, float] | None = None, *, laws: Sequence[str] 
             ),
             column_shares=[4, 6],
         ),
-        # A record that is still made is followed; a finished one stands where it is put.
+        # The cursor follows a live record; in a finished record it stays at its position.
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="following" if span_s is None else None),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -167,7 +167,7 @@ def log_styles(stream: rr.RecordingStream) -> None:
 
 
 def log_sizes(stream: rr.RecordingStream) -> None:
-    """Log how large markers and how wide sticks are drawn, and that the angle is written beside its arc."""
+    """Log the sizes of markers and sticks, and that the angle is written beside its arc."""
     import rerun as rr
 
     markers = rr.Points2D.from_fields(radii=rr.Radius.ui_points(5.0), show_labels=False)

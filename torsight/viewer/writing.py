@@ -1,10 +1,10 @@
-"""The recording's writer, in a process of its own.
+"""The recording's writer, in a separate process.
 
-Rerun's thread that writes files ends when the disk is full, and every later call to it may wait for ever: the next
-flush, the next recording, the end of the program. So it does not run in the process that holds the results.
+Rerun's thread that writes files ends when the disk is full, and every later call to it may block for ever: the next
+flush, the next recording, the end of the program. It therefore does not run in the process that holds the results.
 
-On standard input it takes ``{"folder", "target", "preview"}``, the preview as of :meth:`Preview.to_json` or null. What
-is wrong is reported by :func:`torsight.viewer.encoding.report`.
+On standard input the process takes ``{"folder", "target", "preview"}``, the preview as from :meth:`Preview.to_json` or
+null. An error is reported by :func:`torsight.viewer.encoding.report`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from torsight.viewer.recording import log_recording
 
 def main() -> int:
     """Write the recording and return the exit code."""
-    # Ctrl-C at the terminal is for the sender, which then ends this process.
+    # Ctrl-C at the terminal is for the parent, which then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     task = json.load(sys.stdin)
     preview = None if task["preview"] is None else Preview.from_json(task["preview"])
@@ -38,5 +38,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    # At once: a writer that has ended is not waited for.
+    # Exit immediately: otherwise Python would wait for Rerun's thread, which may have ended.
     os._exit(main())

@@ -107,7 +107,7 @@ def test_a_predicted_sigma_is_judged_by_what_is_left_on_the_record_s_own_clocks(
 def test_a_record_that_leaves_the_values_open_is_not_recommended_for_control(run: Path) -> None:
     predicted_with(run, sigma_deg=0.5, left_deg=0.08)
     control = steps(run, after=AFTER)["Can"]
-    assert control.answer.startswith("Only within about ±1.0° (two sigmas), because the record determines")
+    assert control.answer.startswith("Only within about ±1.0° (two sigmas), because the record does not determine")
     assert control.good is None
 
 

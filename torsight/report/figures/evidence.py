@@ -21,13 +21,13 @@ from torsight.report.sections.prior_pulls import Prior, common_reach
 _NARROW: Final = 0.62
 """Height of a bar, as a share of the distance between two: 16 of 26 px, around letters of 12 px."""
 _MOST_CANDIDATES: Final = 8
-"""Candidates that are drawn, those that explain most: the figure is as high as the others then."""
+"""Number of candidates that are drawn, those that explain most: with it the figure is as high as the others."""
 
 
 _MOTION_HEIGHT: Final = 130.0
 _LEFT_HEIGHT: Final = 172.0
-"""Of the two plots at the head of the page: as high as the three numbers beside them, so that what to do next is seen
-without scrolling in a window of 1280 by 800."""
+"""Heights of the two plots at the head of the page: together those of the three numbers beside them, so that the next
+steps are visible without scrolling in a window of 1280 by 800."""
 
 
 def before_and_after(curves: pd.DataFrame, floor_deg: float | None) -> Figure:
@@ -61,14 +61,14 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     best = max([*gains.values(), 0.0])
     verdict = discovery.get("verdict")
     if best <= 0.0 or verdict in ("none", "unknown"):
-        # A share of next to nothing would look like an explanation.
+        # A share of a negligible gain would look like an explanation.
         return None
     ranked = sorted(gains.items(), key=lambda item: -item[1])[:_MOST_CANDIDATES]
     named = {str(effect["id"]) for effect in discovery.get("effects") or []}
     rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
     places = list(range(len(ranked), 0, -1))
     plot = Panel(
-        # Beyond 100 %, room for what stands beside the longest bar.
+        # Beyond 100 %, room for the text beside the longest bar.
         Axis("explained alone (% of the best one's)", 0.0, 140.0),
         Axis("", 0.4, len(ranked) + 0.6),
         width=520,
@@ -98,17 +98,17 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
 
 
 def _on_an_axis(words: str) -> str:
-    """Return a name shortened to 48 letters, which take half of the plot, to leave room for the bars."""
+    """Return a name shortened to 48 letters, half the width of the plot, to leave room for the bars."""
     return textwrap.shorten(words, 48, placeholder=" …")
 
 
 def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:
-    """Say how far behind the next one is, where one effect alone was named."""
+    """Return a sentence on the gain of the second-best candidate, where only one effect was named; else nothing."""
     if len(named) != 1 or len(ranked) < 2 or ranked[0][0] not in named:
         return ""
     behind = ranked[0][1] - ranked[1][1]
     second = candidate_name(ranked[1][0])
-    gap = f"its gain is lower by {number(behind)}, and 12 is enough to tell two apart"
+    gap = f"its gain is lower by {number(behind)}, and 12 is enough to distinguish two"
     return f"{capital(second)} comes next: {gap}."
 
 
@@ -130,7 +130,7 @@ def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:
 def pulls(
     known: Mapping[str, Prior], plain: Mapping[str, Any], after: Mapping[str, Any], *, extended: bool
 ) -> Figure | None:
-    """Draw how far either fit lies from the characterised values, in their standard deviations."""
+    """Draw the distance of either fit from the characterised values, in their standard deviations."""
     names = [name for name, prior in known.items() if prior.sigma and name in plain and not plain[name].get("fixed")]
     if not names:
         return None
@@ -166,4 +166,4 @@ def pulls(
         data[f"{label}_low_sigmas"] = [None if end is None else end[0] for end in spreads]
         data[f"{label}_high_sigmas"] = [None if end is None else end[1] for end in spreads]
     words = "How far either fit pulled the characterised values"
-    return Figure("pulls", "How far the fit was pulled off", "", (plot,), words, data=data)
+    return Figure("pulls", "Distance of the fit from the characterised values", "", (plot,), words, data=data)

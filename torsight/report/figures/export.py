@@ -16,7 +16,7 @@ NAMES: Final = frozenset(
     | {"angle_temperature_a", "angle_temperature_b", "angle_sigma", "both_clocks", "markers", "residual_left"}
     | {f"residual_{name}" for name in (*LABELS, "direction", "half_cycle")}
 )
-"""Every figure that a report may hold, but for the laws; only files of these names are ever removed."""
+"""Names of all figures that a report may hold, except the laws; only files with these names are ever removed."""
 
 
 def write_figures(
@@ -26,10 +26,10 @@ def write_figures(
     *,
     ours: Callable[[str], bool] = NAMES.__contains__,
 ) -> None:
-    """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that stand in no other table.
+    """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that no other table holds.
 
-    ``pictures`` holds each figure's SVG by its name. Files of figures that an earlier page showed and this one does not
-    are removed, as far as their names are ``ours``; what others put there stays.
+    ``pictures`` holds each figure's SVG by its name. Files of figures that an earlier page showed and this page does
+    not are removed where ``ours`` is true for their names; other files are kept.
     """
     target = folder / FOLDER
     written = set()
@@ -45,5 +45,5 @@ def write_figures(
 
 
 def data_link(figure: Figure) -> str:
-    """Return where a figure's numbers are, relative to the page; empty where they are not kept."""
+    """Return the path of a figure's numbers, relative to the page; empty where they are not written."""
     return f"{FOLDER}/{figure.name}.csv" if figure.data is not None else figure.source

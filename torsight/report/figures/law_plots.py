@@ -20,7 +20,7 @@ _OWN_FILES: Final = re.compile(rf"law_({'|'.join(GIVES)})_[a-z0-9_]+\.(csv|png)"
 
 
 def law_figure(law: MeasuredLaw) -> Figure:
-    """Draw one law as a curve with its 95 % interval; where the record reached its driver is shaded."""
+    """Draw one law as a curve with its 95 % interval; the range of the driver that the record covers is shaded."""
     panel = law_panel(law)
     title = f"{capital(law.gives)} against {variable_name(law.driver)}"
     about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."

@@ -1,4 +1,4 @@
-"""Figures of the measurement itself: how well the angle is known, what happened when, where the markers went."""
+"""Figures of the measurement: the angle and its standard deviation, events, both clocks, the markers' paths."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from torsight.report.figures.residuals import slope
 from torsight.report.plots.panels import Axis, Panel
 
 _MOST_EVENTS: Final = 60
-"""Events that are marked, the first ones: over the page's width such lines are 18 pixels apart and can be told
-apart."""
+"""Number of marked events, the first ones: over the page's width such lines are 18 pixels apart and distinguishable."""
 
 
 def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]]) -> Figure | None:
@@ -40,11 +39,11 @@ def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]]) ->
             motion.rule(float(at_s), "event", tip=f"{event.get('kind', '')}: {event.get('text', '')}", label="event")
     spread.line(time_s, np.where(valid, np.minimum(sigma, top), np.nan), "ink", label="sigma of the angle")
     words = "The measured angle and its standard deviation over time"
-    return Figure("angle_sigma", "The angle and how well it was measured", "", (motion, spread), words, "angle.csv")
+    return Figure("angle_sigma", "The angle and its standard deviation", "", (motion, spread), words, "angle.csv")
 
 
 def both_clocks(merged: pd.DataFrame) -> Figure | None:
-    """Draw the temperatures and the speed of the motion on one clock: what belongs together must stand together."""
+    """Draw temperatures and speed of the motion on one clock: every motion must fall into a heating or cooling."""
     time_s, angle = column(merged, "time_s"), column(merged, "angle_deg")
     known = np.isfinite(angle)
     if known.sum() < 10 or not np.isfinite([column(merged, f"temp_{spring}_c") for spring in "ab"]).any():
@@ -60,7 +59,7 @@ def both_clocks(merged: pd.DataFrame) -> Figure | None:
 
 
 def marker_paths(markers: pd.DataFrame) -> Figure | None:
-    """Paths of the four markers as the film shows them, and the sticks at the first and the last frame."""
+    """Draw the paths of the four markers in the picture, and the sticks in the first and the last frame."""
     found = {name: (column(markers, f"{name}_x_px"), column(markers, f"{name}_y_px")) for name in MARKERS}
     every_x, every_y = (np.concatenate([path[k] for path in found.values()]) for k in (0, 1))
     if not (np.isfinite(every_x) & np.isfinite(every_y)).any():

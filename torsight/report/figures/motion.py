@@ -1,4 +1,4 @@
-"""What all figures of the report share, and those of the motion; each one function from tables to panels."""
+"""The class of all figures of the report, and the figures of the motion, each a function from tables to panels."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ CURVES: Final = "curves.csv"
 class Figure:
     """A figure: its panels one above the other, what it shows (title), and what to look for (caption).
 
-    ``name`` is that of its files and of its place in the page. ``words`` are said to people who cannot see it: the
-    title where there are none. ``source`` is the table of the run's folder whose columns are drawn, ``data`` numbers
-    that are drawn and stand in no table, column by column.
+    ``name`` is the stem of its files and its anchor in the page. ``words`` is the text for people who cannot see the
+    figure, by default the title. ``source`` is the table of the run's folder whose columns are drawn, ``data`` holds
+    drawn numbers that no table holds, column by column.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Figure:
 
     @property
     def height(self) -> float:
-        """Of all panels, pixels."""
+        """Height of all panels together, pixels."""
         return sum(panel.height for panel in self.panels)
 
     @property
@@ -54,7 +54,7 @@ class Figure:
 
     @property
     def legend(self) -> list[tuple[str, str, Style]]:
-        """What the curves and bands mean: kind of mark, words, style; every one once."""
+        """Entries of the legend: kind of mark, words, style; each once."""
         found: dict[str, tuple[str, str, Style]] = {}
         for panel in self.panels:
             for mark, label in panel.legend():
@@ -66,7 +66,7 @@ def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:
     """Shade the held-out half-cycles."""
     held = column(curves, "held_out") > 0.5
     if held.all():
-        # Every half-cycle was left out in turn: there is nothing to distinguish.
+        # Every half-cycle was held out in turn: there is nothing to distinguish.
         return
     time_s = column(curves, "time_s")
     for begin, end in runs(held):
@@ -74,7 +74,7 @@ def shade_held_out(plot: Panel, curves: pd.DataFrame) -> None:
 
 
 def angle_over_time(curves: pd.DataFrame, *, source: str) -> Figure:
-    """Angle against time, measured and modelled (the paper's figure 15)."""
+    """Draw the angle against time, measured and modelled (the paper's figure 15)."""
     time_s, angle = column(curves, "time_s"), column(curves, "angle_deg")
     plain, extended = column(curves, "plain_deg"), column(curves, "extended_deg")
     plot = Panel(Axis.along(TIME, time_s), Axis.around(ANGLE, angle, plain, extended), height=330)
@@ -91,7 +91,7 @@ def angle_over_time(curves: pd.DataFrame, *, source: str) -> Figure:
 
 
 def models(plot: Panel, x: Floats, angle: Floats, plain: Floats, extended: Floats, *, ordered: bool) -> None:
-    """Draw the measured curve and the models that there are."""
+    """Draw the measured curve and those of the available models."""
     alone = not np.isfinite(plain).any()
     plot.line(x, angle, "ink" if alone else "measured", label="measured", ordered=ordered)
     if np.isfinite(plain).any():
@@ -101,7 +101,7 @@ def models(plot: Panel, x: Floats, angle: Floats, plain: Floats, extended: Float
 
 
 def is_driven(curves: pd.DataFrame, spring: str) -> Flags:
-    """Return in which rows a spring is driven: as the table says, else while it is the warmer one."""
+    """Return the mask of the rows in which a spring is driven: from the table, else where it is warmer."""
     if "active" in curves.columns:
         return np.asarray((curves["active"].astype(str).str.lower() == spring).to_numpy())
     temps = [column(curves, f"temp_{one}_c") for one in "ab"]
@@ -109,7 +109,7 @@ def is_driven(curves: pd.DataFrame, spring: str) -> Flags:
 
 
 def temperature_panel(table: pd.DataFrame, along: Axis, *, height: float, source: str = "") -> Panel:
-    """Return a panel of both springs' temperatures; ``source`` says in its legend where they come from."""
+    """Return a panel of both springs' temperatures; the legend names their origin, ``source``."""
     temps = {spring: column(table, f"temp_{spring}_c") for spring in "ab"}
     plot = Panel(along, Axis.around(TEMPERATURE, *temps.values()), height=height)
     for spring, temp_c in temps.items():
@@ -118,12 +118,12 @@ def temperature_panel(table: pd.DataFrame, along: Axis, *, height: float, source
 
 
 def temperatures_over_time(table: pd.DataFrame, *, source: str) -> Figure:
-    """Both springs' temperatures against time (the paper's figure 16)."""
+    """Draw both springs' temperatures against time (the paper's figure 16)."""
     plot = temperature_panel(table, Axis.along(TIME, column(table, "time_s")), height=240)
     return Figure(
         "temperatures",
         "Temperatures against time",
-        "Where one spring is heated, look at how far the other one follows.",
+        "Where one spring is heated, check how much the other one warms up.",
         (plot,),
         "Temperatures of both springs against time",
         source,
@@ -131,7 +131,7 @@ def temperatures_over_time(table: pd.DataFrame, *, source: str) -> Figure:
 
 
 def angle_over_temperature(curves: pd.DataFrame, spring: str, *, source: str) -> Figure | None:
-    """Angle against the temperature of the spring that is driven (the paper's figure 17); None where it never is."""
+    """Draw the angle against a driven spring's temperature (the paper's figure 17); None if it is never driven."""
     temp_c = column(curves, f"temp_{spring}_c")
     driven = is_driven(curves, spring)
     if driven.sum() < 3:

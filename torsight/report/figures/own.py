@@ -24,12 +24,12 @@ from torsight.report.sections.prior_pulls import Prior
 
 
 def is_ours(name: str) -> bool:
-    """Return whether a figure's file is of this report: those of an earlier answer are removed."""
+    """Return whether a figure's file belongs to this report, so that it may be removed with an earlier answer."""
     return name in {"candidates", "pulls"} or re.fullmatch(r"(before_after|residual|law|unseen)_.+", name) is not None
 
 
 def figures_of(found: Findings) -> dict[str, list[Figure]]:
-    """Return the figures by the section that they stand in; a section without any is absent."""
+    """Return the figures by section; a section without figures is absent."""
     answer = found.to_json()
     floors = answer["noise_floor"]
     several = len(found.problem.laws) + len(found.problem.candidates) > 1
@@ -73,7 +73,7 @@ def before_and_after(one: Series, count: int, *, floor: float | None) -> Figure:
 
 
 def law_drawn(law: MeasuredCurve) -> Figure:
-    """Draw a measured law with its 95 % interval, shaded where the record reached its driver."""
+    """Draw a measured law with its 95 % interval; the range of the driver that the record covers is shaded."""
     named = "No candidate has this form." if law.effect is None else f"The candidate is {law.effect}."
     sentence = law.sentence
     shown = MeasuredLaw(
@@ -118,7 +118,7 @@ def unseen_blocks(found: Findings, output: int) -> Figure | None:
 
 
 def pulled(found: Findings) -> Figure | None:
-    """Draw how far either fit lies from values that were measured beforehand, in their standard deviations."""
+    """Draw the distance of either fit from values that were measured beforehand, in their standard deviations."""
     known = {p.name: Prior(p.value, p.sigma) for p in found.problem.parameters}
     plain, after = (
         {name: one.to_json() for name, one in some.items()} for some in (found.plain_parameters, found.parameters)

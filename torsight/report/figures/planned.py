@@ -1,4 +1,4 @@
-"""The experiment that would separate the explanations, drawn: the programme, and what each predicts under it."""
+"""Figure of the proposed experiment: the programme, and the angle that each explanation predicts under it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _OWN: Final = {"time_s", "temp_a_c", "temp_b_c", "heat_a", "heat_b"}
 
 
 def programme(table: pd.DataFrame) -> Figure | None:
-    """Draw the programme's temperatures and the rivals' angles, and below how far the rivals are from the first."""
+    """Draw the programme's temperatures, the rivals' angles, and the differences of the rivals from the first one."""
     rivals = [name for name in table.columns if name.endswith("_deg") and name not in _OWN]
     if len(table) < 2 or not rivals:
         return None

@@ -1,4 +1,4 @@
-"""Figures of the residual: over time, against what a missing effect may depend on, by direction and half-cycle."""
+"""Figures of the residual: over time, against possible drivers of a missing effect, by direction and half-cycle."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, is_dr
 from torsight.report.plots.panels import Axis, Panel
 
 _BINS: Final = 25
-"""Bins of a variable over which residuals are averaged, each 4 % of its range: a choice, for a picture alone."""
+"""Bins of a variable over which residuals are averaged, each 4 % of its range: a choice that affects only pictures."""
 
 
 def is_plain(curves: pd.DataFrame) -> bool:
-    """Return whether the curves are those of the plain model alone: nothing was added to it."""
+    """Return whether the curves are only those of the plain model, because nothing was added to it."""
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     return not np.isfinite(after).any() or np.array_equal(before, after, equal_nan=True)
 
@@ -33,7 +33,7 @@ def shade_floor(plot: Panel, floor: float | None, *, unit: str = "°") -> None:
 
 
 def residual_left(curves: pd.DataFrame, floor_deg: float | None) -> Figure | None:
-    """Residual of the extended model alone, on its own scale, with the noise floor; None where it is the plain one."""
+    """Draw the residual of the extended model on its own scale, with the noise floor; None for a plain model."""
     time_s, after = column(curves, "time_s"), column(curves, "residual_after_deg")
     if is_plain(curves):
         return None
@@ -53,14 +53,14 @@ LABELS: Final = {
     "temp_rate_c_s": "rate of the driven spring's temperature (°C/s)",
     "angle_rate_deg_s": "rate of the angle (°/s)",
 }
-"""Drivers that the residual is drawn against, with their labels."""
+"""Drivers against which the residual is drawn, with their labels."""
 
 
 def driver_columns(curves: pd.DataFrame) -> dict[str, Floats]:
     """Return the variables that a missing effect may depend on, as curves over the record.
 
-    Rates are slopes over two seconds of the model's angle and of the temperature as driven: those of the measured
-    ones would be noise.
+    Rates are slopes over two seconds of the model's angle and of the conditioned temperature: the rates of the measured
+    angle and temperature would be noise.
     """
     temp_a, temp_b = column(curves, "temp_a_c"), column(curves, "temp_b_c")
     is_a = is_driven(curves, "a")
@@ -97,7 +97,7 @@ def slope(time_s: Floats, values: Floats, *, window_s: float, apart: Flags | Non
 
 
 def residual_against(curves: pd.DataFrame, variable: str, values: Floats) -> Figure | None:
-    """Residual of both models against one variable, with the mean of every part of the motion in twenty-five bins."""
+    """Draw both models' residuals against one variable, with the mean of every part of the motion in 25 bins."""
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
     made = over_variable(values, before, after, branches(curves), label=LABELS[variable], residual=RESIDUAL)
     if made is None:
@@ -113,14 +113,14 @@ def residual_against(curves: pd.DataFrame, variable: str, values: Floats) -> Fig
 def over_variable(
     values: Floats, before: Floats, after: Floats, parts: Mapping[str, Flags], *, label: str, residual: str
 ) -> tuple[Panel, dict[str, list[Any]]] | None:
-    """Return both residuals over a variable (n,) with the mean of every part of the motion; None where it stays.
+    """Return both residuals over a variable (n,) with the mean of every part of the motion; None if it is constant.
 
     ``label`` and ``residual`` name the two axes.
     """
     known = np.isfinite(values)
     if known.sum() < 10 or np.ptp(values[known]) <= 0:
         return None
-    # A lone wild value would press all others together.
+    # A single outlier would compress the range of all others.
     low, high = np.quantile(values[known], [0.001, 0.999])
     inside = known & (values >= low) & (values <= high)
     plot = Panel(
@@ -148,8 +148,8 @@ def over_variable(
 def branches(curves: pd.DataFrame) -> dict[str, Flags]:
     """Return the samples of each part of the motion, by its name: one spring, heating or cooling.
 
-    The two springs' parts mirror each other, and heating and cooling often differ in sign: a mean over all of
-    them would hide what each shows.
+    The two springs' parts mirror each other, and heating and cooling often differ in sign: a mean over all parts would
+    cancel their residuals.
     """
     keys = [name for name in ("active", "direction") if name in curves.columns]
     if not keys:
@@ -170,18 +170,18 @@ def bin_means(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Return centre and mean of evenly spaced bins; NaN where a bin holds too few of the samples."""
     count, edges = np.histogram(x, _BINS)
     total, _ = np.histogram(x, _BINS, weights=y)
-    enough = count > 0.05 * len(x) / _BINS  # a twentieth of what each would hold if all were filled evenly
+    enough = count > 0.05 * len(x) / _BINS  # a twentieth of a bin's samples if all bins were filled evenly
     mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean
 
 
 def by_direction(curves: pd.DataFrame) -> Figure | None:
-    """Root mean square of both residuals while heating, cooling and at rest."""
+    """Draw the root mean square of both residuals while heating, cooling and at rest."""
     return _by_group(curves, "direction", "By direction", "direction", width=370.0, height=240.0)
 
 
 def by_half_cycle(curves: pd.DataFrame) -> Figure | None:
-    """Root mean square of both residuals of every half-cycle; held-out ones are shaded."""
+    """Draw the root mean square of both residuals in every half-cycle; held-out half-cycles are shaded."""
     return _by_group(curves, "half_cycle", "By half-cycle", "half-cycle", width=860.0, height=200.0)
 
 

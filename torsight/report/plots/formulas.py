@@ -39,7 +39,7 @@ def with_symbols(words: str) -> Markup:
 
 @cache
 def equation(effect: str) -> tuple[str, ...]:
-    """Return the equations of an effect as its file states them (LaTeX); none where the effect is not here."""
+    """Return the equations of an effect as its file states them (LaTeX); none where the effect is not installed."""
     found = find_spec(f"torsight.actuator.effects.{effect}") if effect.isidentifier() else None
     if found is None or found.origin is None:
         return ()
@@ -58,12 +58,12 @@ def equation_picture(latex: str) -> str:
         try:
             math_to_image(f"${latex}$", buffer, prop=FontProperties(size=13), format="svg")
         except ValueError:
-            # Someone's own effect may use what mathtext does not know; the page shows the source then.
+            # A user's own effect may use commands that mathtext does not know; the page then shows the source.
             return ""
     return bare(buffer.getvalue().decode())
 
 
 def equation_pictures(effect: str) -> list[tuple[str, str]]:
-    """Return an effect's equations, as LaTeX and as addresses that hold their pictures (empty where one is not set)."""
+    """Return an effect's equations as LaTeX and as data URLs of their pictures (empty where one cannot be set)."""
     parts = [(latex, equation_picture(latex)) for latex in equation(effect)]
     return [(latex, picture_data(svg) if svg else "") for latex, svg in parts]

@@ -1,7 +1,7 @@
 """Plots for the screen, drawn with Bokeh: zoom, values under the pointer, one time axis for all of them.
 
-All plots are one document, so that axes of the same quantity can be one axis. The page holds it as JSON and draws it
-with BokehJS, which the page carries with it.
+All plots are one document, so that plots can share the axis of one quantity. The page contains the document as JSON,
+and BokehJS to draw it.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Poi
 _BINS: Final = 1000
 """Bins of a curve, two points each: on a wide screen a zoom by three shows every point that there is to see."""
 _FOCUS: Final = f":focus-visible {{ outline: 3px solid {LIGHT['held']}; }}"
-"""What the page's style sheet says of everything else: a plot has a style sheet of its own."""
+"""The fonts of the page's style sheet, because a plot has a separate style sheet."""
 _MOST_POINTS: Final = 2 * _BINS
-"""Points of a cloud at most, as of a curve: an even choice of them where there are more."""
+"""Largest number of points of a cloud, that of a curve: evenly chosen where there are more."""
 _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif'
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Plots as the page needs them: all of them as JSON, and each figure's identifier in it by its name."""
+    """Plots for the page: the document of all plots as JSON, and each figure's identifier in it by its name."""
 
     document: str
     roots: Mapping[str, str]
@@ -65,9 +65,9 @@ def library() -> str:
 
 
 def drawing(figures: Mapping[str, Sequence[Panel]]) -> Drawing:
-    """Return figures, panels by name, as one Bokeh document; time axes of one clock are one axis.
+    """Return figures, panels by name, as one Bokeh document; time axes of one clock are shared.
 
-    The same panels make the same text.
+    The same panels give the same text.
     """
     document = Document()
     shared: dict[str, Range1d] = {}
@@ -159,14 +159,14 @@ def _dress(plot: Plot, panel: Panel) -> None:
 _CURVE: Final = "<b>$name</b> @y{0.[000]} at @x{0.[00]}"
 _TIP: Final = "@tip"
 _Drawn = list[tuple[str, Any]]
-"""What is said under the pointer, and of what."""
+"""Text under the pointer, and the renderers that show it."""
 
 
 def _alike(marks: Sequence[Mark]) -> list[list[Mark]]:
-    """Return marks that one renderer can draw together, in the order of the first of each; a renderer is a kilobyte."""
+    """Return groups of marks that one renderer can draw, ordered by their first marks; a renderer is a kilobyte."""
     found: dict[tuple[Any, ...], list[Mark]] = {}
     for number, mark in enumerate(marks):
-        # A curve with a name of its own is one renderer, which says it.
+        # A curve with its own name needs its own renderer, which shows the name.
         alone = number if isinstance(mark, Ribbon) or (isinstance(mark, Line) and mark.label) else -1
         upright = mark.upright if isinstance(mark, (Band, Rule)) else True
         kind = "" if isinstance(mark, Note) else mark.kind
@@ -233,7 +233,7 @@ def _draw_lines(plot: Plot, panel: Panel, alike: Sequence[Line]) -> _Drawn:
     if not lines:
         return []
     if not mark.label:
-        # Gaps part them.
+        # NaN separates the curves.
         x, y = (np.concatenate([np.append(line[k], np.nan) for line in lines]) for k in (0, 1))
         plot.add_glyph(_source(x=x, y=y), glyphs.Line(x="x", y="y", **look))
         return []

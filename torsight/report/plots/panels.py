@@ -1,4 +1,4 @@
-"""What a plot shows, apart from how it is drawn: axes, curves, points, bars, bands and words.
+"""Content of a plot, independent of its drawing: axes, curves, points, bars, bands and words.
 
 :mod:`torsight.report.plots.interactive` draws it with Bokeh for the screen, :mod:`torsight.report.plots.still` with
 matplotlib for paper and for a browser without scripts.
@@ -31,7 +31,7 @@ COLOURS: Final = {
     "rival-2": "spring-a",
     "rival-3": "muted",
 }
-"""The palette's colour of what has another name."""
+"""The palette's colour for kinds with another name."""
 
 _DASHES: Final = {"rival-1": (7, 3), "rival-2": (2, 4), "rival-3": (9, 3, 2, 3), "event": (3, 3), "last": (7, 5)}
 _WIDTHS: Final = {
@@ -67,7 +67,7 @@ class Style:
 
 
 def style_of(kind: str) -> Style:
-    """Return how a kind is drawn: the first word names the colour, the others say more (``before mean``)."""
+    """Return the style of a kind: its first word names the colour, further words refine it (``before mean``)."""
     words = kind.split()
     return Style(
         colour=LIGHT[COLOURS.get(words[0], words[0])],
@@ -110,7 +110,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A curve; ``ordered`` says that x increases, so that every peak is kept when it is thinned."""
+    """A curve; ``ordered``: x increases, so that thinning can keep every peak."""
 
     x: Floats
     y: Floats
@@ -140,7 +140,7 @@ class Points:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ribbon:
-    """What lies between two curves."""
+    """The area between two curves."""
 
     x: Floats
     low: Floats
@@ -162,7 +162,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A filled rectangle, with words for who points at it."""
+    """A filled rectangle, with words under the pointer."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -173,7 +173,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A straight line over the whole panel, with words for who points at it."""
+    """A straight line over the whole panel, with words under the pointer."""
 
     value: float
     kind: str
@@ -184,7 +184,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Words to the right of a place of the data."""
+    """Words to the right of a point in data coordinates."""
 
     x: float
     y: float
@@ -200,8 +200,8 @@ Mark = Drawn | Note
 class Panel:
     """One panel under construction: two axes, and the marks that are drawn, the first below the last.
 
-    Its size is in pixels at its usual size; the page scales it. An axis that counts instead of measuring has names at
-    places. ``square``: both axes have one scale.
+    The size is in pixels of the unscaled page. A categorical axis has names at positions. ``square``: both axes have
+    one scale.
     """
 
     x: Axis
@@ -222,7 +222,7 @@ class Panel:
         self.marks.append(Points(_array(x), _array(y), kind, label, radius))
 
     def ribbon(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str, *, label: str = "") -> None:
-        """Fill what lies between two curves."""
+        """Fill the area between two curves."""
         self.marks.append(Ribbon(_array(x), _array(low), _array(high), kind, label))
 
     def band(self, low: float, high: float, kind: str, *, label: str = "", upright: bool = True) -> None:
@@ -238,7 +238,7 @@ class Panel:
         self.marks.append(Rule(float(value), kind, tip, label, upright))
 
     def note(self, x: float, y: float, words: str) -> None:
-        """Write words to the right of a place of the data."""
+        """Write words to the right of a point in data coordinates."""
         self.marks.append(Note(x, y, words))
 
     def key(self, kind: str, label: str) -> None:
@@ -274,13 +274,13 @@ def thin_series(x: Floats, y: Floats, *, bins: int) -> tuple[Floats, Floats]:
 
 
 def thin_path(x: Floats, y: Floats, *, least: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Drop the points of a path that lie within ``least`` (of x, of y) of the last one that was kept."""
+    """Drop the points of a path that lie within ``least`` (in x and in y) of the last point that was kept."""
     keep: list[int] = []
     last_x = last_y = math.nan
     for index, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
         gap = not (math.isfinite(a) and math.isfinite(b))
         near = abs(a - last_x) < least[0] and abs(b - last_y) < least[1]
-        # One point of a gap lifts the pen.
+        # One NaN is enough to interrupt the line.
         if not near and not (gap and keep and math.isnan(last_x)):
             keep.append(index)
             last_x, last_y = (math.nan, math.nan) if gap else (a, b)
@@ -288,7 +288,7 @@ def thin_path(x: Floats, y: Floats, *, least: tuple[float, float]) -> tuple[Floa
 
 
 def thin_points(x: Floats, y: Floats, *, spot: tuple[float, float], most: int) -> tuple[Floats, Floats]:
-    """Keep one point per spot (of x, of y), and of these an even choice where there are too many."""
+    """Keep one point per cell of the size ``spot`` (x, y), and choose evenly among these where there are too many."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
     if not len(x):

@@ -1,6 +1,6 @@
 """Plots as SVG pictures, drawn with matplotlib: for paper, for a browser without scripts, and for other programs.
 
-A canvas of its own draws them: what backend matplotlib is set to, and whether that is installed, does not matter.
+They are drawn on a separate canvas: matplotlib's configured backend does not matter and need not be installed.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _POINTS_PER_PX: Final = 72.0 / _PX_PER_INCH
 _BINS: Final = 400
 """Bins of a curve: two points each, about one per pixel of the picture."""
 _MOST_POINTS: Final = 2 * _BINS
-"""Points of a cloud, as of a curve: more only fill it in."""
+"""Largest number of points of a cloud, that of a curve: more points only fill the area."""
 _SAFE: Final = " !$'()*+,-./:;<=>?@[]^_`{|}~"
-"""What an attribute in double quotes may hold as it is."""
+"""Characters that need no escape in an attribute in double quotes."""
 _CHARACTER_PX: Final = 6.9
 """Mean width of a character of 12 px in a wide font."""
 _SETTINGS: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",
-    # Otherwise its identifiers are random, and the same results would not give the same bytes.
+    # Otherwise matplotlib's identifiers are random, and the same results would not give the same bytes.
     "svg.hashsalt": "torsight",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -60,7 +60,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
 
 
 def still(panels: Sequence[Panel]) -> str:
-    """Return panels one above the other as the text of an SVG that stands alone."""
+    """Return panels one above the other as the text of a self-contained SVG."""
     with mpl.rc_context(_SETTINGS):
         buffer = io.StringIO()
         _picture(panels).savefig(buffer, format="svg", transparent=True)
@@ -91,7 +91,7 @@ def _picture(panels: Sequence[Panel]) -> Picture:
 
 
 def picture_data(svg: str) -> Markup:
-    """Return an address that holds a picture itself, a quarter shorter than in base64, for an attribute of a page."""
+    """Return a picture as a data URL for an attribute of a page, a quarter shorter than in base64."""
     words = " ".join(svg.replace("'", "&apos;").replace('"', "'").split())
     return Markup("data:image/svg+xml," + quote(words, safe=_SAFE))  # noqa: S704 - quote leaves no '"' and no '&'
 
@@ -138,7 +138,7 @@ def _draw(picture: Picture, panel: Panel, top: float, width: float, height: floa
 
 
 def _plain(words: str) -> str:
-    """Return words in which matplotlib sees no formula."""
+    """Return words escaped so that matplotlib reads no formula in them."""
     return words.replace("$", r"\$")
 
 

@@ -1,10 +1,10 @@
-r"""Which further measurement makes a value more certain, from the covariance of a fit alone.
+r"""Effect of a further measurement on the interval of a value, from the covariance of a fit alone.
 
 A fit adds the record's information to what was characterised before, :math:`P^{-1} = I + S`, with :math:`P` the
 covariance of the fitted values, :math:`S` diagonal with :math:`1/σ^2` of the characterised ones, and :math:`I` the
 record's own information. A record :math:`k` times as long holds :math:`k I`; a value characterised :math:`m` times as
-well has :math:`m^2/σ^2`. So the interval after a measurement that nobody has made follows from numbers that are there,
-with all correlations: for a linear model and noise that does not repeat itself.
+well has :math:`m^2/σ^2`. The interval after a measurement that has not been made follows from these known matrices,
+with all correlations, for a linear model and independent noise.
 Source: e.g. Pukelsheim, Optimal Design of Experiments (2006), ch. 3.
 """
 
@@ -19,19 +19,19 @@ import numpy as np
 from torsight.core.units import Floats
 
 TIMES: Final = (2, 3, 4, 6, 8, 16)
-"""Lengths of a further record that are tried, in lengths of this one."""
+"""Lengths of the whole record that are tried, in lengths of this record."""
 SHARPER: Final = (2.0, 3.0, 4.0)
-"""How much better one characterised value may be measured."""
+"""Factors by which the uncertainty of one characterised value may be reduced."""
 HALVED: Final = 0.505
-"""An interval that is half as wide, to the digits that are printed."""
+"""Ratio of the widths that is printed as half."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
     """A further measurement, and the width of an interval after it, relative to today's width.
 
-    ``factor`` is how much better the value of this ``name`` is characterised, or, without one, how much longer the
-    record is.
+    ``factor`` is the factor by which the value of this ``name`` is characterised better, or, without a name, by which
+    the record is longer.
     """
 
     name: str
@@ -42,11 +42,11 @@ class Measure:
 def best_measures(
     target: str, names: Sequence[str], covariance: Floats, prior_sigma: Sequence[float | None]
 ) -> tuple[Measure, Measure | None]:
-    """Return what a longer record and what the best single characterisation do to the interval of one of the ``names``.
+    """Return the longer record and the best single characterisation that narrow the interval of one of the ``names``.
 
-    The shortest record, and the least demanding characterisation, that halve it; where none of those tried does, the
-    one that narrows it most. None where nothing was characterised with an uncertainty: the prior's sigmas are None
-    then.
+    These are the shortest record, and the least demanding characterisation, that halve the interval; where none of
+    those tried halves it, the one that narrows it most. The characterisation is None where no value was characterised
+    with an uncertainty (all of the prior's sigmas are None).
     """
     place = list(names).index(target)
     size = np.sqrt(np.diag(covariance))
@@ -74,6 +74,6 @@ def _first(measures: Sequence[Measure]) -> Measure:
 
 
 def _record_information(correlation: Floats, prior: Floats) -> Floats:
-    """Return the record's own information; a direction that the priors already explain has none."""
+    """Return the record's own information matrix; it is zero along directions that the priors already determine."""
     values, axes = np.linalg.eigh(np.linalg.pinv(correlation) - np.diag(prior))
     return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)

@@ -1,4 +1,4 @@
-"""What a run could not be sure of, in sentences."""
+"""Doubts about a run's results, in sentences."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from torsight.report.sections.prior_pulls import Prior, contradicted, priors
 
 
 def doubts(results: RunResults) -> list[Markup]:
-    """Return every doubt once: of the film, the clocks, the fit, the discovery, and those that the stages noted."""
+    """Return every doubt once: about the film, the clocks, the fit and the discovery, and the notes of the stages."""
     found = _of_angle(results) + _of_clocks(results.sync or {})
     if results.fit is not None and results.fit.get("converged") is False:
         found.append("The fit of the plain model did not converge.")
@@ -27,14 +27,14 @@ def doubts(results: RunResults) -> list[Markup]:
         for key in ("notes", "warnings", "not_sure"):
             extra = (document or {}).get(key) or []
             found += [extra] if isinstance(extra, str) else [in_words(one) for one in extra]
-    # Where a discovery has answered, it says itself what its model leaves.
+    # A discovery reports the residual of its own model.
     settled = (results.fit or {}).get("attention") or () if results.discovery is not None else ()
     sentences = (as_sentence(one) for one in found if one.strip() and one not in settled)
     return [with_symbols(one) for one in dict.fromkeys(sentences)]
 
 
 def as_sentence(words: str) -> str:
-    """Return words with a capital in front and a stop at the end; a name with an underscore keeps its letters."""
+    """Return words with an initial capital and a full stop; a name with an underscore keeps its letters."""
     words = words.strip()
     first = words.split()[0]
     start = words if "_" in first else words[0].upper() + words[1:]
@@ -74,7 +74,7 @@ def _of_discovery(discovery: Mapping[str, Any]) -> list[str]:
         found.append("No half-cycle could be held out, so the errors are those of the fit itself.")
     for effect in discovery.get("effects") or []:
         chance = effect.get("probability")
-        # A discovery.json does not say whether its engine was given another level.
+        # discovery.json does not record whether the engine used another level.
         if chance is not None and chance < Settings().credible:
             found.append(f"The effect '{effect_name(str(effect['id']))}' is named with probability {chance:.2f} only.")
     return found
@@ -86,7 +86,7 @@ def _of_parameters(parameters: Mapping[str, Any], known: Mapping[str, Prior]) ->
         if not value.get("fixed") and None in (value.get("ci95") or [None]):
             found.append(f"The record says nothing about {name}.")
         pull = known[name].pull(value) if name in known else None
-        # The friction's characterised value is a start for the fit, not a claim.
+        # The friction's characterised value is only a start for the fit.
         if pull is not None and contradicted(pull) and name != "tau_c_mnm":
             found.append(f"The record contradicts the characterised {name} by {abs(pull):.1f} standard deviations.")
     return found

@@ -1,4 +1,4 @@
-"""What to do next with a result: what limits it, what would halve its intervals, whether a controller may trust it."""
+"""Advice on a result: its limitation, the measurement that would halve its intervals, its use in a controller."""
 
 from __future__ import annotations
 
@@ -30,12 +30,11 @@ from torsight.report.sections.limitations import as_sentence
 from torsight.report.sections.prior_pulls import priors
 
 _HONEST: Final = 0.90
-"""Least share of the samples within two predicted sigmas: 0.95 where the noise is normal, less half the samples' worth
-of a half-cycle or so."""
+"""Least share of the samples within two predicted sigmas: 0.95 for normal noise, less those of half a half-cycle."""
 
 
 class Step(NamedTuple):
-    """A question and its answer; ``good`` where the answer is one that nobody has to worry about."""
+    """A question and its answer; ``good`` where the answer is no reason for concern."""
 
     question: str
     answer: Markup
@@ -60,7 +59,7 @@ def _model(results: RunResults) -> FittedModel | None:
     try:
         return read_model(results.folder / "model.json")
     except TorsightError:
-        # A model of other effects than are installed here: what needs it is left out.
+        # The model has effects that are not installed here: advice that needs the model is left out.
         return None
 
 
@@ -68,14 +67,14 @@ def _limit(results: RunResults) -> str:
     discovery = results.discovery or {}
     left, floor = error_left(discovery), discovery.get("noise_floor_deg")
     if left is None or not floor:
-        return "The record's noise floor is not known, so nothing can be said."
+        return "The record's noise floor is not known, so its limit cannot be named."
     if not_explained(discovery):
         return (
             f"The model, not the measurement: the residual is {number(times_floor(discovery))} times the noise floor. "
             "A longer record narrows the intervals honestly only once the residual is explained."
         )
     if discovery.get("verdict") == "ambiguous":
-        return "The programme: it moves the actuator alike under all explanations. Run the one proposed below."
+        return "The programme: the actuator moves in the same way under all explanations. Run the one proposed below."
     if left > EXPLAINED * floor:
         return (
             "How well this record determines the values: the residual of the fit is noise, but held-out half-cycles "
@@ -89,7 +88,7 @@ def _limit(results: RunResults) -> str:
 
 
 def _noise(results: RunResults, floor: float) -> str:
-    """Say how much of the noise floor is the film's, and what to do about the larger part."""
+    """Return sentences on the film's share of the noise floor, with advice on the larger part."""
     table = results.first_of("merged", "curves", "angle")
     sigma = np.empty(0) if table is None else column(table, "angle_sigma_deg")
     sigma = sigma[np.isfinite(sigma)]
@@ -108,7 +107,7 @@ def _noise(results: RunResults, floor: float) -> str:
 
 
 def _halving(results: RunResults, model: FittedModel | None) -> list[Step]:
-    """Return which measurement would halve the intervals that people look at first."""
+    """Return the measurements that would halve the intervals of the friction torque and the named effects."""
     if model is None or model.doubt is None or not np.isfinite(model.doubt.covariance).all():
         return []
     names, covariance = model.doubt.names, model.doubt.covariance
@@ -130,13 +129,13 @@ def _halving(results: RunResults, model: FittedModel | None) -> list[Step]:
 
 
 def _halved(results: RunResults, longer: Measure, sharper: Measure | None) -> Markup:
-    """Say what halves an interval: the least that does, or how far the strongest single measurement goes."""
+    """Return the least measurement that halves an interval, or the ratio that the strongest single one reaches."""
     record = escape(f"{longer.factor:g} times as many half-cycles{_instead(results, longer.factor)}")
     ways = [(record, longer), *([] if sharper is None else [(_characterised(results, sharper), sharper)])]
     enough = [words for words, measure in ways if measure.ratio <= HALVED]
     if enough:
         return Markup("{}.").format(Markup(", or ").join(enough))
-    # Four times the information from every source is a quarter of the variance, whatever the correlations.
+    # Four times the information from every source gives a quarter of the variance, whatever the correlations.
     words, strongest = min(ways, key=lambda one: one[1].ratio)
     return Markup(
         "nothing alone; four times as many half-cycles and every characterised value twice as well together do. The "
@@ -162,7 +161,7 @@ def _characterised(results: RunResults, measure: Measure) -> Markup:
 
 
 def _control(results: RunResults, model: FittedModel | None) -> Step:
-    """Say whether the model may be trusted for control: held-out error and predicted sigma against the range."""
+    """Return whether the model may be trusted for control, from held-out error, predicted sigma and range."""
     discovery = results.discovery or {}
     question = "Can the model be trusted for control?"
     left = error_left(discovery) or 0.0
@@ -193,7 +192,7 @@ def _control(results: RunResults, model: FittedModel | None) -> Step:
         return Step(question, escape(f"Not yet, because {', and '.join(against)}.{ends}"), good=False)
     within = f"within about ±{number(2.0 * (left if sigma is None else max(sigma, left)), 2)}° (two sigmas)"
     if sigma is not None and sigma > EXPLAINED * left:
-        words = f"Only {within}, because the record determines the values no better; more half-cycles would."
+        words = f"Only {within}, because the record does not determine the values better; more half-cycles would."
         return Step(question, escape(f"{words}{ends}"))
     return Step(question, escape(f"Yes, {within}, for temperatures and rates like this record's.{ends}"), good=True)
 
@@ -215,7 +214,7 @@ def _predicted(results: RunResults, model: FittedModel | None) -> tuple[float | 
     try:
         said = predict_with_sigma(model, TemperatureLog(**columns), start_angle_rad=float(angle[first]) * DEG)
     except TorsightError:
-        # A record that cannot drive a model by itself, such as one that was cut by hand.
+        # A record that cannot drive a model, such as one that was cut by hand.
         return None, 0.0
     sigma = np.interp(column(curves, "time_s"), columns["time_s"], said.sigma_rad / DEG)
     off = np.abs(column(curves, "residual_after_deg"))

@@ -1,4 +1,4 @@
-"""The report's words and tables, from the JSON results; where one is absent the answer is empty."""
+"""The report's text and tables, from the JSON results; empty where a result is absent."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FILES: Final = {
     "merged.csv": "angle and temperatures on one clock",
     "curves.csv": "the curves and residuals of this page",
     "track.json": "how well the film was tracked",
-    "track.png": "frames of the film with the markers as read",
+    "track.png": "frames of the film with the tracked markers",
     "sync.json": "the two clocks",
     "fit.json": "the plain model's fit",
     "discovery.json": "what was missing",
@@ -52,9 +52,9 @@ FILES: Final = {
 
 
 _WIDEST_PX: Final = 2240
-"""Of the picture of the tracking in the page: twice its widest column."""
+"""Largest width of the picture of the tracking in the page, pixels: twice the width of the widest column."""
 _WEBP_QUALITY: Final = 80
-"""OpenCV's own middle, at which letters of ten pixels are clean; measured on the demo's picture: 17 % of the PNG."""
+"""WebP quality, OpenCV's own middle, at which letters of ten pixels are clean; the demo's is 17 % of the PNG."""
 
 
 class Tile(NamedTuple):
@@ -82,17 +82,17 @@ def lead(results: RunResults) -> str:
     if after is None or is_plain_answer(discovery):
         return f"The plain model misses held-out half-cycles by {error_words(before)} rms.{ends}"
     if not_explained(discovery):
-        # The headline's figure is not the ratio of the two that stand here.
+        # The headline's ratio is not that of these two figures.
         ends += (
             f" The residual is {number(times_floor(discovery))} times that, each independent reading counted once: "
-            "a rest is one, however long."
+            "a rest is one reading, however long."
         )
     took = f"from {error_words(before)} to {error_words(after)} rms"
     return f"The extended model takes the error on held-out half-cycles {took}.{ends}"
 
 
 def _why_open(discovery: Mapping[str, Any]) -> str:
-    """Return why half-cycles are missed by a model that the fit to all of them explains."""
+    """Return a sentence on why the error on held-out half-cycles is large although the fit to all explains them."""
     count = len(discovery.get("held_out") or [])
     others = f"the other {count - 1}" if count > 2 else "the other one"
     return (
@@ -168,7 +168,7 @@ def _missing_tile(discovery: Mapping[str, Any]) -> Tile:
 
 
 def _telling(effect: Mapping[str, Any]) -> Markup:
-    """Return the value of an effect that says most to people: one made of the fitted values, else the first of them."""
+    """Return the most meaningful value of an effect: one computed from the fitted values, else the first of these."""
     made = list(for_people(effect).items())[:1]
     values = [Markup("{} {}").format(titled(name), value_words(value)) for name, value in made]
     title = str(effect.get("title") or "")
@@ -247,9 +247,9 @@ def missing(results: RunResults) -> dict[str, Any]:
 
 
 def _shares(discovery: Mapping[str, Any]) -> dict[str, float]:
-    """Return how much of the plain model's squared error each effect explains, percent.
+    """Return the share of the plain model's squared error that each effect explains, percent.
 
-    What the set explains is shared out by what would be lost without each member.
+    The share of the whole set is divided in proportion to the loss without each member.
     """
     gains = {str(effect["id"]): effect.get("gain") for effect in discovery.get("effects") or []}
     if len(gains) == 1:
@@ -273,7 +273,7 @@ def _held_out(results: RunResults) -> str:
 
 
 def score(value: float | None) -> str:
-    """Return an error or a share of variance: of the latter as many nines as there are, and two digits more."""
+    """Return an error or a share of variance in words; a share keeps its leading nines and two digits more."""
     if value is None:
         return "–"
     if not 0.9 < value < 1.0:
@@ -345,9 +345,9 @@ def tracking(results: RunResults) -> dict[str, Any]:
 
 
 def track_picture(results: RunResults) -> str | None:
-    """Return ``track.png`` as an address that holds the picture itself; None where no film was tracked.
+    """Return ``track.png`` as a data URL; None where no film was tracked.
 
-    In the page it is a WebP, a fifth as large; the file beside the page has every pixel.
+    In the page the picture is a WebP, a fifth as large; the file beside the page has every pixel.
     """
     import cv2
 
@@ -387,5 +387,5 @@ def origin(results: RunResults) -> dict[str, Any]:
 
 
 def files(folder: Path) -> list[tuple[str, str]]:
-    """Return the result files that lie beside the page."""
+    """Return the result files beside the page."""
     return [(name, words) for name, words in FILES.items() if (folder / name).exists()]

@@ -16,7 +16,7 @@ from torsight.report.sections.prior_pulls import Prior, contradicted, priors
 
 
 def parameter_table(results: RunResults) -> dict[str, Any]:
-    """Return the table of parameters: characterised, plain fit, extended fit, and how far each was pulled."""
+    """Return the table of parameters: characterised value, plain fit, extended fit, and the pull of each."""
     discovery = results.discovery or {}
     plain = dict(discovery.get("plain_parameters") or (results.fit or {}).get("parameters") or {})
     extended = dict(discovery.get("parameters") or {})

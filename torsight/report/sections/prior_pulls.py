@@ -1,4 +1,4 @@
-"""Characterised values beside fitted ones: how far a fit pulled a parameter, in standard deviations."""
+"""Pulls: distances of fitted from characterised values, in standard deviations."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Prior:
         return (float(value) - self.value) / self.sigma
 
     def interval(self, fitted: Mapping[str, Any]) -> tuple[float, float] | None:
-        """Return the 95 % interval of a fit in the same measure; None where there is none."""
+        """Return the 95 % interval of a fit in the same unit; None where there is none."""
         low, high = fitted.get("ci95") or (None, None)
         if low is None or high is None or fitted.get("fixed") or not self.sigma:
             return None
@@ -44,7 +44,7 @@ class Prior:
 
 
 def contradicted(pull: float | None) -> bool:
-    """Return whether a fit lies further from a characterised value than chance takes it."""
+    """Return whether a fit lies further from a characterised value than chance explains."""
     return pull is not None and abs(pull) > CONTRADICTED_SIGMAS
 
 

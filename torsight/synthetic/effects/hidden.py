@@ -1,8 +1,8 @@
-"""Hidden effects that a rig can have: what each does there, its parameters, and the laws it can follow.
+"""Hidden effects that a rig can have: the action of each in the rig, its parameters, and the laws that it can follow.
 
-The first twelve carry the ids of the public contract; their laws here are written for a rig that moves, and most have
-a second form that is not the one an effect file assumes. Torques that grow past an onset are given as their value 100°
-beyond it. What stands outside the contract's list is in :mod:`torsight.synthetic.effects.mechanisms`.
+The first twelve have the ids of the public contract; their laws here are written for a moving rig, and most have a
+second form that differs from that of the effect's file. Torques that grow past an onset are given by their value 100°
+beyond it. Effects outside the contract's list are in :mod:`torsight.synthetic.effects.mechanisms`.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ class MarkerSlip(HiddenEffect):
 
 
 def _effects_of(module: Mapping[str, Any]) -> dict[str, type[HiddenEffect]]:
-    """Return the effects that a module defines by their ids, which are their names in small letters."""
+    """Return the effects that a module defines, by id: the class name in snake case."""
     kinds = {name: kind for name, kind in module.items() if isinstance(kind, type) and issubclass(kind, HiddenEffect)}
     del kinds["HiddenEffect"]
     return {re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower(): kinds[name] for name in kinds}

@@ -1,6 +1,6 @@
-"""Hidden effects outside the contract's list: mechanisms that the literature or a rig has, each with its law.
+"""Hidden effects outside the contract's list: mechanisms from the literature or from rigs, each with its law.
 
-The contract's twelve, and the list of all, stand in :mod:`torsight.synthetic.effects.hidden`.
+The contract's twelve effects, and the list of all, are in :mod:`torsight.synthetic.effects.hidden`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class HiddenEffect:
     """One effect that a rig has and its ``actuator.toml`` does not declare; its keys are the scene file's."""
 
     def constants(self) -> dict[str, float]:
-        """Return the integrator's constants that its keys set, SI; empty where it acts on clock or reading only."""
+        """Return the integrator's constants that the keys set, SI; empty if the effect acts on clock or reading."""
         return constants_of(self)
 
 
@@ -138,7 +138,7 @@ class UnlikeSprings(HiddenEffect):
 
 @dataclass(frozen=True, slots=True)
 class LocalTorque(HiddenEffect):
-    """A torque at one place of the turn, alike for both directions."""
+    """A torque at one place of the turn, the same in both directions."""
 
     height_mnm: float = key(0.3, "largest torque; of a magnet, towards it", lower=-20.0, upper=20.0, constant="local")
     angle_deg: float = key(40.0, "the place", lower=-1e4, upper=1e4, constant="local_angle")
@@ -176,9 +176,11 @@ class LatentHeat(HiddenEffect):
 
 @dataclass(frozen=True, slots=True)
 class MinorLoops(HiddenEffect):
-    """A transformation after an incomplete one waits for the whole loop instead of beginning at once."""
+    """A transformation after an incomplete one begins only on the complete loop instead of immediately."""
 
-    memory: float = key(0.7, "0: begins at once; 1: on the whole loop", lower=0.0, upper=1.0, constant="loop_memory")
+    memory: float = key(
+        0.7, "0: begins immediately; 1: on the complete loop", lower=0.0, upper=1.0, constant="loop_memory"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Laws of any shape at one place of the rig, each a function of one variable.
 
-A law is a table over its driver. Those of the compiled integrator have a slot each there; those of the reading and of
-the recoverable angle act before and after it. Values are what is added, or a relative change:
+A law is a table over its driver. Each law of the compiled integrator has a slot there; laws of the recoverable angle
+and of the reading act before and after the integrator. Values are added, or are a relative change:
 
 ==============  ====================================================  ======================================
 port            drivers                                               value
@@ -11,8 +11,8 @@ friction        angle, temperature of the driven spring (°C), angle   relative 
                 rate (rad/s), dwell (time at rest, s; at its end)
 reading         angle, time (s)                                       added to the angle that is read, rad
 temperature     temperature, temp_rate (K/s)                          wire less sensor, K
-phase           temperature less what stress moves the windows by     by how much the phase law takes it warmer, K
-winding         winding θ of the spring itself (rad)                  added torque, N·m, alike in both ways
+phase           temperature minus its shift by stress                 added to the phase law's temperature, K
+winding         winding θ of the spring itself (rad)                  added torque, N·m, in both directions
 loading         winding                                               added to the loading curve past θ_cr, N·m
 recoverable     half_cycle, cycle (of the spring itself)              relative change of θ_L
 ==============  ====================================================  ======================================
@@ -30,7 +30,7 @@ from torsight.core.errors import ConfigError
 from torsight.core.units import Floats, Ints
 
 NODES: Final = 256
-"""Nodes of a law in the integrator: lines between them miss a law of the shortest length by 2e-4 of its size."""
+"""Nodes of a law in the integrator: linear interpolation errs by 2e-4 of the size of a law of the shortest length."""
 
 SLOTS: Final[Mapping[tuple[str, str], int]] = {
     ("torque", "angle"): 0,
@@ -46,15 +46,15 @@ SLOTS: Final[Mapping[tuple[str, str], int]] = {
 }
 """Rows of the integrator's table of laws, by port and driver."""
 OUTSIDE: Final = (("reading", "angle"), ("reading", "time"), ("recoverable", "half_cycle"), ("recoverable", "cycle"))
-"""Laws that act beside the integrator."""
+"""Laws that act outside the integrator."""
 
 
 @dataclass(frozen=True, eq=False)
 class RigLaw:
-    """One law of a rig: where it acts and over what (see the module), with values at equal distances.
+    """One law of a rig: its port and driver (see the module), with values at equal distances.
 
-    The ends of the driver's range are in SI units and °C, beyond them the value is held; values (n,) are in the port's
-    unit. ``spring`` is ``a``, ``b`` or ``both``: whose, where a port has one per spring.
+    The ends of the driver's range are in SI units and °C, beyond them the value is constant; values (n,) are in the
+    port's unit. ``spring`` is ``a``, ``b`` or ``both``, for a port that each spring has.
     """
 
     port: str
@@ -89,7 +89,7 @@ class RigLaw:
 
 
 def recoverable_share(laws: Iterable[RigLaw], *, half_cycle: Ints, cycle: Floats) -> Floats:
-    """Return by what θ_L is multiplied (n,) in each half-cycle, from its number and the spring's own cycle number."""
+    """Return the factor (n,) of θ_L in each half-cycle, from its number and the spring's own cycle number."""
     share = np.ones(len(cycle))
     for item in laws:
         if item.port == "recoverable":
@@ -99,7 +99,7 @@ def recoverable_share(laws: Iterable[RigLaw], *, half_cycle: Ints, cycle: Floats
 
 
 def read_with(laws: Iterable[RigLaw], *, angle_rad: Floats, time_s: Floats) -> Floats:
-    """Return what laws of the reading add to the angle (n,), rad."""
+    """Return the sum (n,) of the laws of the reading, rad."""
     added = np.zeros(len(angle_rad))
     for item in laws:
         if item.port == "reading":

@@ -1,4 +1,4 @@
-"""What happens in front of and inside the camera, frame by frame: times, shake, light, hands and wires."""
+"""Disturbances in front of and inside the camera, frame by frame: times, shake, light, hands and wires."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from torsight.synthetic.filming.picture import MARGIN_PX
 from torsight.synthetic.scene import FilmEvent, FilmSettings, Scene
 
 _ENTRY_S: Final = 0.15
-"""Time in which a hand comes into the picture, and goes: about a metre a second over the 17 cm that the usual camera
-sees."""
+"""Time in which a hand enters or leaves the picture: about a metre a second over the usual camera's view of 17 cm."""
 _DARK: Final = 0.02
-"""Share of the light that is left when it is off: a room is never quite dark. A choice."""
+"""Share of the light that remains when the light is off: a room is never quite dark. A choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +32,7 @@ class Bar:
 
 def frame_ticks(settings: FilmSettings, duration_s: float, tick: Fraction, rng: np.random.Generator) -> Ints:
     """Return the timestamps of the frames that the film has, in ticks of its container."""
-    # A length of so many whole frames may come out a rounding error short of them.
+    # A length of a whole number of frames may be shorter by a rounding error.
     count = max(1, int(duration_s * settings.fps + 1e-9))
     place = np.arange(count, dtype=np.float64)
     place[1:] += settings.jitter * rng.uniform(-1.0, 1.0, count - 1) if count > 1 else 0.0
@@ -44,7 +43,7 @@ def frame_ticks(settings: FilmSettings, duration_s: float, tick: Fraction, rng: 
 
 
 def shake_path(scene: Scene, time_s: Floats, rng: np.random.Generator) -> Floats:
-    """Return by how much the picture is moved in each frame (n, 2), px: shake and bumps."""
+    """Return the displacement of the picture in each frame (n, 2), px: shake and bumps."""
     shift = np.zeros((len(time_s), 2))
     if scene.camera.shake_px > 0.0:
         # A first-order Gauss-Markov process: its correlation ends after 1 / (2π f).
@@ -99,7 +98,7 @@ class Occluders:
                 self._bars.append((event, seen[chosen].mean(axis=0)))
 
     def at(self, time_s: float) -> list[Bar]:
-        """Return what covers the picture at an instant of the film's clock."""
+        """Return the bars that cover the picture at an instant of the film's clock."""
         found = []
         for event, target_px in self._bars:
             since_s = time_s - event.start_s

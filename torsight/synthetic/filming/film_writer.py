@@ -37,7 +37,7 @@ SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
 
 @contextlib.contextmanager
 def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> Iterator[_Pictures | _Encoder]:
-    """Give a writer for a film that appears at ``path`` when it is whole."""
+    """Give a writer for a film that appears at ``path`` when it is complete."""
     if settings.codec == "png":
         with _open_folder(path) as folder_writer:
             yield folder_writer
@@ -76,7 +76,7 @@ class _Pictures:
 
 
 class _Encoder:
-    """Encodes in a thread of its own, so that drawing and encoding share the cores."""
+    """Encodes in a separate thread, so that drawing and encoding share the cores."""
 
     def __init__(self, path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> None:
         self._codec = settings.codec
@@ -85,7 +85,7 @@ class _Encoder:
         # bitexact: no dates, versions or random identifiers in the container.
         self._container = av.open(str(path), "w", format=name, options={"fflags": "+bitexact"})
         self._stream: Any = self._add_stream(settings, size_px)
-        # Enough for both sides to go on, and some megabytes: whoever draws waits where the encoder is slower.
+        # Long enough to keep both sides busy, and only some megabytes: drawing waits where the encoder is slower.
         self._queue: queue.Queue[tuple[int, Luma] | None] = queue.Queue(maxsize=16)
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="film encoder", daemon=True)
@@ -144,7 +144,7 @@ class _Encoder:
         if self._codec == "ffv1":
             frame = av.VideoFrame.from_ndarray(luma, format="gray")
         else:
-            # The grey levels are the luma plane as they are; both colour planes stay neutral.
+            # The grey levels are the luma plane unchanged; both colour planes are neutral.
             height, width = luma.shape
             planes = np.full((height * 3 // 2, width), 128, np.uint8)
             planes[:height] = luma

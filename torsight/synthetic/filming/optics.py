@@ -1,7 +1,7 @@
 """The synthetic camera: world to picture, and every pixel back to a plane across the rotation axis.
 
-OpenCV's convention of pose and distortion, written out here, so that the project's reading of camera files can be
-checked against it.
+Pose and distortion follow OpenCV's convention, but are implemented here, so that the project's reading of camera files
+can be checked against them.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ class View:
 
     def jacobian(self, point_mm: Floats) -> Floats:
         """Return d(pixel)/d(X, Y) (2, 2) at a point of the world, px/mm."""
-        step = 0.01  # mm: errors of central differences go with its square, rounding against it
+        step = 0.01  # mm: the error of central differences grows with the square of the step, rounding with its inverse
         offsets = np.array([[step, 0, 0], [-step, 0, 0], [0, step, 0], [0, -step, 0]])
         seen = self.project(point_mm + offsets)
         return np.column_stack([seen[0] - seen[1], seen[2] - seen[3]]) / (2.0 * step)
 
 
 def distort(flat: Floats, coefficients: Floats) -> Floats:
-    """Return where a lens puts normalised image points (..., 2)."""
+    """Return the distorted positions of normalised image points (..., 2)."""
     k1, k2, p1, p2, k3 = coefficients
     x, y = flat[..., 0], flat[..., 1]
     r2 = x * x + y * y
@@ -71,7 +71,7 @@ def distort(flat: Floats, coefficients: Floats) -> Floats:
 
 
 def undistort(seen: Floats, coefficients: Floats) -> Floats:
-    """Return the normalised image points that a lens puts at ``seen`` (fixed point, to 1e-12)."""
+    """Return the normalised image points whose distorted positions are ``seen`` (fixed-point iteration, to 1e-12)."""
     flat = seen.copy()
     for _ in range(60):
         change = seen - distort(flat, coefficients)

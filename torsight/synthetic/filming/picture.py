@@ -1,8 +1,8 @@
 """Drawing, compiled: sticks with their markers, things in front of them, light and noise.
 
 A pixel's share of a shape is that of an edge at the shape's signed distance, blurred by lens and pixel area, with the
-edge's curvature to first order. Shapes are described in their plane; each pixel is led back to the plane along its ray,
-so perspective and distortion come out as they are.
+edge's curvature to first order. Shapes are described in their plane; each pixel is projected to the plane along its
+ray, which gives exact perspective and distortion.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def near_stick(x_mm: float, y_mm: float, turns: Floats, shape: Floats) -> bool:
 
 @njit(cache=True, nogil=True)
 def row_spans(hull: Floats, reach_px: float, width: int, first_row: int, rows: int) -> Ints:
-    """Return for each row from where to where (k, 2) it lies within a convex outline widened by ``reach_px``."""
+    """Return the range of columns (k, 2) of each row inside a convex outline that is widened by ``reach_px``."""
     spans = np.empty((rows, 2), np.int64)
     for row in range(rows):
         low, high = 1e9, -1e9
@@ -156,7 +156,7 @@ class Stick(NamedTuple):
 def draw_stick(canvas: Canvas, stick: Stick, first_row: int, spans: Ints) -> None:
     """Draw a stick into a picture, averaged over its directions.
 
-    Only the pixels of ``spans`` (k, 2) are looked at, from the first row on: x from, to (:func:`row_spans`).
+    Only the pixels of ``spans`` (k, 2; first and last x, :func:`row_spans`) are drawn, from the first row on.
     """
     picture, light, rays, shift_px, blur_px = canvas
     plane, turns, shape, scale = stick

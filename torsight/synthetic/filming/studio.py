@@ -16,15 +16,15 @@ from torsight.synthetic.filming.picture import MARGIN_PX, Canvas, Stick, draw_ba
 from torsight.synthetic.scene import LightSettings, Scene
 
 _NOISE_POOL: Final = 1 << 22
-"""Numbers that a frame's noise is a stretch of: fourteen frames of VGA, in 16 MB."""
+"""Size of the pool of random numbers from which a frame's noise is taken: fourteen frames of VGA, 16 MB."""
 _BLUR_STEP_PX: Final = 0.5 * LightSettings().blur_px
 _MOST_POSES: Final = 24
-"""Step between the poses of which a smeared stick is the mean, half of the usual lens' blur, and how many at most:
-enough for a smear of 8 px."""
+"""Step between the poses over which a smeared stick is averaged, half of the usual lens' blur, and their largest
+number: enough for a smear of 8 px."""
 
 
 class Studio:
-    """Draws what one camera sees: a fixed background with the base stick, the moving stick, things in front, noise."""
+    """Draws one camera's picture: a fixed background with the base stick, the moving stick, occluders, noise."""
 
     def __init__(self, scene: Scene, view: View, *, purpose: str) -> None:
         self._scene, self._view = scene, view
@@ -34,7 +34,7 @@ class Studio:
         width, height = view.intrinsics.size_px
         self._light = _light(scene, width, height)
         self._texture = _texture(scene, width, height)
-        # A pixel's own area blurs an edge like a box of width one.
+        # The area of a pixel blurs an edge like a box of width one.
         self._blur_px = math.sqrt(scene.light.blur_px**2 + 1.0 / 12.0)
         heights = (scene.camera.base_z_mm, scene.camera.moving_z_mm)
         self._planes = [view.plane_from_ray(z_mm) for z_mm in heights]
@@ -64,14 +64,14 @@ class Studio:
             draw_bar(picture, self._light, bar.ends_px, bar.radius_px, bar.level, 2.0 * self._blur_px)
         out = np.empty(picture.shape, np.uint8)
         light = self._scene.light
-        # A stretch at random of a pool of normal numbers: new ones for each frame would cost more than the rest.
+        # A random section of a pool of normal numbers: new numbers for each frame would take longer than the rest.
         start = int(self._rng.integers(_NOISE_POOL - out.size))
         noise = self._noise[start : start + out.size]
         expose(picture, np.float32(gain), np.float32(light.read_noise), np.float32(light.shot_noise), noise, out)
         return out
 
     def poses(self, speed_rad: float) -> int:
-        """Return how many directions stand for the stick's path while the shutter is open over ``speed_rad``."""
+        """Return the number of poses that represent the stick's path of ``speed_rad`` while the shutter is open."""
         reach_px = abs(speed_rad) * self._scene.sticks.length_mm * self._px_per_mm()
         return int(min(max(math.ceil(reach_px / _BLUR_STEP_PX), 1), _MOST_POSES))
 
@@ -80,7 +80,7 @@ class Studio:
         return float(np.sqrt(abs(np.linalg.det(jacobian))))
 
     def _set(self, shift_px: Floats) -> NDArray[np.float32]:
-        """Return the background with the base stick; drawn once for a camera that does not shake."""
+        """Return the background with the base stick, which is drawn only once for a camera that does not shake."""
         if not np.any(shift_px):
             if self._still is None:
                 self._still = self._draw_set(shift_px)
@@ -123,7 +123,7 @@ class Studio:
         return np.array(rows)
 
     def _area(self, directions: Floats, z_mm: float, shape: Floats, shift_px: Floats) -> tuple[int, Ints]:
-        """Return the pixels that a stick can touch: first row, and from where to where in each."""
+        """Return the pixels that a stick can touch: the first row, and the range of columns in each row."""
         corners = []
         for direction in directions:
             u = np.array([math.cos(direction), math.sin(direction)])
@@ -134,7 +134,7 @@ class Studio:
         points = np.column_stack([np.array(corners), np.full(len(corners), z_mm)])
         seen = self._view.project(points) + shift_px
         hull = cv2.convexHull(seen.astype(np.float32)).reshape(-1, 2).astype(np.float64)
-        # Blur, and the bend that a lens gives to straight edges.
+        # Margin for blur, and for the curvature of straight edges by distortion.
         reach = 5.0 * self._blur_px + 2.0
         width, height = self._view.intrinsics.size_px
         first = max(int(np.floor(hull[:, 1].min() - reach)), 0)
@@ -142,7 +142,7 @@ class Studio:
         return first, row_spans(hull, reach, width, first, max(last - first, 0))
 
     def first_markers(self, stick_rad: float, shift_px: Floats) -> Floats:
-        """Return where the four markers are seen (4, 2), px."""
+        """Return the positions of the four markers in the picture (4, 2), px."""
         return self._view.project(marker_points(self._scene, stick_rad)) + shift_px
 
 

@@ -1,4 +1,4 @@
-"""The rig's numbers as the compiled integrator takes them: one flat record, effects at their nulls unless on."""
+"""Constants of the rig for the compiled integrator: one flat record, with every effect at its null unless it is on."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ONSET_SCALE_RAD: Final = 100.0 * DEG
 class Constants(NamedTuple):
     """All numbers of one rig, SI units and °C; forms are small integers (0 is the usual law).
 
-    What a hidden effect sets has its null as the default.
+    Constants of hidden effects have their nulls as defaults.
     """
 
     k_a: float
@@ -113,9 +113,9 @@ _WHOLE: Final = frozenset(name for name, kind in get_type_hints(Constants).items
 
 
 def to_records(constants: Constants, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw]) -> NDArray[np.void]:
-    """Return the constants as two records, which compiled functions take by reference: with spring A's and B's values.
+    """Return the constants as two records, with spring A's and with B's values, as the compiled functions take them.
 
-    ``law`` holds each law's values on its nodes, one row per slot; where ``law_step`` is 0 there is none.
+    ``law`` holds each law's values on its nodes, one row per slot; a slot with ``law_step`` 0 is empty.
     """
     layout: list[Any] = [(name, np.int64 if name in _WHOLE else np.float64) for name in Constants._fields]
     layout += [("law", np.float64, (len(SLOTS), NODES)), ("law_start", np.float64, len(SLOTS))]
@@ -150,7 +150,7 @@ def has_law(c: Any, slot: int) -> bool:
 
 @lending
 def law(c: Any, slot: int, x: float) -> float:
-    """Return a law's value, 0 where the rig has none in that slot: lines between nodes, held beyond the ends."""
+    """Return a law's value, linear between nodes and constant beyond the ends; 0 where the slot is empty."""
     if not has_law(c, slot):
         return 0.0
     place = min(max((x - c.law_start[slot]) / c.law_step[slot], 0.0), NODES - 1.0)
@@ -187,7 +187,7 @@ def pack(
 
 
 def zones(effects: Mapping[str, HiddenEffect]) -> tuple[Floats, Floats]:
-    """Return the weights of the wire's zones and how much cooler each is than the middle, °C."""
+    """Return the weights of the wire's zones and their temperatures below that of the middle, °C."""
     effect = effects.get("nonuniform_temperature")
     if not isinstance(effect, NonuniformTemperature):
         return np.ones(1), np.zeros(1)

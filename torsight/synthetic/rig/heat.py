@@ -41,7 +41,7 @@ def heat_step(c: Constants, temps_c: Floats, current: Floats, work: Floats, step
 
 @lending
 def lag_step(c: Constants, temps_c: Floats, lagged_c: Floats, step_s: float) -> None:
-    """Let the sensors (spring, stage) follow their wires."""
+    """Advance the lagged temperatures of the sensors (spring, stage) by one step."""
     for i in range(2):
         lag_s = c.lag_b_s if i == 1 else c.lag_s
         keep = math.exp(-step_s * c.lag_stages / lag_s) if lag_s > 0.0 else 0.0

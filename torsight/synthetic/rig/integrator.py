@@ -1,4 +1,4 @@
-"""The moving rig in time, compiled: switches, control, heat, phase and motion in fixed steps."""
+"""Time integration of the moving rig, compiled: switches, control, heat, phase and motion in fixed steps."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ from torsight.synthetic.rig.spring_state import (
 )
 
 _SLACK_C: Final = 0.1
-"""A temperature that turns by less has not turned: three sigmas of a reading's usual noise."""
+"""Smallest reversal of a temperature that counts, °C: three sigmas of a reading's usual noise."""
 _RELEASED: Final = 0.9
 """Share of its limit to which friction must fall before the rig counts as stuck again: a choice."""
 _OVER_TEMPERATURE: Final = SLOTS["temperature", "temperature"]
 _OVER_RATE: Final = SLOTS["temperature", "temp_rate"]
 _RATE_FOLLOWS_S: Final = 2.0
-"""A difference between wire and sensor that goes with the rate builds up in this time, about, not at once: a choice."""
+"""Time constant with which a rate-dependent difference between wire and sensor builds up, s: a choice."""
 
 
 _HEAT_FOLLOWS_S: Final = 0.2
-"""Heat that the phase takes up is missing at the sensor so much later, a choice; if at once, the control would swing
-about it."""
+"""Delay with which the latent heat of the phase appears at the sensor, s: a choice; without it the control would
+oscillate."""
 
 
 class Course(NamedTuple):
@@ -115,7 +115,7 @@ def lead(c: Constants, spring: Spring, theta: float, wire_c: float, reference_c:
 
 @lending
 def passive_step(c: Constants, spring: Spring, temp_c: float, since_s: float) -> None:
-    """Let the spring that is not driven creep and follow its own temperature, where the rig has that."""
+    """Apply creep and the other spring's own temperature to the spring that is not driven, where the rig has them."""
     if c.creep > 0.0:
         spring.s[FACTOR] = 1.0 - c.creep * math.log10(1.0 + since_s / c.creep_onset)
     if c.crosstalk == 1 and spring.s[MODE] == COLD:
@@ -128,7 +128,7 @@ def move(
 ) -> int:
     """Advance the rig by one step; return 1 where it slides.
 
-    Where sticking turns into sliding the active spring's reference is taken anew.
+    Where sticking turns into sliding the active spring's reference is reset.
     """
     c = pair[0]
     w, deflection, slips = step_angle(pair, springs, motion, temps_c, step_s)
@@ -146,7 +146,7 @@ def move(
 
 @lending
 def feel(pair: Pair, temps_c: Floats, rates_k_s: Floats, active: int, felt_c: Floats) -> None:
-    """Fill ``felt_c`` with what springs and friction feel: wires, body, driven spring."""
+    """Fill ``felt_c`` with the temperatures that act on springs and friction: wires, body, driven spring."""
     for i in range(2):
         felt_c[i] = temps_c[i] + law(pair[i], _OVER_TEMPERATURE, temps_c[i]) + law(pair[i], _OVER_RATE, rates_k_s[i])
     felt_c[BODY] = temps_c[BODY]
@@ -162,7 +162,7 @@ def integrate(
     The ``pair`` of records holds the rig's numbers with spring A's and B's values
     (:func:`torsight.synthetic.rig.constants.to_records`), ``start`` the angle and the temperatures of wire A, wire B
     and the body, ``s`` the states of both springs, which are changed in place, ``zones`` the weights of the wire's
-    zones and how much cooler each is than the middle, ``course`` what is done at every sample.
+    zones and how much cooler each is than the middle, ``course`` the inputs at every sample.
     """
     c = pair[0]
     command, reference_c, cycle, share, noise_c = course

@@ -5,7 +5,7 @@ Backward Euler; the torques are those at the end of the step, phase included::
     J φ'' + b φ' = τ^B(θ_P/2 − φ) − τ^A(θ_P/2 + φ) − τ_f + stray torques
 
 Friction is a bristle: τ_f = κ z with z following φ until |κ z| reaches the limit, then sliding at the limit. It tends
-to Coulomb's law as κ grows, and the whole to the quasi-static model as the motion gets slow.
+to Coulomb's law as κ grows, and the rig to the quasi-static model as the motion gets slow.
 """
 
 from __future__ import annotations
@@ -168,8 +168,8 @@ def step_angle(
 ) -> tuple[float, float, bool]:
     """Return angle and bristle deflection at the end of one step, and whether it slid.
 
-    What a rest has added to the friction holds until it has moved: the step with which it begins to slide ends just
-    past that limit, where the reference is taken, and the disk jumps in the next.
+    Friction that has grown at rest holds until the disk has moved: the step in which the disk begins to slide ends just
+    past this limit, where the reference is reset, and the disk jumps in the next step.
     """
     c = pair[0]
     phi, rest_s = motion[PHI], motion[REST]

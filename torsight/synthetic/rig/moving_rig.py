@@ -1,4 +1,4 @@
-"""The rig from its values and its protocol to signals in time."""
+"""Simulation of the rig: from its values and its protocol to signals over time."""
 
 from __future__ import annotations
 
@@ -178,8 +178,8 @@ def scaled_constants(
 ) -> Constants:
     """Return the rig's constants scaled to the protocol's pace.
 
-    Heat capacities and integral time go with the time factor f, inertia with f², damping with f: a shortened record is
-    the paper's record on a faster clock, as quasi-static as it was.
+    Heat capacities and integral time scale with the time factor f, inertia with f², damping with f: a shortened record
+    is the paper's record on a faster clock, and equally quasi-static.
     """
     sections = (setup.mechanics, setup.thermal, setup.sensor)
     plain = pack(values, sections, presliding_rad=setup.mechanics.presliding_deg * DEG, effects=effects)
@@ -194,15 +194,15 @@ def scaled_constants(
 
 
 def home_angle(values: RigValues) -> float:
-    """Return an angle near the home of the stable cycle, rad: where the homing starts from."""
+    """Return an angle near the home of the stable cycle, rad, from which the homing starts."""
     return min(0.33 * (0.5 * values.rig.theta_p_rad - values.rig.theta_cr_rad) * 1.5, 0.5 * values.rig.theta_p_rad)
 
 
 def home_state(pair: NDArray[np.void], angle_rad: float) -> Floats:
     """Return both springs as cold martensite at an angle, driven there by B (the model's home).
 
-    Each is on its loading curve; where that leaves more than the friction torque between them, A was unwound
-    elastically until the friction holds the rest.
+    Each spring is on its loading curve; where the difference of their torques exceeds the friction torque, A is unwound
+    elastically until friction holds the remaining difference.
     """
     state = np.zeros((2, COLUMNS))
     state[:, [FACTOR, WARMING, XI]] = 1.0
@@ -214,7 +214,7 @@ def home_state(pair: NDArray[np.void], angle_rad: float) -> Floats:
 
 
 def _room_drift(since_s: Floats, effects: Mapping[str, HiddenEffect]) -> Floats:
-    """Return the change of both readings by the room, °C, at times after the record began."""
+    """Return the change of both readings due to the room temperature, °C, at times after the start of the record."""
     drift_c = np.zeros_like(since_s)
     for effect in effects.values():
         if isinstance(effect, RoomDrift):
@@ -242,7 +242,7 @@ def reading_angle(
 ) -> Floats:
     """Return the angle (n,) that a perfect camera would read at times on the film's clock, rad.
 
-    Play, eccentricity, a slip and drift, and laws of the reading, on top of the actuator's angle φ.
+    Play, eccentricity, a slip and drift, and laws of the reading are added to the actuator's angle φ.
     """
     read = angle_rad + read_with(laws, angle_rad=angle_rad, time_s=time_s)
     for effect in effects.values():
@@ -266,7 +266,7 @@ def reading_angle(
 
 
 def play(angle_rad: Floats, gap_rad: float) -> Floats:
-    """Return what follows ``angle_rad`` through a play of width ``gap_rad``, started in its middle."""
+    """Return the angle that follows ``angle_rad`` through a play of width ``gap_rad``, started in its middle."""
     out = np.empty_like(angle_rad)
     follower = float(angle_rad[0])
     half = 0.5 * gap_rad

@@ -1,4 +1,4 @@
-"""What is done to the rig: half-cycles of heating and cooling, as commands and references sample by sample."""
+"""Protocol of the rig: half-cycles of heating and cooling, as commands and references sample by sample."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class HalfCycle:
 
 @dataclass(frozen=True, slots=True)
 class Protocol:
-    """All half-cycles in order, in the time that they really take; a prelude replaces the homing before the record."""
+    """All half-cycles in order, with their real durations; a prelude replaces the homing before the record."""
 
     half_cycles: tuple[HalfCycle, ...]
     rest_s: float
@@ -61,9 +61,9 @@ class Protocol:
 class Commands:
     """The protocol sample by sample (n,).
 
-    Commands: 0 rest, 1 or 2 spring A or B on, −1 or −2 cooling after it; the temperature reference where a spring is
-    on; how often the spring in question was heated before; the number of the half-cycle, −1 during homing and the first
-    rest. ``recorded`` is the first sample of the record, after homing.
+    It holds the commands (0 rest, 1 or 2 spring A or B on, −1 or −2 its cooling), the temperature reference where a
+    spring is on, the number of earlier heatings of this spring, and the number of the half-cycle, −1 during homing and
+    the first rest. ``recorded`` is the first sample of the record, after homing.
     """
 
     command: Ints
@@ -78,7 +78,7 @@ _PAPER: Final = ({"spring": "a"}, {"spring": "b"})
 
 
 def read_protocol(table: Mapping[str, Any], *, where: str) -> Protocol:
-    """Read the table [protocol]; half-cycles that are left out are the paper's: A, then B.
+    """Read the table [protocol]; without half-cycles those of the paper are used: A, then B.
 
     A half-cycle has ``spring`` ("a" or "b"), ``peak_c``, ``ramp_s`` (time to reach it), ``heat_s`` (time switched on,
     600) and ``cool_s`` (300); ``points`` = [[s, °C], …] replaces peak and ramp by any reference. All times are

@@ -1,7 +1,7 @@
-"""True values of a rig: what the springs and the friction are, as against what ``actuator.toml`` declares of them.
+"""True values of a rig's springs and friction, which differ from the declared values of ``actuator.toml``.
 
-Symbols, equations and the reference values are those of the quasi-static model (section 3 of the paper); the rig
-shares them with the model that is fitted, and nothing else.
+Symbols, equations and the reference values are those of the quasi-static model (section 3 of the paper); these are all
+that the rig shares with the fitted model.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ REFERENCE: Final[Mapping[str, Mapping[str, float]]] = {
 
 UNCERTAINTY: Final[Mapping[str, float]] = {
     **REFERENCE_UNCERTAINTY,
-    # No spring test measures the friction: its prior is a start value's, and rigs are built within half of it.
+    # No spring test measures the friction: its prior belongs to a start value, and rigs deviate by half of it.
     "tau_c_mnm": 0.5 * REFERENCE_UNCERTAINTY["tau_c_mnm"],
 }
-"""By how much a rig's own values differ from the declared ones: one standard deviation of each."""
+"""One standard deviation of the difference between each of a rig's own values and the declared one."""
 
 _TABLES: Final[Mapping[str, tuple[str, ...]]] = {table: keys_of(table) for table in REFERENCE}
 _KEYS: Final = tuple(name for names in _TABLES.values() for name in names)
@@ -46,9 +46,9 @@ _SIGNED: Final = ("A_s_c", "A_f_c", "M_s_c", "M_f_c")
 
 @dataclass(frozen=True, slots=True)
 class Declared(Frozen):
-    """What ``actuator.toml`` says of a rig: geometry, material, assembly and friction in the file's units.
+    """Declared values of a rig, as in ``actuator.toml``: geometry, material, assembly and friction in the file's units.
 
-    And one standard deviation of each value that is not exact.
+    They include one standard deviation of each value that is not exact.
     """
 
     tables: Mapping[str, Mapping[str, float]]
@@ -65,14 +65,14 @@ class Declared(Frozen):
 
 @dataclass(frozen=True, slots=True)
 class RigValues(Frozen):
-    """What a rig really is: in SI, and by the names and in the units of ``actuator.toml``."""
+    """True values of a rig: in SI, and by the names and in the units of ``actuator.toml``."""
 
     rig: Rig
     public: Mapping[str, float]
 
 
 def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
-    """Read the declared actuator from tables as in ``actuator.toml``; what is absent is the reference rig's."""
+    """Read the declared actuator from tables as in ``actuator.toml``; absent keys have the reference rig's values."""
     check_keys(table, (*_TABLES, "uncertainty"), where=where)
     tables: dict[str, dict[str, float]] = {}
     for name, keys in _TABLES.items():
@@ -93,7 +93,7 @@ def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
 
 
 def draw_values(declared: Declared, *, given: Mapping[str, float], rng: np.random.Generator | None) -> RigValues:
-    """Return the rig's own values: declared ones, each off by its uncertainty, and ``given`` ones as they are.
+    """Return the rig's own values: the declared ones with random deviations by their uncertainty, or ``given`` ones.
 
     Deviations are normal, within 2.5 standard deviations; without ``rng`` the declared values stay.
     """

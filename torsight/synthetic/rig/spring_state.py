@@ -22,7 +22,7 @@ from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law
 THETA_MAX, MODE, THETA_R, TAU_R, XI_R, THETA_L, TURN_C, WARMING, TAU, XI, FACTOR, CYCLE, COLUMNS = range(13)
 
 COLD, HEATING, COOLING = 0.0, 1.0, 2.0
-"""What a spring's mode may be."""
+"""Modes of a spring."""
 
 
 class Spring(NamedTuple):
@@ -42,7 +42,8 @@ _WINDING: Final = SLOTS["winding", "winding"]
 _LOADING: Final = SLOTS["loading", "winding"]
 _PHASE: Final = SLOTS["phase", "temperature"]
 _STEEPEST: Final = 0.8
-"""Share of the way from the second slope to the first that a bend may steepen: what is steeper is no spring."""
+"""Share of the difference between the second slope and the first by which a bend may steepen the curve: no real spring
+is steeper."""
 
 TORQUE_TOLERANCE_NM: Final = 1e-12
 """A spring that is wound beyond θ_cr turns by 1e-12 N·m / K_S = 4e-9 rad for it: no camera sees that."""
@@ -60,7 +61,7 @@ def loading(c: Constants, theta: float) -> float:
 
 @lending
 def bend(c: Constants, theta: float) -> float:
-    """Return the torque, N·m, by which a loading curve with cubic stiffening exceeds that of two slopes."""
+    """Return the excess torque, N·m, of a loading curve with cubic stiffening over that of two slopes."""
     if c.stiff_form != BEND or theta <= c.stiff_onset or c.stiff == 0.0:
         return 0.0
     steepest = _STEEPEST * (c.k_m - c.k_s)
@@ -71,7 +72,7 @@ def bend(c: Constants, theta: float) -> float:
 
 @lending
 def third_slope(c: Constants) -> float:
-    """Return by how much the loading curve's third slope is steeper than its second, N·m/rad."""
+    """Return the difference between the loading curve's third and second slope, N·m/rad."""
     return c.stiff / ONSET_SCALE_RAD if c.stiff_form == LOADING else 0.0
 
 
@@ -92,7 +93,7 @@ def unwound_from(c: Constants, theta: float, tau: float) -> float:
 
 @lending
 def unwound_along(c: Constants, theta: float, tau: float, start: float) -> float:
-    """Return the same for a loading curve of any shape that is nowhere as steep as K_M, by bisection."""
+    """Return the angle of :func:`unwound_from` for a loading curve of any shape with slopes below K_M, by bisection."""
     low, reach = start, 0.1
     while loading(c, start + reach) - c.k_m * (start + reach - theta) > tau and reach < 1e3:
         low, reach = start + reach, 2.0 * reach
@@ -123,7 +124,7 @@ def recoverable(c: Constants, theta_max: float) -> float:
 
 @lending
 def side_torque(c: Constants, theta: float, temp_c: float) -> float:
-    """Return the torque beside the phase law: stiffening, a law of the winding, the early step of the R-phase."""
+    """Return the torque in addition to the phase law: stiffening, a law of the winding, the R-phase's early step."""
     power = 3.0 if c.stiff_form == 0 else (1.0 if c.stiff_form == 1 else 2.0)
     tau = law(c, _WINDING, theta)
     if c.stiff_form < LOADING:
@@ -136,7 +137,7 @@ def side_torque(c: Constants, theta: float, temp_c: float) -> float:
 
 @lending
 def progress(c: Constants, share: float) -> float:
-    """Return how far the transformation is (0 to 1) at a share of its window."""
+    """Return the progress of the transformation (0 to 1) at a share of its window."""
     x = min(max(share, 0.0), 1.0)
     if c.bend != 0.0:
         x += c.bend * math.sin(math.pi * x) / math.pi
@@ -209,7 +210,7 @@ def transforms(c: Constants, s: Floats) -> bool:
 
 @lending
 def solve_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> float:
-    """Return the torque at which phase and stress agree, N·m; the state stays as it is."""
+    """Return the torque at which phase and stress agree, N·m; the state is not changed."""
     s = spring.s
     if not transforms(c, s):
         return torque(c, s, theta, s[XI], temp_c)
@@ -261,7 +262,7 @@ def turn(spring: Spring, warming: int) -> None:
 
 @lending
 def follow_passive(spring: Spring, temp_c: float, slack_c: float) -> None:
-    """Let a spring that nobody drives change its direction with its own temperature."""
+    """Let a spring that is not driven reverse its transformation with its own temperature."""
     s = spring.s
     if s[WARMING] > 0.5:
         if temp_c > s[TURN_C]:
@@ -286,7 +287,7 @@ def retake_reference(c: Constants, s: Floats, theta: float, temp_c: float) -> No
 
 @lending
 def set_cold(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
-    """Make a spring that was active cold martensite on its loading curve; one that lay below it stays there."""
+    """Make an active spring cold martensite on its loading curve; a spring below that curve stays below."""
     s = spring.s
     s[MODE] = COLD
     s[THETA_MAX] = unwound_from(c, theta, s[TAU] - side_torque(c, theta, temp_c))
@@ -296,7 +297,7 @@ def set_cold(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
 
 @lending
 def set_martensite(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
-    """Make all of a cold spring martensite, its winding kept; warming is the next thing that can happen to it."""
+    """Make all of a cold spring martensite and keep its winding; its next transformation is on warming."""
     s = spring.s
     for i in range(spring.xi.size):
         spring.xi[i] = 1.0
@@ -308,7 +309,7 @@ def set_martensite(c: Constants, spring: Spring, theta: float, temp_c: float) ->
 
 @lending
 def start_heating(c: Constants, spring: Spring, theta: float, temp_c: float, cycle: float, share: float) -> None:
-    """Switch a cold spring on: it recovers a share of what its last winding left, less what fatigue took."""
+    """Switch a cold spring on: it recovers a share of the angle of its last winding, less the loss by fatigue."""
     s = spring.s
     s[CYCLE] = cycle
     set_martensite(c, spring, theta, temp_c)
@@ -337,7 +338,7 @@ def restart_heating(c: Constants, spring: Spring, theta: float, temp_c: float) -
 
 @lending
 def start_cooling(c: Constants, spring: Spring, theta: float, temp_c: float) -> None:
-    """Switch a heated spring off: one that lies below its loading curve then counts as unwound from further off."""
+    """Switch a heated spring off: a spring below its loading curve counts as unwound from a larger angle."""
     s = spring.s
     turn(spring, 0)
     retake_reference(c, s, theta, temp_c)

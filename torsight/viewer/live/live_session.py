@@ -1,4 +1,4 @@
-"""One live record: frames in, angle out, log beside it, both on disk, and on the screen what can be shown."""
+"""One live record: frames in, angle out, with the log; both are on disk, and as far as time permits on the screen."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ from tracker.detect.marker_file import MarkerHints
 PICTURES_HZ: Final = 1.5 / AT_ONCE_S
 """Pictures per second that are shown, half as many again as look like motion; every frame is measured."""
 LOG_EVERY_S: Final = AT_ONCE_S
-"""How often the log is looked at for new rows."""
+"""Interval at which the log is read for new rows."""
 MODEL_EVERY_S: Final = THOUGHT_S
-"""How often the model is asked for news, and the summary shown anew."""
+"""Interval at which the model's results are polled and the summary is updated."""
 STOPPED_FIT_S: Final = 0.5 * ATTENTION_S
-"""How long a record that is ended by hand waits for the model's last news."""
+"""Time that a record which is ended by hand waits for the model's last results."""
 FEED_OPENS_S: Final = 1.5 * ATTENTION_S
-"""How long the first frame waits for the viewer's side to be ready; the record begins without it after that, when a
-person has begun to wonder."""
+"""Time that the first frame waits for the viewer's side to be ready; after it, when a person would begin to wonder, the
+record begins without the viewer."""
 _WARNINGS: Final = ("occlusion", "lost", "dropped", "log")
 
 
 class Session:
     """A live record from its first frame to its summary: the source, its temperature log, and the record's folder.
 
-    ``feed`` is the screen, ``model`` what is computed beside; ``say`` takes a line for the person at the terminal.
+    ``feed`` is the screen, ``model`` the model that is computed meanwhile; ``say`` takes a line for the terminal.
     """
 
     def __init__(
@@ -93,20 +93,20 @@ class Session:
         self._temperatures: dict[str, float] = {}
         self._trouble = ""
         self.steady = False
-        """Whether the markers are found and no frames wait any more: from there on latency counts."""
+        """Whether the markers are found and no frames are waiting: latency is counted from then on."""
         self._closed = False
 
     def run(self, stop: threading.Event) -> Outcome:
-        """Measure until the source ends or ``stop`` is set, then make the record whole.
+        """Measure until the source ends or ``stop`` is set, then complete the record.
 
         Raises
         ------
         TorsightError
-            What the source, the log or the disk refuses; the record so far is kept.
+            An error of the source, the log or the disk; the record up to then is kept.
         """
         warm_up()
         if self._feed is not None:
-            # Else the first frames would wait for a viewer's side that is still being loaded.
+            # Otherwise the first frames would wait for a viewer's side that is still loading.
             self._feed.wait_until_open(FEED_OPENS_S)
         self._poll_log(early=True)
         # All objects that exist by now stay for the whole record: later garbage collections need not look at them.
@@ -120,7 +120,7 @@ class Session:
                 self._watch(stop)
             self._poll_log()
             self._tell_the_end()
-            # Who ends it by hand does not want to wait long.
+            # A person who ends the record does not want to wait long.
             self._last_news(STOPPED_FIT_S if stop.is_set() else math.inf)
             if self._intake.error is not None:
                 raise self._intake.error
@@ -169,7 +169,7 @@ class Session:
             self._model.angle(frame.time_s, seen.angle_rad, seen.sigma_rad)
 
     def _take_earlier(self) -> None:
-        """Show, and give the model, the angles of the time before the moving stick showed."""
+        """Show, and give to the model, the angles of the frames before the moving stick was known."""
         earlier = self._tracker.earlier()
         if self._tracker.anew:
             self._tracker.anew = False
@@ -198,7 +198,7 @@ class Session:
         self._feed.put("angle", frame.time_s, frame.index, seen.angle_rad / DEG, frame.arrived_s if counts else None)
         if frame.luma is not None and frame.arrived_s >= self._due["picture"]:
             self._due["picture"] = frame.arrived_s + 1.0 / PICTURES_HZ
-            # Every second or third pixel of a large picture is enough to look at.
+            # Every second or third pixel of a large picture is enough for the display.
             stride = max(1, math.ceil(frame.luma.shape[1] / WIDEST_PX))
             luma = np.ascontiguousarray(frame.luma[::stride, ::stride])
             drawn = overlay(seen.position_px, seen.angle_rad, scale=1.0 / stride)
@@ -208,7 +208,7 @@ class Session:
                 self._feed.put("series", entity, np.array([frame.time_s]), np.array([band_deg]))
 
     def _settle(self) -> None:
-        """Count latency from where the markers are found and the frames that waited for it have been taken."""
+        """Count latency once the markers are found and the frames that waited for the search have been processed."""
         if self.steady or not self._tracker.found:
             return
         waits = self._intake.pictures.waits
@@ -318,7 +318,7 @@ class Session:
     # --- the end ----------------------------------------------------------------------------------------------------
 
     def _end(self) -> None:
-        """Close what is open, and make the record what ``torsight track`` would have made of a film."""
+        """Close the files, and complete the record as ``torsight track`` would for a film."""
         outcome, pictures = self.outcome, self._intake.pictures
         self._follower.close()
         self._recorder.close()

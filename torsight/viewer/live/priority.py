@@ -1,7 +1,7 @@
-"""Which threads get a processor first: those that measure, then the one that logs, then everything else.
+"""Priorities of the threads: measuring threads first, then the logging thread, then everything else.
 
 Where the system allows it (root, or a limit on real-time priority) a measuring thread is scheduled before all ordinary
-ones, so that a viewer that draws, or another program, costs it no waiting; elsewhere things stay as they are.
+threads, so that it never waits for a viewer that draws or for another program; elsewhere priorities are unchanged.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ LOGGING, TRACKING, INTAKE = range(_LOWEST, _LOWEST + 3)
 """Real-time priorities in their order: each above every ordinary thread, all below those of the system itself."""
 
 SWITCH_S: Final = sys.getswitchinterval() / 10.0
-"""How long a thread may keep the interpreter while a measuring one waits for it: a tenth of Python's own 5 ms, which
+"""Time for which a thread may keep the interpreter while a measuring one waits, s: a tenth of Python's own 5 ms, which
 are longer than a frame at 240 per second."""
 
 
 @contextlib.contextmanager
 def served_first(level: int, *, wanted: bool = True) -> Iterator[bool]:
-    """Schedule the calling thread before ordinary ones while the block lasts, and give whether the system allows it.
+    """Schedule the calling thread before ordinary ones while the block lasts; yield whether the system allows it.
 
     Processes that are started in the block do not inherit the real-time priority. ``wanted=False`` changes nothing.
     """
@@ -60,7 +60,7 @@ def quick_turns() -> Iterator[None]:
 
 
 def step_back_others() -> None:
-    """Let all threads of this process but the calling one run only where nothing that measures needs the processor."""
+    """Lower the priority of all threads of this process but the calling one, so that they never delay a measurement."""
     own = threading.get_native_id()
     with contextlib.suppress(OSError):
         for entry in Path("/proc/self/task").iterdir():

@@ -1,4 +1,4 @@
-"""A camera of this computer: its pictures, the times at which it took them, and those that it lost."""
+"""A camera of this computer: its pictures, the times at which they were taken, and the number of lost pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _RECENT_S: Final = THOUGHT_S
 """A driver's timestamp is taken as an instant of this computer's clock where it is no older than this: a larger delay
 would be noticed by anyone who looks at rig and screen."""
 _STEPS: Final = WAITING_FRAMES + 1
-"""Steps of time of which the median is the usual one: a second of a usual camera, and an odd number."""
+"""Number of time steps whose median is the usual step: a second of a usual camera, and an odd number."""
 
 
 def open_capture(number: int, fps: float | None) -> cv2.VideoCapture:
@@ -90,7 +90,7 @@ def _luma(picture: Any) -> NDArray[np.uint8]:
 
 
 class _Timestamps:
-    """When each picture was taken, and how many were lost before it."""
+    """Times at which the pictures were taken, and the number of lost pictures before each."""
 
     def __init__(self) -> None:
         self.begin_s = 0.0
@@ -99,7 +99,7 @@ class _Timestamps:
         self._steps: deque[float] = deque(maxlen=_STEPS)
 
     def of(self, now_s: float, driver_s: float) -> tuple[float, int]:
-        """Return when a picture was taken, on this computer's clock, and how many were lost just before it."""
+        """Return the time of a picture on this computer's clock, and the number of lost pictures just before it."""
         by_driver = 0.0 <= now_s - driver_s < _RECENT_S and driver_s > 0.0
         if self._last_s is None:
             self._by_driver = by_driver
@@ -107,12 +107,12 @@ class _Timestamps:
         if self._last_s is None:
             self.begin_s = self._last_s = taken_s
             return taken_s, 0
-        # A driver that repeats itself, or goes back, cannot be asked; time goes on all the same.
+        # A driver whose timestamps repeat or go back is not used; the computer's clock is used instead.
         taken_s = taken_s if taken_s > self._last_s else max(now_s, self._last_s + 1e-6)
         step_s, self._last_s = taken_s - self._last_s, taken_s
         usual_s = statistics.median(self._steps) if len(self._steps) >= 5 else None
         self._steps.append(step_s)
         steps = 1 if usual_s is None else round(step_s / usual_s)
-        # Two steps at once are a lost picture; an arrival, not a timestamp, may be late by one, delayed by other
+        # A double step is a lost picture; an arrival, unlike a timestamp, may be late by one step, because of other
         # programs.
         return taken_s, steps - 1 if steps > (1 if self._by_driver else 2) else 0

@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 from torsight.viewer.live.priority import INTAKE, served_first
 
 WAITING_FRAMES: Final = 30
-"""Frames that may wait for the tracker, a second of a usual camera, which catches up many times faster than they come;
-then the oldest gives up its picture, unless the source can wait."""
+"""Frames that may wait for the tracker, a second of a usual camera: the tracker is many times faster than the camera.
+Beyond this number the oldest frame loses its picture, unless the source can wait."""
 
 WAITING_AT_START: Final = 400
-"""Frames that may wait while the markers are looked for, which takes a second or two: of the fastest cameras that
-phones have, 240 frames per second, 1.7 s."""
+"""Frames that may wait while the markers are searched for, which takes a second or two: 1.7 s of the fastest cameras of
+phones, 240 frames per second."""
 
 
 class Picture(NamedTuple):
-    """What a source gives: a picture with its time on the source's clock, from its first picture.
+    """A picture of a source with its time on the source's clock, counted from the first picture.
 
-    ``luma`` (h, w) is None where it could not be decoded, ``damaged`` says whether it is not whole, ``missed`` how many
-    pictures the source lost just before. ``arrived_s`` is ``time.perf_counter()`` when it was there; None: when it is
-    given, or, for a film, when it is due after that.
+    ``luma`` (h, w) is None where the picture could not be decoded; ``damaged``: it was decoded incompletely; ``missed``
+    is the number of pictures that the source lost just before. ``arrived_s`` is ``time.perf_counter()`` at its arrival;
+    None: the moment at which it is handed over, or, for a film, at which it is due after that.
     """
 
     time_s: float
@@ -42,9 +42,9 @@ class Picture(NamedTuple):
 class LiveFrame:
     """One frame as it arrived.
 
-    Numbers count from 0, none missing: a frame that was dropped keeps its number and its time, which is that since the
-    first frame. ``luma`` (h, w) is None where it was dropped or could not be decoded, ``arrived_s`` is
-    ``time.perf_counter()`` when it was there, ``missed`` how many pictures the source lost just before.
+    Numbers count from 0 without gaps: a frame that was dropped keeps its number and its time, counted from the first
+    frame. ``luma`` (h, w) is None where it was dropped or could not be decoded, ``arrived_s`` is
+    ``time.perf_counter()`` at its arrival, ``missed`` the number of pictures that the source lost just before.
     """
 
     index: int
@@ -57,18 +57,18 @@ class LiveFrame:
 
 
 class Pictures:
-    """Base of what gives pictures one after the other, with their times."""
+    """Base class of sources, which give pictures one after the other with their times."""
 
     kind: ClassVar[str]
-    """What it is, in words."""
+    """Description of the source, in words."""
     speed: float | None = None
-    """Factor on the film's own pace; None where pictures come when they come."""
+    """Factor on the film's own pace; None where the pictures arrive in real time."""
     waits = False
-    """Whether pictures that are not taken yet stay where they are, as those of a file do."""
+    """Whether the source can wait without losing pictures, as a file can."""
     pixel_aspect = 1.0
     """Width of a pixel over its height."""
     ended_because = ""
-    """Why there are no more pictures, where that is not as it should be; else empty."""
+    """Reason for the end of the pictures, where the source ended unexpectedly; else empty."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -83,14 +83,14 @@ class Pictures:
 
 
 def comes_in_time(pictures: Pictures) -> bool:
-    """Return whether pictures come in real time, so that latency counts; for a film in fast motion it does not."""
+    """Return whether pictures arrive in real time, so that latency is counted; not for a film in fast motion."""
     return not pictures.waits if pictures.speed is None else pictures.speed <= 1.0
 
 
 class Intake:
-    """Reads pictures in a thread of its own and hands them on.
+    """Reads pictures in a separate thread and queues them.
 
-    Where a source cannot wait, the oldest picture is dropped rather than fall behind; its frame keeps number and time.
+    Where a source cannot wait and the queue is full, the oldest picture is dropped; its frame keeps number and time.
     """
 
     def __init__(self, pictures: Pictures) -> None:
@@ -110,15 +110,15 @@ class Intake:
         self._thread.start()
 
     def go(self) -> None:
-        """Let a film play on past its first frame."""
+        """Let a film play beyond its first frame."""
         self._go.set()
 
     def hurry(self) -> None:
-        """Let few frames wait from now on: called once the markers are found."""
+        """Shorten the queue of waiting frames: called once the markers are found."""
         self._patience = WAITING_FRAMES
 
     def stop(self) -> None:
-        """Read no more; frames that wait can still be taken."""
+        """Stop reading; waiting frames can still be taken."""
         self._stop.set()
         self._go.set()
 
@@ -159,7 +159,7 @@ class Intake:
         with served_first(INTAKE, wanted=comes_in_time(self.pictures)):
             for index, picture in enumerate(self.pictures.frames(self._stop)):
                 if index == 1 and self.pictures.waits:
-                    # A film stands at its first frame until that is measured.
+                    # A film waits at its first frame until this frame is measured.
                     self._go.wait()
                 given_s = time.perf_counter()
                 due_s = pace.due_s(picture.time_s)
@@ -196,7 +196,7 @@ class Intake:
 
 
 class _Pace:
-    """When each frame of a film is due: as its clock says, from the second frame on."""
+    """Instants at which the frames of a film are due, by the film's clock from the second frame on."""
 
     def __init__(self, speed: float | None) -> None:
         self._speed = speed
@@ -204,7 +204,7 @@ class _Pace:
         self._first_s: float | None = None
 
     def due_s(self, time_s: float) -> float | None:
-        """Return the instant of a frame; None where pictures come when they come."""
+        """Return the instant at which a frame is due; None where pictures arrive in real time."""
         if self._speed is None:
             return None
         if self._first_s is None:
@@ -216,6 +216,6 @@ class _Pace:
         return begin + (time_s - first_s) / self._speed
 
     def hold(self, seconds: float) -> None:
-        """Put off every frame to come: the last one found no room for so long."""
+        """Delay all later frames by the time for which the last frame found no room."""
         if self._begin is not None:
             self._begin = (self._begin[0] + seconds, self._begin[1])

@@ -1,4 +1,4 @@
-"""What can be watched: a film that plays, a camera by number, a stream on this computer, a film that still grows."""
+"""Sources of a live record: a playing film, a camera by number, a stream on this computer, a film that still grows."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from tracker.frames.source import open_source
 def open_pictures(source: str, *, speed: float = 1.0, fps: float | None = None, grows: bool = False) -> Pictures:
     """Open a source: a camera by its number, a stream on this computer, a film, or a row of pictures.
 
-    A film plays at ``speed`` times its own pace; ``fps`` is the rate of pictures, or that to ask of a camera. One that
-    ``grows`` is still being written: more is waited for where it ends.
+    A film plays at ``speed`` times its own pace; ``fps`` is the rate of pictures, or the rate to request from a camera.
+    A film that ``grows`` is still being written: at its end more frames are waited for.
 
     Raises ConfigError when the stream is on another computer, or ``speed`` or ``fps`` is not above 0; InputError when
     there is no such camera, film or stream.

@@ -54,7 +54,7 @@ def check_stream(url: str) -> str:
 
 
 class Stream(Pictures):
-    """A stream on this computer as it comes; times are its own timestamps."""
+    """A stream on this computer in real time; times are the stream's own timestamps."""
 
     kind = "stream"
 
@@ -86,7 +86,7 @@ class Stream(Pictures):
 class GrowingFilm(Pictures):
     """A film that is still being written, which ends when it has not grown for a while.
 
-    That is .mkv, .ts or .avi, which can be read before they are finished.
+    Its format is .mkv, .ts or .avi, which can be read before the file is finished.
     """
 
     kind = "growing film"
@@ -99,7 +99,7 @@ class GrowingFilm(Pictures):
         self._path = path
 
     def frames(self, stop: threading.Event) -> Iterator[Picture]:
-        """Give the film's frames, those to come too."""
+        """Give the film's frames, including those that are written meanwhile."""
         growing = _Growing(self._path, stop)
         try:
             with av.open(growing) as container:
@@ -118,7 +118,7 @@ def _decoded(container: Any, stop: threading.Event, *, name: str) -> Iterator[Pi
     if not container.streams.video:
         raise InputError("has no video stream", where=name)
     stream = container.streams.video[0]
-    # Threads that each decode a frame of their own would hold frames back.
+    # Decoding one frame per thread would delay frames.
     stream.thread_type = "SLICE"
     first: float | None = None
     missed, display = 0, Display()

@@ -1,4 +1,4 @@
-"""The angle of one frame, at once; when the recording ends, the whole record is oriented again as a film's would be."""
+"""The angle of one frame in real time; at the end of the recording the whole record is oriented again, like a film."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _Map = Callable[[Floats], tuple[Floats, Floats]]
 class LiveAngle:
     """Turns the markers of one frame after the other into the unwrapped angle.
 
-    With a camera's pose rays are met with the sticks' planes; without, the picture is the plane of motion.
+    With a camera's pose, rays are intersected with the sticks' planes; without, the picture is the plane of motion.
     """
 
     def __init__(self, camera: Camera | None, *, pixel_aspect: float = 1.0) -> None:
@@ -37,7 +37,7 @@ class LiveAngle:
     def step(self, time_s: float, position_px: Floats, covariance_px2: Floats) -> tuple[float, float, Floats | None]:
         """Return angle and its sigma (rad; NaN where not known) and positions in space.
 
-        Markers (4, 2) stand in the order of ``torsight.core.tracks.MARKERS``, NaN where not seen, with covariances (4,
+        Markers (4, 2) are in the order of ``torsight.core.tracks.MARKERS``, NaN where not seen, with covariances (4,
         2, 2).
         """
         plane = [onto(position_px[2 * stick : 2 * stick + 2]) for stick, onto in enumerate(self._maps)]
@@ -63,7 +63,7 @@ class LiveAngle:
             self._base_rad += _BASE_WEIGHT * math.remainder(base_rad - self._base_rad, math.tau)
 
     def _unwrapped(self, time_s: float, angle_rad: float) -> float:
-        """Return the whole angle nearest to where the speed so far would have brought it."""
+        """Return the unwrapped angle nearest to the extrapolation from the recent speed."""
         if self._last is None:
             whole = math.remainder(angle_rad, math.tau)
         else:
@@ -71,7 +71,7 @@ class LiveAngle:
             step_s = max(time_s - last_s, 1e-6)
             expected = last_rad + self._speed_rad_s * step_s
             whole = expected + math.remainder(angle_rad - expected, math.tau)
-            # The speed over the last fifth of a second: one frame's is mostly noise.
+            # The speed over the last fifth of a second: the speed between two frames is mostly noise.
             self._speed_rad_s += min(1.0, step_s / 0.2) * ((whole - last_rad) / step_s - self._speed_rad_s)
         self._last = (time_s, whole)
         return whole

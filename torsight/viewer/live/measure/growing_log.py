@@ -40,9 +40,9 @@ class LogRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class WatchedLog:
-    """The temperature log of a live record, which may come later than the film, and what the user says of its columns.
+    """The temperature log of a live record, which may appear later than the film, with the user's names of its columns.
 
-    ``offset_s`` is the log's time minus film time; None: taken from when rows arrive.
+    ``offset_s`` is the log's time minus film time; None: estimated from the arrival of rows.
     """
 
     path: Path
@@ -51,10 +51,10 @@ class WatchedLog:
 
 
 class LogFollower:
-    """Follows a CSV log: a last line without its end waits, a log that is rotated or cut is opened anew.
+    """Follows a CSV log: an incomplete last line waits, a log that is rotated or truncated is opened again.
 
-    It need not be there yet. A Parquet table is taken whole, as soon as it is there. ``tell`` takes a sentence on what
-    a person should know.
+    The log need not exist yet. A Parquet table is read completely, as soon as it exists. ``tell`` takes a sentence for
+    the user.
     """
 
     def __init__(self, path: Path, tell: Callable[[str], None], chosen: ChosenColumns = NOTHING_CHOSEN) -> None:
@@ -73,7 +73,7 @@ class LogFollower:
         self._timestamps = RunningTimestamps()
 
     def poll(self) -> list[LogRow]:
-        """Return the rows that have come since the last call; a header that lacks a column is refused."""
+        """Return the rows added since the last call; a header that lacks a column is refused."""
         if is_parquet(self.path):
             return self._whole()
         rows: list[LogRow] = []
@@ -89,7 +89,7 @@ class LogFollower:
         return rows
 
     def _whole(self) -> list[LogRow]:
-        """Return the rows of a table that does not grow, once it is there."""
+        """Return the rows of a table that does not grow, once it exists."""
         if self.header or not self.path.exists():
             return []
         table = read_table(self.path)
@@ -112,17 +112,17 @@ class LogFollower:
         return True
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._file is not None:
             os.close(self._file)
         self._file, self._identity = None, None
 
     def _moved(self) -> bool:
-        """Return whether the path is another file now, or the file is shorter than what was read of it."""
+        """Return whether the path is now another file, or the file is shorter than the part already read."""
         try:
             state = self.path.stat()
         except OSError:
-            # Between the old log's going and the new one's coming.
+            # The old log has gone, the new one does not exist yet.
             return False
         if (state.st_dev, state.st_ino) != self._identity:
             return True
@@ -158,7 +158,7 @@ class LogFollower:
         return None
 
     def _look_for_header(self, text: str) -> None:
-        """Take the header, or go on with a preamble; a row of numbers before any header says that there is none."""
+        """Read the header, or skip a line before it; a row of numbers before any header means that there is none."""
         if not self._is_header(text):
             _, names, columns = find_columns(text, self._chosen)
             if len(columns) > self._nearest[0]:
@@ -173,7 +173,7 @@ class LogFollower:
         return missing_column(names, self._chosen, missing, where=str(self.path))
 
     def _is_header(self, text: str) -> bool:
-        """Take the columns of a line that names all that are needed; return whether it does."""
+        """Take the columns of a line if it names all required ones; return whether it does."""
         delimiter, _, found = find_columns(text, self._chosen)
         if any(role not in found for role in self._chosen.required):
             return False
@@ -186,7 +186,7 @@ class LogFollower:
         return True
 
     def _take_units(self, fields: Sequence[str], text: str) -> bool:
-        """Take a row of units below the header; return whether it is one."""
+        """Take a row of units below the header; return whether the row is one."""
         units = units_row(fields, self._columns or {})
         if units is None:
             return False
@@ -218,16 +218,16 @@ class LogFollower:
         return value if column.unit is None else value * column.unit.factor + column.unit.offset
 
     def _plain(self, field: str) -> str:
-        """Return a field with a decimal point; between commas a comma within a field is none."""
+        """Return a field with a decimal point; where commas separate the fields, a comma is no decimal sign."""
         return field if self._delimiter == "," else field.replace(",", ".")
 
 
 class LogClock:
-    """From the log's clock to the film's while both run; ``offset_s`` is log's minus film's time where known.
+    """Conversion from the log's clock to the film's while both run; ``offset_s`` is log's minus film's time if known.
 
     A row cannot arrive before it was written: the largest difference between a row's timestamp and the film's time at
-    its arrival is the offset, to within the shortest delay. Rows that lie there at the start say nothing; they are
-    taken to be of the film's clock until a row arrives.
+    its arrival is the offset, to within the shortest delay. Rows that exist at the start give no information; they are
+    taken to be on the film's clock until a row arrives.
     """
 
     def __init__(self, offset_s: float | None) -> None:
@@ -237,7 +237,7 @@ class LogClock:
         self._waiting: deque[tuple[float, ...]] = deque()
 
     def rows(self, rows: list[tuple[float, ...]], *, now_s: float | None) -> None:
-        """Take rows that arrived at film time ``now_s``; None: they were there before."""
+        """Take rows that arrived at film time ``now_s``; None: they existed before."""
         self._waiting.extend(row for row in rows if math.isfinite(row[0]))
         if self._fixed or now_s is None or not rows:
             return
@@ -246,7 +246,7 @@ class LogClock:
         self._heard = True
 
     def due(self, now_s: float) -> list[tuple[float, tuple[float, ...]]]:
-        """Return the rows whose time has come, with their times on the film's clock."""
+        """Return the rows that are due, with their times on the film's clock."""
         found = []
         while self._waiting and self._waiting[0][0] - self.offset_s <= now_s + 1e-9:
             row = self._waiting.popleft()

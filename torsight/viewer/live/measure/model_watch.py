@@ -1,4 +1,4 @@
-"""The model beside the measurement: computed in a process of its own, from the record so far, thinned."""
+"""The model during the measurement: computed in a separate process, from the thinned record so far."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 STEP_S: Final = 1.0 / ROW_RATE_HZ
 """Rows of the thinned record: as many as a fit keeps."""
 LEAST_ROWS: Final = round(ATTENTION_S / STEP_S)
-"""Rows before the model is asked first, when a person begins to wonder. It finds no heating in a shorter record, and
-says so."""
+"""Rows before the model is first computed, when a person begins to wonder. In a shorter record it finds no heating and
+reports that."""
 
 
 class Thinned:
-    """Means over fixed steps of time of values that come one by one."""
+    """Means over fixed time steps of values that arrive one by one."""
 
     def __init__(self, width: int) -> None:
         self._width = width
@@ -81,9 +81,9 @@ class Thinned:
 class ModelNews:
     """The model's results for the record so far, or why there are none (``trouble``).
 
-    Its angle, and measured minus modelled (n,; NaN where not measured); every half-cycle that has begun; where it was
-    fitted, the friction torque in the form of the JSON outputs, and all values of that fit, which are used from then
-    on.
+    They are the modelled angle, and measured minus modelled (n,; NaN where not measured); every half-cycle that has
+    begun; after a fit, the friction torque in the form of the JSON outputs, and all values of this fit, which are used
+    from then on.
     """
 
     time_s: Floats
@@ -98,7 +98,7 @@ class ModelNews:
 def model_of(
     spec: ActuatorSpec, columns: tuple[Floats, ...], values: Mapping[str, float] | None, *, friction: bool
 ) -> ModelNews:
-    """Simulate the plain model on a record, after fitting it if ``friction`` is true; runs in its own process."""
+    """Simulate the plain model on a record, after fitting it if ``friction`` is true; runs in a separate process."""
     from torsight.actuator.effects import always_fitted
     from torsight.actuator.model import ActuatorModel
 
@@ -115,7 +115,7 @@ def model_of(
         heat_b=heat_b > 0.5 if switched else None,
     )
     try:
-        # What every fit has beside the characterised values; without a fit it changes nothing.
+        # The effects that every fit has in addition to the characterised values; without a fit they change nothing.
         model = ActuatorModel(spec, [effect.id for effect in always_fitted()])
         drive = model.prepare(table, where="live record")
         estimate = None
@@ -146,9 +146,9 @@ def _begins(drive: Drive) -> tuple[HalfCycleBegin, ...]:
 
 
 class ModelWatch:
-    """Keeps the thinned record, and has the model computed from it now and then, never waiting for it.
+    """Keeps the thinned record, and repeatedly starts computing the model from it, without waiting for the result.
 
-    ``last_fit_s`` is how long the end of a record waits for the friction of all of it.
+    ``last_fit_s`` is the time for which the end of a record waits for the fit to the whole record.
     """
 
     def __init__(self, spec: ActuatorSpec, *, last_fit_s: float = 20.0) -> None:
@@ -164,7 +164,7 @@ class ModelWatch:
         self.broken = False
 
     def begin_again(self) -> None:
-        """Forget all angles: they come anew, of other markers."""
+        """Discard all angles: they will be given again, for other markers."""
         self._angles = Thinned(2)
         self._known_s = -math.inf
 
@@ -177,7 +177,7 @@ class ModelWatch:
         self._temperatures.add(film_time_s, values)
 
     def poll(self) -> ModelNews | None:
-        """Return news since the last poll, and ask for the next."""
+        """Return results since the last poll, and start the next computation."""
         news: ModelNews | None = None
         if self._job is not None and self._job.done():
             news = self._result()
@@ -187,14 +187,14 @@ class ModelWatch:
         return news
 
     def last(self, limit_s: float) -> list[ModelNews]:
-        """Return what there is still to be had of a record that has ended, a last fit included, within a time."""
+        """Return the last results of a record that has ended, including a last fit, within a time limit."""
         end = time.monotonic() + limit_s
         found: list[ModelNews] = []
         if self._job is not None:
             wait([self._job], timeout=limit_s)
             found += [news for news in (self.poll(),) if news is not None]
         for _ in range(2):
-            # The first round may be one that poll had asked for; what was fitted then is not asked again.
+            # The first result may be of a computation started by poll; a fit that it contains is not repeated.
             self._fit_next = not any(news.friction for news in found)
             self._ask(whole=self._fit_next)
             if self._job is None:
@@ -259,7 +259,7 @@ class ModelWatch:
 
 
 def _quiet() -> None:
-    """Ignore Ctrl-C, give way to the measuring process, and end when that is killed."""
+    """Ignore Ctrl-C, lower this process's priority, and end when the measuring process is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     step_back()
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -1,4 +1,4 @@
-"""Markers and angle frame by frame: finding the markers, following them, telling what happened."""
+"""Markers and angle frame by frame: finding the markers, following them, reporting events."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ from tracker.stick_direction import square
 from tracker.track import told_by_motion
 
 _LOOK_EVERY_S: Final = 0.5 * THOUGHT_S
-"""How often markers are looked for until they are seen."""
+"""Interval between searches for the markers until they are found."""
 _REPORT_AFTER: Final = 3
-"""Frames for which a marker must be away, or back, before it is reported: of frames that show it 98 times in 100, three
-in a row miss it by chance once in 0.02⁻³ = 125,000, an hour at 35 per second."""
+"""Frames for which a marker must be lost, or found again, before that is reported: a marker seen in 98 frames of 100 is
+missed by chance in three successive frames once in 0.02⁻³ = 125,000, an hour at 35 per second."""
 _EARLIER_MOST: Final = round(3600.0 / STEP_S)
-"""Of the time before anything moves, an hour's worth of positions is kept: their angles are known once it does."""
+"""Positions kept from the time before anything moves, an hour: their angles become known with the first motion."""
 _SAME: Final = [0, 1, 2, 3]
-"""The order of markers that were followed in that of ``MARKERS``."""
+"""Indices of the followed markers in the order of ``MARKERS``."""
 _LOST_EARLY_S: Final = 2.0 * _LOOK_EVERY_S
-"""A start whose markers are lost for two looks before anything moved was a wrong one."""
+"""Time after which a start is rejected, two searches, if its markers are lost before anything has moved."""
 
 _Mend = tuple[int, list[int] | MarkerTracks]
-"""Which order so many first rows are to have, or what is to stand there from where the markers were found."""
+"""New order of a number of first rows, or their replacement from the row in which the markers were found."""
 Tell = Callable[[float, int, str, str], None]
 """Takes time (s), frame, kind and words of an event."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What one frame showed; NaN where it is not seen or not known.
+    """Measurement of one frame; NaN where not seen or not known.
 
     The markers (4, 2) in the order of ``MARKERS`` with their covariances (4, 2, 2), the angle with its sigma, and with
     a calibrated camera the positions in space (4, 3).
@@ -66,7 +66,7 @@ class Seen:
 
 
 class EarlierAngle(NamedTuple):
-    """An angle that came to be known later: of a frame before the moving stick showed."""
+    """An angle that became known later: of a frame before the moving stick was known."""
 
     time_s: float
     angle_rad: float
@@ -95,10 +95,10 @@ class _OneFrame:
 
 
 class LiveTracker:
-    """Finds the markers, follows them, and makes the angle of each frame.
+    """Finds the markers, follows them, and computes the angle of each frame.
 
-    Hints say where the markers are in the first frame; ``name`` is the source's, for messages; ``tell`` takes the
-    events.
+    Hints give the positions of the markers in the first frame; ``name`` is that of the source, for messages; ``tell``
+    takes the events.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class LiveTracker:
         """Decides which dots are the markers; None where the user marked them."""
         self.undecided = False
         self.anew = False
-        """Whether the angles so far were of other markers; whoever reads it resets it."""
+        """Whether the angles so far belong to other markers; the reader resets this flag."""
         self._mends: list[_Mend] = []
         self._order, self._exchanged = _SAME, [False, False]
         self._began = 0
@@ -131,12 +131,12 @@ class LiveTracker:
         return self._follower is not None
 
     def step(self, frame: LiveFrame) -> Seen:
-        """Take the next frame.
+        """Process the next frame.
 
         Raises
         ------
         ConfigError, NoResultError
-            When markers were given and are not there.
+            When given markers are not found.
         """
         if self._follower is None and not self._start(frame):
             return _nothing()
@@ -192,7 +192,7 @@ class LiveTracker:
         return True
 
     def _ordered(self, rows: int) -> list[int]:
-        """Return the order in which the markers followed are those of ``MARKERS``; ``rows`` had the one before."""
+        """Return the indices of the followed markers in the order of ``MARKERS``; ``rows`` have the previous order."""
         moving = None if self._follower is None else self._follower.moving
         base = 0 if moving is None else 1 - moving
         order = [2 * stick + (end ^ int(self._exchanged[stick])) for stick in (base, 1 - base) for end in (0, 1)]
@@ -221,7 +221,7 @@ class LiveTracker:
         self._look_back(_SAME)
 
     def _decide(self, frame: LiveFrame, picture: Frame) -> bool:
-        """Decide which dots are the markers if that is due; return whether other dots are followed from here."""
+        """Decide which dots are the markers if that is due; return whether other dots are followed from now on."""
         if self.which is None or not self.undecided or not self.which.add(picture):
             return False
         decision = self.which.decide()
@@ -245,7 +245,7 @@ class LiveTracker:
                 self._ordered(rows)
 
     def chosen(self, tracks: MarkerTracks) -> tuple[MarkerTracks, dict[str, Any]]:
-        """Return the markers of a whole record in the order decided from all of it, and how sure that is."""
+        """Return the markers of a record in the order decided from all frames, with the probability of this choice."""
         if self.which is None:
             return tracks, {}
         order, report, variance_rad2 = told_by_motion(tracks, self.which.choice, radius_px=self.which.radius_px)
@@ -265,8 +265,8 @@ class LiveTracker:
         return chosen, {"markers": report}
 
     def mended(self, values: Floats) -> Floats:
-        """Return what was recorded of the markers (rows, 4, x, y and sigma) as it is known now."""
-        # What was followed before was given up.
+        """Return the recorded markers (rows, 4, x, y and sigma), corrected by the decisions made since."""
+        # Dots that were followed before were given up.
         values[: self._began] = np.nan
         for rows, change in self._mends:
             if isinstance(change, MarkerTracks):
@@ -277,7 +277,7 @@ class LiveTracker:
         return values
 
     def earlier(self) -> list[EarlierAngle]:
-        """Return, once, the angles of frames before the moving stick showed, some a second."""
+        """Return, once, the angles of frames before the moving stick was known, a few per second."""
         found, self._earlier = self._earlier, []
         return found
 
@@ -286,7 +286,7 @@ class LiveTracker:
             self._still.append((time_s, position, covariance))
 
     def _look_back(self, order: list[int]) -> None:
-        """Give the frames in which nothing had moved yet their angles."""
+        """Compute the angles of the frames in which nothing had moved yet."""
         for time_s, position, covariance in self._still:
             angle, sigma, _ = self._angle.step(time_s, position[order], covariance[order])
             if math.isfinite(angle):
@@ -294,7 +294,7 @@ class LiveTracker:
         self._still.clear()
 
     def _watch(self, frame: LiveFrame, state: NDArray[np.uint8]) -> None:
-        """Report each marker that is lost and found again, once."""
+        """Report each loss and each return of a marker, once."""
         seen = state == CODE["seen"]
         self._away = np.where(seen, np.minimum(self._away, 0) - 1, np.maximum(self._away, 0) + 1)
         for marker in range(4):
@@ -307,7 +307,7 @@ class LiveTracker:
                 self._tell(frame.time_s, frame.index, "found", f"{MARKERS[marker]} is found again")
 
     def _give_up_early(self, frame: LiveFrame, state: NDArray[np.uint8]) -> None:
-        """Look for the markers anew where those that were found are lost before anything has moved."""
+        """Search for the markers again where the found ones are lost before anything has moved."""
         if (state == CODE["seen"]).all():
             self._lost_since_s = None
         elif self._lost_since_s is None:
@@ -324,7 +324,7 @@ def _nothing() -> Seen:
 
 
 def warm_up() -> None:
-    """Follow four drawn dots for a moment, so that everything is loaded and compiled before the first frame comes."""
+    """Follow four drawn dots briefly, so that everything is loaded and compiled before the first frame arrives."""
     cv2.setNumThreads(1)
     tracker = LiveTracker(None, None, name="warm-up", tell=lambda *_: None)
     for index in range(12):

@@ -1,4 +1,4 @@
-"""Which dots of the first picture are the markers, and which of a stick's is the inner one, by their motion."""
+"""Choice of the markers among the dots of the first picture, and of each stick's inner marker, by their motion."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ UNDECIDED: Final = "which dots are the markers, and which of a stick's is the in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
-    """The couple of sticks that the motion so far makes likeliest, inner markers first.
+    """The couple of sticks that is most likely by the motion so far, inner markers first.
 
-    ``base`` is which stick of those that are followed is its base, None where others are followed; ``exchanged`` (2,)
-    says of base and moving stick whether the marker followed as the inner one is the outer one.
+    ``base`` is the index of the followed stick that is the base, None where other sticks are followed; ``exchanged``
+    (2,) is true, for base and moving stick, where the marker followed as the inner one is the outer one.
     """
 
     couple: Couple
@@ -41,9 +41,9 @@ class Decision:
 
 
 class WhichMarkers:
-    """Weighs the couples of sticks that a picture may show, as the frames after it come.
+    """Weighs the couples of sticks that a picture may show, as later frames arrive.
 
-    ``choice`` is the last one among couples; ``sure``: it, and which markers are the inner ones, will stay.
+    ``choice`` is the last chosen couple; ``sure``: this choice, and that of the inner markers, is final.
     """
 
     def __init__(self, luma: NDArray[np.uint8]) -> None:
@@ -62,7 +62,7 @@ class WhichMarkers:
         return float(np.median([dot.radius_px for stick in sticks for dot in (stick.inner, stick.outer)]))
 
     def add(self, frame: Frame) -> bool:
-        """Follow all that may be markers into the next frame; return whether it is time to decide."""
+        """Follow all candidates into the next frame; return whether it is time to decide."""
         self._weighing.add(frame)
         if not self._frames:
             self._due_s = frame.time_s
@@ -75,7 +75,7 @@ class WhichMarkers:
     def follower(self, decision: Decision) -> Follower | None:
         """Return a follower of the decided markers, if the last frame shows the moving stick.
 
-        The base is where it was seen last.
+        The base is taken at its last known position.
         """
         tracks = self.tracks(decision)
         places, valid = tracks.position_px, tracks.valid
@@ -90,8 +90,8 @@ class WhichMarkers:
     def decide(self) -> Decision:
         """Decide from the frames seen so far which dots are the markers.
 
-        A decision is sure once two in succession are: what fits a short stretch may not fit a longer one. It weighs at
-        most as many frames as a film is searched for markers, because the next frame waits for it.
+        A decision is sure once two in succession agree: what fits a short stretch may not fit a longer one. It uses at
+        most as many frames as the search for markers in a film, because the next frame waits for the decision.
         """
         every = 1 + self._frames // LOOKED_AT[-1]
         self.choice = Choice.of(self._weighing.weighed())
@@ -111,5 +111,5 @@ class WhichMarkers:
         return Decision(couple, base, exchanged)
 
     def tracks(self, decision: Decision) -> MarkerTracks:
-        """Return what was read of these markers in all frames since the picture."""
+        """Return the tracks of these markers in all frames since the picture."""
         return self._weighing.tracks(decision.couple)

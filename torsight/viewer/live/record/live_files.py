@@ -23,13 +23,13 @@ from tracker.angle.orient import orient
 from tracker.angle.plane import Orientation
 
 FLUSH_S: Final = 0.25 * THOUGHT_S
-"""How often lines are written: a process that is killed loses less than the last second."""
+"""Interval at which lines are written: a process that is killed loses less than the last second."""
 ANGLE: Final = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid", "branch_certain")
 EVENTS: Final = ("time_s", "frame", "kind", "text")
 
 
 class LineFile:
-    """A CSV that grows by whole lines; it must not be there yet."""
+    """A CSV that grows by whole lines; the file must not exist yet."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.path = path
@@ -52,12 +52,12 @@ class LineFile:
         self._lines.append(line)
 
     def flush_due(self) -> None:
-        """Flush, if the last time is a quarter of a second ago."""
+        """Flush, if the last flush was a quarter of a second ago."""
         if self._lines and time.monotonic() - self._flushed >= FLUSH_S:
             self.flush()
 
     def flush(self) -> None:
-        """Hand every line so far to the system, which keeps it even if this program is killed."""
+        """Hand all lines to the system, which keeps them even if this program is killed."""
         self._flushed = time.monotonic()
         if not self._lines:
             return
@@ -78,7 +78,7 @@ class LineFile:
 class Recorder:
     """``angle.csv``, ``markers.csv``, ``temps.csv`` and ``events.csv`` of a live record, in the columns of ``track``.
 
-    A record that lies in the folder already is refused; ``in_space`` says whether markers have positions in mm.
+    A folder that already holds a record is refused; ``in_space`` says whether markers have positions in mm.
     """
 
     def __init__(self, folder: Path, *, in_space: bool) -> None:
@@ -133,7 +133,7 @@ class Recorder:
         self._events.add_line(f'{time_s:.10g},{frame},{kind},"{quoted}"')
 
     def flush_due(self) -> None:
-        """Hand to the system what has waited for a quarter of a second."""
+        """Hand to the system the lines that have waited for a quarter of a second."""
         for file in self._files():
             file.flush_due()
 
@@ -152,8 +152,8 @@ def finish(
 ) -> Orientation | None:
     """Orient a finished record as ``torsight track`` would a film, and write its tables whole.
 
-    None where no frame came, or no markers were ever seen. ``tracker`` knows by now which markers the rows
-    belong to that were written before motion showed it.
+    None where no frame arrived, or no markers were ever seen. By now ``tracker`` knows to which markers the rows belong
+    that were written before the motion decided.
     """
     path = folder / "markers.csv"
     if path.read_bytes().count(b"\n") < 2:

@@ -55,7 +55,7 @@ def write_experiment(
 ) -> None:
     """Write ``experiment.toml`` into a record's folder, with the actuator's file beside it.
 
-    A film is named where one was played; without an actuator the file says where to put its values.
+    A played film is named in it; without an actuator a comment says where to put the actuator's values.
     """
     if actuator is not None:
         shutil.copyfile(actuator, folder / "actuator.toml")
@@ -67,7 +67,7 @@ def write_experiment(
         "output": {"dir": "results"},
         **({} if offset_s is None else {"sync": {"offset_s": offset_s}}),
     }
-    head = "# A live record; 'torsight run' goes on from it, to the report.\n"
+    head = "# A live record; 'torsight run' continues from it, to the report.\n"
     if actuator is None:
         head += (
             "# The rig's characterised values belong into actuator.toml; 'torsight init' writes some to start from.\n"

@@ -1,4 +1,4 @@
-"""How a live record goes, in numbers and in words."""
+"""State of a live record, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from torsight.core.words.wording import estimate, fixed, number
 
 @dataclass(slots=True)
 class Outcome:
-    """How a live record went.
+    """Statistics of a live record.
 
-    Of its frames some are ``measured``, some ``dropped`` because too many waited; pictures that the source itself
-    ``missed`` have no frames, and entries that the viewer did not take in time are ``left_out``. Of the angle there is
-    the range, of the model the last estimate of ``tau_c_mnm`` and how many half-cycles have begun as far as it has
-    looked. Latencies, ms, are those from a frame to its angle recorded, and to its angle logged for the viewers;
-    ``served_first`` is whether the system let the measuring threads run before others.
+    Some frames are ``measured``, some ``dropped`` because too many waited; pictures that the source itself ``missed``
+    have no frames, and entries that the viewer did not take in time are ``left_out``. Further values are the range of
+    the angle, the model's last estimate of ``tau_c_mnm`` and the number of half-cycles that it has found. Latencies,
+    ms, are the times from a frame to its recorded angle, and to its angle logged for the viewers; ``served_first``: the
+    system allowed the measuring threads to run before others.
     """
 
     frames: int = 0
@@ -38,7 +38,7 @@ class Outcome:
     served_first: bool = False
 
     def settle(self, angles: StickAngles) -> None:
-        """Take the finished record's angles: they are known before the moving stick showed, too."""
+        """Take the finished record's angles, which are also known for the frames before the moving stick was."""
         known_deg = angles.angle_rad[angles.valid] / DEG
         self.measured = len(known_deg)
         if len(known_deg):
@@ -67,8 +67,9 @@ def standing(
 ) -> str:
     """Return the current state of the measurement, in Markdown.
 
-    The last angle of camera and model, measured minus modelled, and the springs' temperatures, °C; NaN where not known.
-    ``trouble`` is why the model gives nothing, ``markers`` what is undecided about them; empty otherwise.
+    The values are the last angle of camera and model, measured minus modelled, and the springs' temperatures, °C; NaN
+    where not known. ``trouble`` is the reason why the model has no result, ``markers`` a note that the choice of the
+    markers is open; both are empty otherwise.
     """
     plain_deg, residual_deg = model_deg
     open_ = [("Markers", markers)] if markers else []

@@ -1,7 +1,7 @@
-"""To the screen: a queue that drops its oldest entries, a thread that empties it, a process that talks to the viewer.
+"""To the screen: a queue that drops its oldest entries, a thread that empties it, a process that serves the viewer.
 
-A viewer that is absent, late, stopped or killed delays that process at most, never the measurement. Entries that
-cannot be handed over in time are left out of what is shown, not of the record.
+A viewer that is absent, late, stopped or killed delays at most that process, never the measurement. Entries that cannot
+be handed over in time are missing on the screen, not in the record.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     import rerun as rr
 
 MOST_WAITING: Final = round(ATTENTION_S) * WAITING_FRAMES
-"""Entries that may wait to be shown: those of a usual camera for as long as a person looks on."""
+"""Entries that may wait to be shown: those of a usual camera in the time for which a person waits."""
 MEMORY: Final = "256MB"
-"""What is kept for a viewer that comes late."""
+"""Memory for a viewer that connects late."""
 END_S: Final = 2.0 * THOUGHT_S
-"""How long the viewer's side may take to end; then it is left to itself."""
+"""Time for the viewer's side to end; afterwards it is no longer waited for."""
 
 
 class Feed:
@@ -51,7 +51,7 @@ class Feed:
         context = get_context("spawn")
         counts = context.RawArray("q", CELLS)
         self.latency = Latency(counts)
-        """From a frame to its angle, logged."""
+        """Latencies from a frame to its logged angle."""
         self._waiting: deque[tuple[Any, ...]] = deque()
         self._changed = threading.Condition()
         self._ended = False
@@ -64,7 +64,7 @@ class Feed:
 
     @property
     def address(self) -> str:
-        """What a viewer opens to see the record."""
+        """Address that a viewer opens to show the record."""
         return address_of(self.port)
 
     def wait_until_open(self, limit_s: float = STUCK_S) -> bool:
@@ -78,21 +78,21 @@ class Feed:
 
     @property
     def running(self) -> bool:
-        """Whether the viewer's side still takes entries."""
+        """Whether the viewer's side still accepts entries."""
         return self._process.is_alive() and self._thread.is_alive()
 
     @property
     def process_id(self) -> int:
-        """Number of the process on the viewer's side."""
+        """Process id of the viewer's side."""
         return int(self._process.pid or 0)
 
     @property
     def waiting(self) -> int:
-        """How many entries wait to be shown."""
+        """Number of entries that wait to be shown."""
         return len(self._waiting)
 
     def put(self, *entry: Any) -> None:
-        """Queue one entry; the oldest one goes where too many wait."""
+        """Queue one entry; the oldest one is dropped where too many wait."""
         with self._changed:
             self._waiting.append(entry)
             if len(self._waiting) > MOST_WAITING:
@@ -101,7 +101,7 @@ class Feed:
             self._changed.notify()
 
     def close(self) -> None:
-        """Give what waits a moment to be shown, then end the viewer's side."""
+        """Give waiting entries a moment to be shown, then end the viewer's side."""
         with self._changed:
             self._ended = True
             self._changed.notify()
@@ -121,7 +121,7 @@ class Feed:
         self._here.close()
 
     def _next(self) -> tuple[Any, ...] | None:
-        """Wait for the next entry; None once the record has ended and nothing waits any more."""
+        """Wait for the next entry; None once the record has ended and no entry waits any more."""
         with self._changed:
             while not self._waiting and not self._ended:
                 self._changed.wait()
@@ -129,7 +129,7 @@ class Feed:
 
 
 def _packed(kind: str, *entry: Any) -> tuple[Any, ...]:
-    """Return an entry as it is handed over: a picture as JPEG, which is quicker through the pipe."""
+    """Return an entry in the form in which it is sent: a picture as JPEG, which passes the pipe faster."""
     if kind != "picture":
         return (kind, *entry)
     time_s, frame, luma, drawn = entry
@@ -140,7 +140,7 @@ def _packed(kind: str, *entry: Any) -> tuple[Any, ...]:
 
 
 def serve(connection: Connection, port: int, counts: Any) -> None:
-    """Log what comes through the connection, until it closes."""
+    """Log the entries that arrive through the connection, until it closes."""
     import rerun as rr
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -150,7 +150,7 @@ def serve(connection: Connection, port: int, counts: Any) -> None:
     stream.set_sinks(sink, default_blueprint=view_layout.blueprint())
     view_layout.log_styles(stream)
     view_layout.log_sizes(stream)
-    # What serves the viewers has a processor when nothing that measures or logs needs it.
+    # The threads that serve the viewers have the lowest priority.
     step_back_others()
     with served_first(LOGGING):
         while True:

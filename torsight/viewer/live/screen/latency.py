@@ -1,4 +1,4 @@
-"""Latency statistics in memory that does not grow."""
+"""Latency statistics in constant memory."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from torsight.core.progress import AT_ONCE_S
 
 _BIN_S: Final = AT_ONCE_S / 1000
-"""Width of a count: a latency is resolved to a thousandth of what seems to come at once, 0.1 ms."""
+"""Width of a bin: a thousandth of the latency that a person perceives as immediate, 0.1 ms."""
 _BINS: Final = round(2.0 / _BIN_S)
 CELLS: Final = _BINS + 1
-"""Numbers of 64 bits that the counts take; the last one is the longest duration in nanoseconds."""
+"""Size of the buffer in numbers of 64 bits; the last number is the longest duration in nanoseconds."""
 
 
 class Latency:
     """Counts durations in bins of 0.1 ms up to two seconds.
 
-    They may be counted in a buffer of :data:`CELLS` whole numbers of 64 bits that another process reads.
+    The counts may be in a buffer of :data:`CELLS` whole numbers of 64 bits that another process reads.
     """
 
     def __init__(self, shared: Any = None) -> None:
@@ -31,7 +31,7 @@ class Latency:
         self._most_ns[0] = max(int(self._most_ns[0]), round(duration_s * 1e9))
 
     def percentile_ms(self, percent: float) -> float:
-        """Return the duration that this share does not exceed, ms; NaN where nothing was counted."""
+        """Return the duration that this percentage of the latencies does not exceed, ms; NaN where none was counted."""
         total = int(self._count.sum())
         if total == 0:
             return float("nan")
