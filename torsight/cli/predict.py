@@ -28,7 +28,9 @@ def predict(
     model: Annotated[
         Path, typer.Argument(metavar="MODEL.json", help="Model of 'torsight fit', 'discover' or 'missing'.")
     ],
-    temperature: Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Temperatures of both springs.")],
+    temperature: Annotated[
+        Path, typer.Argument(metavar="RECORD.csv", help="Temperatures of both springs; or a record of one's own model.")
+    ],
     *,
     start_angle: Annotated[
         float | None, typer.Option(metavar="DEG", help="Measured angle at the first row, degrees (actuator only).")
