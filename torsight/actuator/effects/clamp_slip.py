@@ -40,8 +40,7 @@ EFFECT: Final = Effect(
     title="a spring's end slipped in its clamp",
     parameters=(
         Parameter("clamp_slip_deg", 2.0, "°", -360.0, 360.0, null=0.0, symbol="s", title="slip (A's end: above 0)"),
-        # A slip while the disk rests may have been at any time of the rest; a record is no longer than about a day.
-        Parameter("clamp_slip_time_s", 0.0, "s", -1e7, 1e7, sigma=1e5, symbol="t_s", title="time of the slip"),
+        Parameter("clamp_slip_time_s", 0.0, "s", -1e7, 1e7, symbol="t_s", title="time of the slip"),
     ),
     apply=apply,
     propose=propose,
