@@ -16,7 +16,8 @@ may be one from where they met.
 δ_ij is how far the axis that pair j shows lies beside the line of pair i. Markers are put on the middle of a stick
 within their radius r, and sticks of one rig are made alike: as far as the axis is beside the moving stick's own line it
 may be beside the base's. σ_c is what is not known of the axis. u_ij is χ² of the ratios of their dots' steps in
-brightness, of the light around them, and of their lengths, and of how clearly both are dots on a stick. g_ij: as much
+brightness, of the light around them, and of their lengths, of how clearly the moving stick's are dots, and of how much
+less clearly the base's are. g_ij: as much
 as the moving stick goes on to the axis, by the brightness of the line to it, the base is expected to; and where the
 axis lies beyond the inner marker of one of them, it lies between those of the other with the probability that is left
 for what is not usual; a dot on the axis, where sticks have a shaft or a screw, is a marker with that probability, too.
@@ -44,6 +45,7 @@ from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.pairs import CLEARNESS, Pairs
 from tracker.detect.sticks import (
     CLEAR,
+    CLEARER,
     MOST,
     Stick,
     couples_in,
@@ -57,7 +59,7 @@ from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD, turned
 from tracker.frames.frame import Frame
-from tracker.innovation import LIMITS, SURE, passes
+from tracker.innovation import LIMITS, SIGMAS, SURE, passes
 from tracker.stick_direction import square
 
 Places = NDArray[np.complex128]
@@ -269,8 +271,11 @@ class Weighing:
         spread = pairs.radius_px[ends].max(axis=1) ** 2 + axis.beside_px**2 + axis.variance_px2
         misfit = (stand[ends].sum(axis=1) + moving.turns[0] + rest.sum() - rest[ends].sum(axis=1)) / shake
         misfit += beside_px**2 / spread + np.log(spread) + pairs.unlike(ends, own)
-        clear = np.log(pairs.score_of(ends)) + np.log(pairs.score_of(own[None]))
-        score = CLEARNESS * clear - 0.5 * misfit
+        clear = np.log(pairs.score_of(own[None]))
+        # Of one make, the base's dots are as clear as the moving stick's; clearer ones are no better.
+        less = np.maximum(clear - np.log(pairs.score_of(ends)), 0.0)
+        misfit += (SIGMAS * less / math.log(CLEARER)) ** 2
+        score = 2.0 * CLEARNESS * clear - 0.5 * misfit
         first, bounds = (int(own[0]), int(own[1])), list[_Bound]()
         for k in np.argsort(-score, kind="stable")[:MOST].tolist():
             second = (int(ends[k, 0]), int(ends[k, 1]))
