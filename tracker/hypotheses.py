@@ -17,10 +17,10 @@ may be one from where they met.
 within their radius r, and sticks of one rig are made alike: as far as the axis is beside the moving stick's own line it
 may be beside the base's. σ_c is what is not known of the axis. u_ij is χ² of the ratios of their dots' steps in
 brightness, of the light around them, and of their lengths, of how clearly the moving stick's are dots, and of how much
-less clearly the base's are. g_ij: as much
-as the moving stick goes on to the axis, by the brightness of the line to it, the base is expected to; and where the
-axis lies beyond the inner marker of one of them, it lies between those of the other with the probability that is left
-for what is not usual; a dot on the axis, where sticks have a shaft or a screw, is a marker with that probability, too.
+less clearly the base's are. g_ij: as much as the moving stick goes on to the axis, by the brightness of the line to it,
+the base is expected to; and where the axis lies beyond the inner marker of one of them, it lies between those of the
+other with the probability that is left for what is not usual; a dot on the axis, where sticks have a shaft or a screw,
+is a marker with that probability, too.
 All count once the axis is known to a marker's radius.
 The markers may be none of the dots. Such a couple is counted as one that is as clear as what is taken at first sight,
 and fits as badly as three standard deviations allow: what is fainter than that, or fits worse, is not sure.
