@@ -16,8 +16,8 @@ both readings may be of the same dot.
 δ_ij is the distance of the axis shown by pair j from the line of pair i. Markers lie on the middle line of a stick to
 within their radius r, and both sticks are made in the same way: the axis may be as far from the base's line as from
 that of the moving stick. σ_c is the standard deviation of the axis. u_ij is χ² of the ratios of the dots' steps in
-brightness, of the light around them, and of the sticks' lengths, and of both pairs' scores as dots on a stick. g_ij
-expects the base's line to the axis to be as bright as the moving stick's, over the same share; if the axis lies beyond
+brightness, of the light around them, and of the sticks' lengths, of the moving pair's score as dots on a stick, and of
+how far the base's score is below it. g_ij expects the base's line to the axis to be as bright as the moving stick's, over the same share; if the axis lies beyond
 the inner marker of one stick, the probability that it lies between those of the other is only 1 − ``SURE``; so is that
 of a dot on the axis, where sticks have a shaft or a screw, being a marker. These factors apply once the axis is known
 to within a marker's radius.
@@ -44,6 +44,7 @@ from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.pairs import CLEARNESS, Pairs
 from tracker.detect.sticks import (
     CLEAR,
+    CLEARER,
     MOST,
     Stick,
     couples_in,
@@ -57,7 +58,7 @@ from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD, turned
 from tracker.frames.frame import Frame
-from tracker.innovation import LIMITS, SURE, passes
+from tracker.innovation import LIMITS, SIGMAS, SURE, passes
 from tracker.stick_direction import square
 
 Places = NDArray[np.complex128]
@@ -272,8 +273,11 @@ class Weighing:
         spread = pairs.radius_px[ends].max(axis=1) ** 2 + axis.beside_px**2 + axis.variance_px2
         misfit = (stand[ends].sum(axis=1) + moving.turns[0] + rest.sum() - rest[ends].sum(axis=1)) / shake
         misfit += beside_px**2 / spread + np.log(spread) + pairs.unlike(ends, own)
-        clear = np.log(pairs.score_of(ends)) + np.log(pairs.score_of(own[None]))
-        score = CLEARNESS * clear - 0.5 * misfit
+        clear = np.log(pairs.score_of(own[None]))
+        # Of one make, the base's dots are as clear as the moving stick's; clearer ones are no better.
+        less = np.maximum(clear - np.log(pairs.score_of(ends)), 0.0)
+        misfit += (SIGMAS * less / math.log(CLEARER)) ** 2
+        score = 2.0 * CLEARNESS * clear - 0.5 * misfit
         first, bounds = (int(own[0]), int(own[1])), list[_Bound]()
         for k in np.argsort(-score, kind="stable")[:MOST].tolist():
             second = (int(ends[k, 0]), int(ends[k, 1]))

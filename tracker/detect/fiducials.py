@@ -17,11 +17,10 @@ from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.wording import listed
 
 _PREFIX: Final = "DICT_"
-_OFTEN: Final = ("4X4_50", "5X5_50", "6X6_50", "7X7_50", "APRILTAG_36h11", "APRILTAG_25h9", "APRILTAG_16h5")
-_SELDOM: Final = (
-    "ARUCO_ORIGINAL", "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
+USUAL: Final = (
+    "4X4_50", "5X5_50", "6X6_50", "7X7_50", "APRILTAG_36h11", "APRILTAG_25h9", "APRILTAG_16h5", "ARUCO_ORIGINAL",
+    "4X4_1000", "5X5_1000", "6X6_1000", "7X7_1000", "APRILTAG_36h10", "ARUCO_MIP_36h12",
 )  # fmt: skip
-USUAL: Final = (*_OFTEN, *_SELDOM)
 """Families that are tried where none is given or the given one is not seen: those printed most often first, and of each
 code the smallest family."""
 
@@ -88,12 +87,12 @@ class FoundTag:
 
 def find_tags(luma: NDArray[np.uint8], family: str) -> list[FoundTag]:
     """Return the tags of a family in a picture, by OpenCV's detector."""
-    return _found(luma, (family,), {family: np.arange(count_of(family))})[family]
+    return _found(luma, {family: np.arange(count_of(family))})[family]
 
 
 def usual_tags(luma: NDArray[np.uint8]) -> dict[str, list[FoundTag]]:
     """Return the tags of every usual family in a picture, in their order."""
-    return _found(luma, USUAL, _codes_in(luma, USUAL))
+    return _found(luma, _usual_codes(luma))
 
 
 class TagsSeen:
@@ -104,19 +103,11 @@ class TagsSeen:
         self._shown: dict[str, Counter[int]] = {family: Counter() for family in USUAL}
 
     def take(self, luma: NDArray[np.uint8]) -> None:
-        """Add the tags of a picture; a number that the picture shows twice is ignored.
-
-        Nine tenths of all codes are of families that are seldom printed: those are tried only if the others show no
-        pair.
-        """
+        """Add the tags of a picture; a number that the picture shows twice is ignored."""
         self.pictures += 1
-        codes = _codes_in(luma, USUAL)
-        for families in (_OFTEN, _SELDOM):
-            for family, found in _found(luma, families, codes).items():
-                numbers = Counter(tag.number for tag in found)
-                self._shown[family].update(number for number, times in numbers.items() if times == 1)
-            if self.pair[1]:
-                return
+        for family, found in usual_tags(luma).items():
+            numbers = Counter(tag.number for tag in found)
+            self._shown[family].update(number for number, times in numbers.items() if times == 1)
 
     @property
     def pair(self) -> tuple[str, list[int]]:
@@ -131,50 +122,48 @@ class TagsSeen:
         return "", []
 
 
-def _found(luma: NDArray[np.uint8], families: tuple[str, ...], codes: Mapping[str, Ints]) -> dict[str, list[FoundTag]]:
-    """Return the tags of families in a picture, of the numbers in ``codes`` alone."""
-    found: dict[str, list[FoundTag]] = {family: [] for family in families}
-    sought = [family for family in families if len(codes[family])]
+def _found(luma: NDArray[np.uint8], codes: Mapping[str, Ints]) -> dict[str, list[FoundTag]]:
+    """Return the tags in a picture of families, and of their numbers, in ``codes``."""
+    found: dict[str, list[FoundTag]] = {family: [] for family in codes}
+    sought = [family for family, numbers in codes.items() if len(numbers)]
     if not sought:
         return found
     detector = cv2.aruco.ArucoDetector([_part_of(family, codes[family]) for family in sought], _parameters())
     corners, numbers, _, which = detector.detectMarkersMultiDict(np.ascontiguousarray(luma))
     if numbers is not None:
         for place, number, four in zip(np.ravel(which), np.ravel(numbers), corners, strict=True):
-            family = sought[int(place)]
-            corners_px = np.asarray(four, dtype=np.float64).reshape(4, 2)
+            family, corners_px = sought[int(place)], np.asarray(four, dtype=np.float64).reshape(4, 2)
             found[family].append(FoundTag(int(codes[family][int(number)]), corners_px))
     return found
 
 
-def _codes_in(luma: NDArray[np.uint8], families: tuple[str, ...]) -> dict[str, Ints]:
-    """Return the numbers of each family that something square in a picture may show, by OpenCV's own measure.
+def _usual_codes(luma: NDArray[np.uint8]) -> dict[str, Ints]:
+    """Return the numbers of each usual family that something square in a picture shows, by OpenCV's own measure.
 
-    OpenCV compares each square with one code after the other: of a hundred squares and the usual families' 8,500 codes
-    that takes 1.5 s. All at once it is a product of matrices; what is left are the codes that it would find.
+    OpenCV compares each square with one code after the other: of a hundred squares and these 8,500 codes that takes
+    1.5 s. All at once it is a product of matrices; what is left are the codes that OpenCV would find.
     """
-    squares = _squares(luma)
-    bits = {size: _bits_seen(luma, squares, size) for size in sorted({_size_of(family) for family in families})}
-    found = {}
-    for family in families:
-        codes, most = _codes_of(family)
+    squares, seen, found = _squares(luma), dict[int, NDArray[np.float32]](), dict[str, Ints]()
+    for family in USUAL:
+        size, codes, most = _codes_of(family)
+        if size not in seen:
+            seen[size] = _modules_of(luma, squares, size)
         # Codes and squares of ±1: their product is the number of modules, less twice the number that differ.
-        alike = codes @ bits[_size_of(family)].T
-        found[family] = np.flatnonzero((alike >= codes.shape[1] - 2 * most).any(axis=1))
+        found[family] = np.flatnonzero((codes @ seen[size].T >= size**2 - 2 * most).any(axis=1))
     return found
 
 
 def _squares(luma: NDArray[np.uint8]) -> Sequence[NDArray[np.float32]]:
-    """Return the corners of all that OpenCV takes for square in a picture, also of those inside of one another."""
+    """Return the corners (4, 2) of all that OpenCV takes for square in a picture, also of those inside of others."""
     parameters = _parameters()
     parameters.minMarkerDistanceRate = parameters.minGroupDistance = 0.0
-    # Any family: what is not one of its tags is refused, and what is square comes out either way.
+    # Any family: what is square comes out, as a tag or as refused.
     detector = cv2.aruco.ArucoDetector(_part_of(USUAL[0], np.zeros(1, np.int64)), parameters)
     shown, _, others = detector.detectMarkers(np.ascontiguousarray(luma))
     return [np.asarray(four, np.float32).reshape(4, 2) for four in (*shown, *others)]
 
 
-def _bits_seen(luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]], size: int) -> NDArray[np.float32]:
+def _modules_of(luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]], size: int) -> NDArray[np.float32]:
     """Return the modules of squares, ±1 for white and black, as OpenCV reads them; each in all four turns (4 c, n²)."""
     side = (size + 2) * _MODULE_PX
     rim = np.array([[0, 0], [side - 1, 0], [side - 1, side - 1], [0, side - 1]], np.float32)
@@ -185,26 +174,20 @@ def _bits_seen(luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]], 
         _, white = cv2.threshold(flat, 0.0, 1.0, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
         cells = white.reshape(size + 2, _MODULE_PX, size + 2, _MODULE_PX)[1:-1, margin:-margin, 1:-1, margin:-margin]
         one[...] = np.where(cells.mean(axis=(1, 3)) > 0.5, 1.0, -1.0)
-    turned = [np.rot90(seen, turns, axes=(1, 2)) for turns in range(4)]
-    return np.concatenate(turned).reshape(4 * len(seen), size * size)
-
-
-def _size_of(family: str) -> int:
-    """Return how many modules a family's tags have along a side, without their border."""
-    return int(family_of(family, where="tag").markerSize)
+    return np.concatenate([np.rot90(seen, turns, axes=(1, 2)) for turns in range(4)]).reshape(-1, size**2)
 
 
 @lru_cache(maxsize=32)
-def _codes_of(family: str) -> tuple[NDArray[np.float32], int]:
-    """Return a family's codes (n, modules), ±1, and how many modules OpenCV lets differ."""
-    dictionary, modules = family_of(family, where="tag"), _size_of(family) ** 2
+def _codes_of(family: str) -> tuple[int, NDArray[np.float32], int]:
+    """Return a family's modules along a side, its codes (n, modules), ±1, and how many modules OpenCV lets differ."""
+    dictionary = family_of(family, where="tag")
+    size, (count, number, _) = int(dictionary.markerSize), dictionary.bytesList.shape
     # Bytes of all four turns, one after the other; the last byte of each holds what is left over in its low bits.
-    count, number, _ = dictionary.bytesList.shape
     bits = np.unpackbits(np.reshape(dictionary.bytesList, (count, 4, number))[:, 0], axis=1)
-    whole = modules - modules % 8
-    bits = np.concatenate([bits[:, :whole], bits[:, bits.shape[1] - modules % 8 :]], axis=1)
+    left = size**2 % 8
+    bits = np.concatenate([bits[:, : size**2 - left], bits[:, bits.shape[1] - left :]], axis=1)
     most = int(dictionary.maxCorrectionBits * _parameters().errorCorrectionRate)
-    return np.where(bits > 0, np.float32(1.0), np.float32(-1.0)), most
+    return size, np.where(bits > 0, np.float32(1.0), np.float32(-1.0)), most
 
 
 def _part_of(family: str, numbers: Ints) -> Any:
