@@ -17,10 +17,10 @@ both readings may be of the same dot.
 within their radius r, and both sticks are made in the same way: the axis may be as far from the base's line as from
 that of the moving stick. σ_c is the standard deviation of the axis. u_ij is χ² of the ratios of the dots' steps in
 brightness, of the light around them, and of the sticks' lengths, of the moving pair's score as dots on a stick, and of
-how far the base's score is below it. g_ij expects the base's line to the axis to be as bright as the moving stick's, over the same share; if the axis lies beyond
-the inner marker of one stick, the probability that it lies between those of the other is only 1 − ``SURE``; so is that
-of a dot on the axis, where sticks have a shaft or a screw, being a marker. These factors apply once the axis is known
-to within a marker's radius.
+how far the base's score is below it. g_ij expects the base's line to the axis to be as bright as the moving stick's,
+over the same share; if the axis lies beyond the inner marker of one stick, the probability that it lies between those
+of the other is only 1 − ``SURE``; so is that of a dot on the axis, where sticks have a shaft or a screw, being a
+marker. These factors apply once the axis is known to within a marker's radius.
 The markers may be none of the dots. That case has the probability of a couple with the score that one picture requires,
 and a misfit of three standard deviations: couples that are fainter, or fit worse, are not certain.
 As long as nothing turns, the couples are those from the picture alone.
