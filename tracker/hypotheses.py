@@ -274,7 +274,7 @@ class Weighing:
         misfit = (stand[ends].sum(axis=1) + moving.turns[0] + rest.sum() - rest[ends].sum(axis=1)) / shake
         misfit += beside_px**2 / spread + np.log(spread) + pairs.unlike(ends, own)
         clear = np.log(pairs.score_of(own[None]))
-        # Of one make, the base's dots are as clear as the moving stick's; clearer ones are no better.
+        # Both sticks are made in the same way: base dots that are clearer than the moving stick's count no more.
         less = np.maximum(clear - np.log(pairs.score_of(ends)), 0.0)
         misfit += (SIGMAS * less / math.log(CLEARER)) ** 2
         score = 2.0 * CLEARNESS * clear - 0.5 * misfit

@@ -284,13 +284,13 @@ class Ports:
         return any(end is not None for end in self.slipped_rad)
 
     def slipped(self) -> Floats:
-        """Return by how much the fixed ends of A and of B have slipped (2, n), rad; no column where none does."""
+        """Return the slip (2, n) of the fixed ends of A and of B, rad; (2, 0) where none slips."""
         if not self.slips:
             return np.zeros((2, 0))
         return np.stack([np.zeros(len(self.time_s)) if end is None else end for end in self.slipped_rad])
 
     def with_slip(self, slipped_rad: Floats, *, spring: str) -> Ports:
-        """Return ports in which the fixed end of spring ``a`` or ``b`` has slipped by further angles (n,)."""
+        """Return ports in which further angles (n,) are added to the slip of the fixed end of spring ``a`` or ``b``."""
         return self.changed(slipped_rad=_added(self.slipped_rad, slipped_rad, spring))
 
     def with_friction(self, factor_down: Floats, factor_up: Floats, added_nm: Floats | float = 0.0) -> Ports:

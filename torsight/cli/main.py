@@ -69,7 +69,7 @@ def _options(
 
 @cache
 def command_line(names: tuple[str, ...] = COMMANDS) -> typer.Typer:
-    """Return the command line with some of its commands: to import all takes twice as long as to show the version."""
+    """Return the command line with some of its commands: importing all takes longer than ``--version`` itself."""
     app = typer.Typer(
         name="torsight",
         help="From a film of two sticks to a trusted model of the torsion actuator.",

@@ -123,7 +123,7 @@ class TagsSeen:
 
 
 def _found(luma: NDArray[np.uint8], codes: Mapping[str, Ints]) -> dict[str, list[FoundTag]]:
-    """Return the tags in a picture of families, and of their numbers, in ``codes``."""
+    """Return the tags of a picture by family, among the families and numbers in ``codes``."""
     found: dict[str, list[FoundTag]] = {family: [] for family in codes}
     sought = [family for family, numbers in codes.items() if len(numbers)]
     if not sought:
@@ -138,10 +138,10 @@ def _found(luma: NDArray[np.uint8], codes: Mapping[str, Ints]) -> dict[str, list
 
 
 def _usual_codes(luma: NDArray[np.uint8]) -> dict[str, Ints]:
-    """Return the numbers of each usual family that something square in a picture shows, by OpenCV's own measure.
+    """Return the numbers of each usual family that match a square in a picture, by OpenCV's own criterion.
 
-    OpenCV compares each square with one code after the other: of a hundred squares and these 8,500 codes that takes
-    1.5 s. All at once it is a product of matrices; what is left are the codes that OpenCV would find.
+    OpenCV compares each square with one code after the other: for a hundred squares and these 8,500 codes this takes
+    1.5 s. As one product of matrices the comparison is fast; OpenCV's detector then decides among the codes that match.
     """
     squares, seen, found = _squares(luma), dict[int, NDArray[np.float32]](), dict[str, Ints]()
     for family in USUAL:
@@ -154,17 +154,17 @@ def _usual_codes(luma: NDArray[np.uint8]) -> dict[str, Ints]:
 
 
 def _squares(luma: NDArray[np.uint8]) -> Sequence[NDArray[np.float32]]:
-    """Return the corners (4, 2) of all that OpenCV takes for square in a picture, also of those inside of others."""
+    """Return the corners (4, 2) of all quadrilaterals that OpenCV finds in a picture, also those inside of others."""
     parameters = _parameters()
     parameters.minMarkerDistanceRate = parameters.minGroupDistance = 0.0
-    # Any family: what is square comes out, as a tag or as refused.
+    # With any family: the detector returns every quadrilateral, as a tag or as rejected.
     detector = cv2.aruco.ArucoDetector(_part_of(USUAL[0], np.zeros(1, np.int64)), parameters)
     shown, _, others = detector.detectMarkers(np.ascontiguousarray(luma))
     return [np.asarray(four, np.float32).reshape(4, 2) for four in (*shown, *others)]
 
 
 def _modules_of(luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]], size: int) -> NDArray[np.float32]:
-    """Return the modules of squares, ±1 for white and black, as OpenCV reads them; each in all four turns (4 c, n²)."""
+    """Return the modules of c squares as OpenCV reads them, ±1 for white and black, in four orientations (4 c, n²)."""
     side = (size + 2) * _MODULE_PX
     rim = np.array([[0, 0], [side - 1, 0], [side - 1, side - 1], [0, side - 1]], np.float32)
     margin = int(_parameters().perspectiveRemoveIgnoredMarginPerCell * _MODULE_PX)
@@ -179,10 +179,10 @@ def _modules_of(luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]],
 
 @lru_cache(maxsize=32)
 def _codes_of(family: str) -> tuple[int, NDArray[np.float32], int]:
-    """Return a family's modules along a side, its codes (n, modules), ±1, and how many modules OpenCV lets differ."""
+    """Return a family's modules along a side, its codes (n, modules) as ±1, and OpenCV's limit of wrong modules."""
     dictionary = family_of(family, where="tag")
     size, (count, number, _) = int(dictionary.markerSize), dictionary.bytesList.shape
-    # Bytes of all four turns, one after the other; the last byte of each holds what is left over in its low bits.
+    # Bytes of the four orientations in sequence; the last byte of each holds the remaining bits, right-aligned.
     bits = np.unpackbits(np.reshape(dictionary.bytesList, (count, 4, number))[:, 0], axis=1)
     left = size**2 % 8
     bits = np.concatenate([bits[:, : size**2 - left], bits[:, bits.shape[1] - left :]], axis=1)
@@ -191,7 +191,7 @@ def _codes_of(family: str) -> tuple[int, NDArray[np.float32], int]:
 
 
 def _part_of(family: str, numbers: Ints) -> Any:
-    """Return OpenCV's dictionary of some of a family's tags."""
+    """Return OpenCV's dictionary of a subset of a family's tags."""
     dictionary = family_of(family, where="tag")
     part = np.ascontiguousarray(dictionary.bytesList[numbers])
     return cv2.aruco.Dictionary(part, dictionary.markerSize, dictionary.maxCorrectionBits)

@@ -2,10 +2,11 @@ r"""A spring's fixed end slips in its clamp.
 
 .. math:: θ_P' = θ_P − |s| \, H(t − t_s)
 
-s angle by which the end of A (s > 0) or of B (s < 0) slips (°), t_s the time (s). The spring is wound by so much less
-from then on, in later records, too. Predicted residual: at the slip nothing, as long as friction holds; then the disk
-comes to stand by half of the slip further the way that the slipped spring pulls no more, and all strokes are a little
-shorter or longer. Source: slip of wire ends in clamps, a usual defect of torsion and bending rigs.
+s angle by which the fixed end of A (s > 0) or of B (s < 0) slips (°), t_s time of the slip (s). From then on, also in
+later records, the spring's winding is reduced by |s|. Predicted residual: none at the slip itself, as long as friction
+holds the disk; from the next stroke on the disk rests about |s|/2 further in the direction in which the other spring
+pulls, and the strokes are slightly shorter or longer. Source: slip of wire ends in clamps, a usual defect of torsion
+and bending rigs.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from torsight.core.units import DEG, Floats
 
 
 def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
-    """Return times and angles at which half of a slip explains most of a residual (NaN: not measured)."""
+    """Return the times and sizes of slips whose halves, as steps, explain most of a residual (NaN: not measured)."""
     steps = marker_slip.propose(time_s, residual_rad)
     return tuple({"clamp_slip_deg": 2.0 * s["slip_deg"], "clamp_slip_time_s": s["slip_time_s"]} for s in steps)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Unwind the spring whose end slips; after the record it is there from the start."""
+    """Unwind the spring whose end slips; a later record begins with the spring unwound."""
     by = values["clamp_slip_deg"] * DEG
     at_s = -np.inf if ports.history.after_record else values["clamp_slip_time_s"]
     return ports.with_slip(abs(by) * marker_slip.step(ports.time_s, at_s=at_s), spring="a" if by > 0.0 else "b")

@@ -175,7 +175,7 @@ def winding(spring: str) -> Callable[[Ports, Curve], Ports]:
 
 
 def relaxing(ports: Ports, law: Curve) -> Ports:
-    """Change the torque of cold springs over time by a share; after the record it is what it was in the end."""
+    """Change the torque of cold springs over time by a share; later records get the law's last value."""
     before = 1.0 if ports.cold_scale is None else ports.cold_scale
     return ports.changed(cold_scale=before * np.maximum(0.0, 1.0 + law(_within_record(ports, ports.time_s))))
 

@@ -21,7 +21,7 @@ _FADES = 2.0
 """Steps past a window over which a smooth phase law fades, a choice: two steps there are a tenth of the window."""
 _LENGTHS = (0.5, 0.25, 0.12, 0.06)
 _RELAXES_S = (10.0, 100.0, 1000.0)
-"""Times from which a relaxation shows that goes with the logarithm of time: decades between a row and a record."""
+"""Onset times of relaxations with the logarithm of time: the decades between one row and a whole record, s."""
 _WANDERS = 0.1
 """Wander of a clock as a share of its possible offset: computers that were never synchronised differ by seconds and
 drift by tenths of a second an hour (200 ppm), and a network's corrections move a clock by some tens of milliseconds
@@ -126,7 +126,7 @@ def drifting(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def relaxing(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return what changes since the first node: with time, with the logarithm of time, and smoothly."""
+    """Return functions that vanish at the first node: proportional to time, logarithmic in time, and smooth."""
     off = nodes - nodes[0]
     forms = [("proportional", off)]
     forms += [(f"logarithm of time from {onset:g} s", np.log1p(off / onset)) for onset in _RELAXES_S]

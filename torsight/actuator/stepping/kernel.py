@@ -393,9 +393,9 @@ def _mirror_hold(first: bool, state: State, p: Scalars, o: Scalars, tables: Floa
 
 @inlined
 def _give(k: int, samples: Samples, c: Floats, g: Floats, springs: NDArray[np.void]) -> float:
-    """Let cold springs relax and fixed ends slip to what a sample has; return by how much that unwinds A.
+    """Set the cold springs' relaxation and the fixed ends' slip to those of a sample; return the unwinding of A.
 
-    The disk stands meanwhile. A spring whose end slips unwinds elastically at the phase that it has.
+    The disk is at rest meanwhile. A spring whose end slips unwinds elastically at its present phase.
     """
     if samples.load_change.shape[1] > 0:
         c[KEEPS] = samples.load_change[3, k]
@@ -503,8 +503,8 @@ def run(
         Changes from cycle to cycle, per half-cycle: factor on the recoverable angle, loss of this angle independent of
         the winding (rad), and shift of the driven spring's transformation temperatures on heating and on cooling (°C).
     springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
-        Scalars in SI units, with the values of spring A and with those of spring B. Where ends slip they hold in the
-        end what is left of θ_P.
+        Scalars in SI units, with the values of spring A and with those of spring B. They are changed in
+        place: where ends slip, θ_P is reduced by the slip.
     tables : (11, m) float64
         See :mod:`torsight.actuator.stepping.kernel_laws`.
     sections : (3, m) float64

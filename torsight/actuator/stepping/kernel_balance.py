@@ -123,7 +123,7 @@ def advance(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floa
 
 @inlined
 def disk_angle(x: float, c: Floats, p: Scalars) -> float:
-    """Return where the disk stands at an angle of the active spring: θ^A as it were had A's end not slipped."""
+    """Return the disk's angle for an angle of the active spring: θ^A without the slip of A's end."""
     return (x if c[SIGN] > 0.0 else p["theta_p"] - x) + p["slipped_a"]
 
 
