@@ -83,7 +83,7 @@ def test_what_is_left_is_held_against_the_noise_of_the_inputs():
     assert bad.variance_ratio > 0.1 * (bad.rmse_deg / noise_deg) ** 2 > 4.0
     (words,) = bad.attention
     assert bad.notes[0] == words
-    assert words.startswith("This record is not explained: what is left is ")
+    assert words.startswith("This record is not explained: the residual is ")
     assert "'torsight discover' names" in words
     assert not bad.explains_nothing
     assert bad.to_json()["residual"]["variance_ratio"] == bad.variance_ratio

@@ -28,7 +28,7 @@ def test_more_than_twice_the_floor_of_6_hundredths_is_said_first(
 ) -> None:
     found = lines(tmp_path, left_deg)
     text = "\n".join(found)
-    doubt = "Attention         This record is not explained: what is left is 2.02 times the noise floor"
+    doubt = "Attention         This record is not explained: the residual is 2.02 times the noise floor"
     assert found[0].startswith("Range of motion" if explained else doubt)
     assert text.count("not explained") == (not explained)
     assert "Missing           The model lacks an effect: sensor lag." in found

@@ -115,14 +115,14 @@ def test_where_every_half_cycle_was_left_out_once_nothing_is_shaded(run: Path) -
 
 
 def test_a_fit_that_leaves_more_than_the_noise_is_no_news_once_a_discovery_has_answered(run: Path) -> None:
-    words = "This record is not explained: what is left is 15.0 times the noise floor. The error is 4°"
+    words = "This record is not explained: the residual is 15.0 times the noise floor. The error is 4°"
     rewrite(run, "fit", residual={"variance_ratio": 225.0}, attention=[words], notes=[words, "a note"])
     text = text_of(run)
     assert "The error is 4°" not in text
     assert "A note." in text
     (run / "discovery.json").unlink()
     text = text_of(run)
-    assert "what is left is 15.0 times the noise floor. The plain model was fitted" in text
+    assert "the residual is 15.0 times the noise floor. The plain model was fitted" in text
     assert "The error is 4°." in text
 
 

@@ -55,7 +55,7 @@ def test_the_summary_of_the_recording_says_first_that_the_record_is_not_explaine
     from torsight.viewer.run_words import summary_document
 
     text = summary_document(read_results(run))
-    assert text.startswith("### This record is not explained: what is left is 7.33 times the noise floor")
+    assert text.startswith("### This record is not explained: the residual is 7.33 times the noise floor")
     assert "lag of the sensor τ_T 4.020 s" in text
     assert made_up_law().sentence in text
 

@@ -51,7 +51,7 @@ def test_a_record_that_is_not_explained_is_the_first_thing_said_and_not_to_be_tr
     assert "the record is not explained" in found["Can"].answer
     assert "The model, not the measurement: the residual is 7.33 times the noise floor" in found["What"].answer
     (first,) = re.findall(r"<h1>(.*?)</h1>", words_of(run))
-    assert first.startswith("This record is not explained: what is left is 7.33 times the noise floor")
+    assert first.startswith("This record is not explained: the residual is 7.33 times the noise floor")
     assert first.index("not explained") < first.index("sensor lag")
 
 

@@ -162,7 +162,7 @@ def unexplained(times: float) -> str:
     """Return the sentence on a residual of more than twice the noise floor; else an empty string."""
     if times <= EXPLAINED:
         return ""
-    return f"This record is not explained: what is left is {number(times)} times the noise floor."
+    return f"This record is not explained: the residual is {number(times)} times the noise floor."
 
 
 def not_explained(discovery: Mapping[str, Any]) -> str:
