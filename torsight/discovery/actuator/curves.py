@@ -1,4 +1,4 @@
-"""The columns of ``curves.csv``: what was measured, both models, residuals, and where each row belongs."""
+"""The columns of ``curves.csv``: measurements, both models, residuals, half-cycle and phase of each row."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.fitting import Fit
 
 _STILL_C_S = 0.01
-"""A driven spring whose temperature changes by less than this rests."""
+"""Rate of the driven spring's temperature below which the spring is neither heating nor cooling."""
 
 
 def curve_columns(

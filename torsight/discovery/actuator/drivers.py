@@ -1,4 +1,4 @@
-"""The variables that an effect without a name may depend on, as rows of a record."""
+"""The variables on which a missing effect may depend, row by row."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from torsight.core.units import Flags, Floats, Ints
 def actuator_drivers(drive: Drive, rows: Ints, angle_deg: Floats, rest: Flags) -> Mapping[str, Floats]:
     """Return the drivers of the contract at the kept rows.
 
-    ``angle_deg`` is the angle (measured or modelled) there, ``rest`` where it stands still. ``direction`` is +1, −1 or
-    the last of them while at rest; ``dwell_s`` the time since the angle last moved (0 in motion); ``cycle`` how often
-    the driven spring had been heated before.
+    ``angle_deg`` is the measured or modelled angle in these rows, ``rest`` marks the rows at rest. ``direction`` is +1
+    or −1, at rest the last of both; ``dwell_s`` the time since the angle last moved (0 in motion); ``cycle`` the number
+    of earlier heatings of the driven spring.
     """
     time_s = drive.time_s[rows]
     is_a = drive.cycles.active[rows] == 0
@@ -38,7 +38,7 @@ def actuator_drivers(drive: Drive, rows: Ints, angle_deg: Floats, rest: Flags) -
 
 
 def _rate(time_s: Floats, angle: Floats) -> Floats:
-    """Return the angle's slope over five seconds to either side, °/s."""
+    """Return the angle's slope over five seconds before and after each row, °/s."""
     low = np.searchsorted(time_s, time_s - 5.0)
     high = np.searchsorted(time_s, time_s + 5.0, side="right") - 1
     span = time_s[high] - time_s[low]

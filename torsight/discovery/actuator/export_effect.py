@@ -1,4 +1,4 @@
-"""A measured law written as an effect of the library: one Python file that the effects' folder takes as it is."""
+"""A measured law written as an effect of the library: one Python file for the effects' folder."""
 
 from __future__ import annotations
 
@@ -89,14 +89,14 @@ def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...])
     path : Path
         ``<id>.py``.
     model : FittedModel
-        Of ``discover``.
+        Model fitted by ``discover``.
     laws : tuple of MeasuredLaw
-        As they are reported, strongest first.
+        Measured laws as reported, strongest first.
 
     Raises
     ------
     ConfigError
-        When the file's name is no id, or that of an effect which the library has.
+        When the file's name is not a valid id, or is the id of an effect of the library.
     NoResultError
         When no law was measured.
     """
@@ -125,7 +125,7 @@ def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...])
 
 
 def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sentence: str) -> str:
-    """Return the source of an effect that is a law with the given parameters."""
+    """Return the source code of an effect that is a law with the given parameters."""
     family = FAMILIES[form.id]
     law = form.values([values[key] for key in form.names])
     words = _WORDS.format(
@@ -144,7 +144,7 @@ def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sent
 
 
 def _rows(numbers: Floats) -> str:
-    """Return numbers with six digits, six to a line."""
+    """Return numbers with six digits each, six to a line."""
     words = [f"{value:.6g}" for value in numbers.tolist()]
     lines = (", ".join(words[i : i + 6]) for i in range(0, len(words), 6))
     return "\n".join(f"    {line}," for line in lines)

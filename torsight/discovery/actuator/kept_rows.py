@@ -1,4 +1,4 @@
-"""Which rows of a record a fit looks at, and where the angle rests."""
+"""The rows of a record that a fit uses, and the rows in which the angle is at rest."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from torsight.core.units import DEG, Flags, Floats, Ints
 _REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
 _STOPPED_DEG: Final = 0.5
-"""Way to where the angle comes to rest within which it has stopped."""
+"""Distance to the angle at rest within which the angle counts as stopped."""
 
 
 def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
-    """Return the rows between which the angle or a temperature changes enough to matter.
+    """Return the indices of the rows that a fit uses: between them the angle or a temperature changes noticeably.
 
-    The stepping is exact for steps of any length between which temperatures rise or fall: rows only have to sample the
-    residual. One is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
+    The stepping is exact for steps of any length over which temperatures rise or fall: rows only have to sample the
+    residual. One row is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
     changes of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within
-    two seconds, one every 1.5 s within fifteen. Such an end is where the driven temperature turns down, where it is
-    highest, and (behind a slow sensor, before either) where the angle stops. The same rows are kept where the angle
-    sets off from a rest: friction over the speed is not exact for steps in which it does. ``way`` (n,) is how far every
-    row has come (:func:`way_of`), ``at_rest`` (n,) where the angle stands still.
+    two seconds, one every 1.5 s within fifteen. The end of a heating is where the driven temperature turns down, where
+    it is highest, and (behind a slow sensor, before both) where the angle stops. The same rows are kept where the angle
+    starts from a rest: with friction over the speed, steps that contain a start are not exact. ``way`` (n,) is the
+    distance covered (:func:`way_of`), ``at_rest`` (n,) the rows at rest.
     """
     active, _ = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
     interval = usual_step(drive.time_s)
@@ -46,7 +46,7 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
 
 
 def _starts(at_rest: Flags, angle_deg: Floats) -> list[int]:
-    """Return the rows at which the angle sets off from a rest."""
+    """Return the rows at which the angle starts from a rest."""
     found = []
     for _, stop in runs(at_rest):
         away = np.abs(angle_deg[stop - 1 :] - angle_deg[stop - 1]) > _STOPPED_DEG
@@ -56,7 +56,7 @@ def _starts(at_rest: Flags, angle_deg: Floats) -> list[int]:
 
 
 def way_of(drive: Drive) -> Floats:
-    """Return how far every row (n,) has come since the first, in steps of angle, temperatures or time."""
+    """Return the distance (n,) covered since the first row, in steps of angle, temperatures or time."""
     active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
     angle_deg = _running_median(drive.angle_rad / DEG)
     steps = ((active, 1.0), (passive, 2.0), (angle_deg, 5.0), (drive.time_s, 30.0))
@@ -77,7 +77,7 @@ def _tops(active: Floats, angle_deg: Floats, half: Ints, turns: Ints) -> list[in
 
 
 def _running_median(values: Floats) -> Floats:
-    """Return the median of five neighbours, gaps bridged by lines: what moves, without the reading noise."""
+    """Return the running median over five rows, with gaps interpolated: the motion without the reading noise."""
     good = np.isfinite(values)
     filled = np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
     padded = np.pad(filled, 2, mode="edge")
@@ -85,10 +85,10 @@ def _running_median(values: Floats) -> Floats:
 
 
 def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
-    """Return where the angle stands still for at least eight seconds.
+    """Return the rows in which the angle is at rest for at least eight seconds.
 
-    A sample rests where the angle, averaged over the half window before it and after it, moves by less than 0.02 °/s
-    or than the averages' own noise would show.
+    A row is at rest if the averages of the angle over half a window before and after it differ by less than 0.02 °/s,
+    or by less than the averages' own noise.
     """
     n = len(time_s)
     interval = usual_step(time_s)

@@ -24,12 +24,12 @@ from torsight.discovery.measured_law import MeasuredLaw, numbered
 _POINTS: Final = 121
 """Rows of a law's file: smooth to the eye over the width of a page."""
 _TEMPERATURES: Final = 4
-"""How many of the values in which the springs may differ are transformation temperatures."""
+"""Number of transformation temperatures among the values in which the springs may differ; they come first."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Scales:
-    """From a law's own units to those of its file: a factor on values, a unit, and what happens to the driver."""
+    """Conversion of a law to the units of its file: a factor on values, their unit, and the driver's conversion."""
 
     factor: float
     unit: str
@@ -47,13 +47,13 @@ def measured_laws(
     Parameters
     ----------
     problem : ActuatorProblem
-        The record.
+        Problem of the record.
     chosen : Explanation
-        Whose laws.
+        Explanation that contains the laws.
     shares : mapping of str to float
-        Law to its share of what is explained.
+        Share of the explained residual, by law.
     names : mapping of str to str
-        Law to the effect whose name it carries; laws without a name are not in it.
+        Effect whose name a law carries, by law; laws without a name are missing.
     """
     spread = joint_covariance(chosen)
     found = []
@@ -88,7 +88,7 @@ class _Known:
         shares: Mapping[str, float],
         names: Mapping[str, str],
     ) -> _Known:
-        """Return what an explanation says of one of its laws; ``spread`` is its joint covariance."""
+        """Return one of an explanation's laws on its nodes; ``spread`` is the explanation's joint covariance."""
         form, law = item.form, item.law
         places = [[p.name for p in chosen.fit.parameters].index(name) for name in form.names]
         values = form.values([chosen.fit.values[name] for name in form.names])
@@ -103,7 +103,7 @@ class _Known:
     def written(
         self, driver: Floats, curve: Floats, width: Floats, covered: Flags, *, unit: str, way: str = ""
     ) -> MeasuredLaw:
-        """Return the law with values (n,) of its driver, its own values and one sigma, as files have them."""
+        """Return the law in the units of files: driver (n,), value (n,) and one standard deviation (n,)."""
         law = self.law
         return MeasuredLaw(
             effect=self.name,
@@ -157,11 +157,11 @@ class _Window(NamedTuple):
     way : str
         ``heating`` or ``cooling``.
     branch : float
-        Where its steps begin on the nodes of the phase law.
+        First step of the window on the nodes of the phase law.
     start_c, end_c : float
         The window.
     reached_c : tuple of float
-        The lowest and the highest temperature in the record, less the load's shift of the window.
+        The lowest and the highest temperature in the record, minus the load's shift of the window.
     """
 
     way: str
@@ -180,7 +180,7 @@ class _Window(NamedTuple):
         return self.start_c + phase_places(steps) * (self.end_c - self.start_c)
 
     def reaches(self, temp_c: Floats) -> Flags:
-        """Return at which temperatures (n,) the record was."""
+        """Return whether the record covers temperatures (n,)."""
         low_c, high_c = self.reached_c
         return (temp_c >= low_c) & (temp_c <= high_c)
 
@@ -196,7 +196,7 @@ def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) ->
     )
     heating = _phase_law(known, _Window("heating", 0.0, rig.a_start_c, rig.a_finish_c, up_c))
     cooling = _phase_law(known, _Window("cooling", BRANCH, rig.m_start_c, rig.m_finish_c, down_c))
-    # The engine knows what both explain together: each is given the part that its squares are of the squares of both.
+    # The engine gives one share for both: it is divided by the ratio of their sums of squares.
     sizes = [float(np.sum(law.value**2)) for law, _ in (heating, cooling)]
     whole = sum(sizes)
     return [
@@ -206,16 +206,16 @@ def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) ->
 
 
 def _phase_law(known: _Known, window: _Window) -> tuple[MeasuredLaw, OnNodes]:
-    """Return the phase law of one way."""
+    """Return the phase law on heating or on cooling."""
     law, width_c = known.law, window.width_c
-    # A file's temperatures rise; on cooling they fall from step to step.
+    # Temperatures increase in a file; on cooling they decrease from step to step.
     rising = slice(None, None, 1 if window.end_c > window.start_c else -1)
 
     own_steps = OWN_STEPS[rising]
     own = np.flatnonzero(np.isin(law.nodes, window.branch + OWN_STEPS))[rising]
     nodes_c, node_sigma = window.temperatures_c(own_steps), known.sigma[own]
     lead, sigma = _lead(own_steps, known.values[own], node_sigma)
-    # A lead ends where a transformation does: as its sigma becomes smaller there, so does its covariance.
+    # The lead is limited by the ends of the transformation: where that reduces sigma, the covariance is reduced, too.
     kept = np.divide(sigma, node_sigma, out=np.zeros(len(own)), where=node_sigma > 0.0)
     covariance = known.covariance[np.ix_(own, own)] * np.outer(kept, kept) * width_c**2
     reached = window.reaches(nodes_c)
@@ -231,7 +231,7 @@ def _phase_law(known: _Known, window: _Window) -> tuple[MeasuredLaw, OnNodes]:
 
 
 def _lead(steps: Floats, ahead: Floats, sigma: Floats) -> tuple[Floats, Floats]:
-    """Return by how many windows a transformation is ahead, and one sigma; none before its start and past its end."""
+    """Return a transformation's lead in windows, and one sigma; both are zero before its start and after its end."""
     place = phase_places(steps)
     low, lead, high = (
         np.clip(place + ahead + z * sigma, 0.0, 1.0) - np.clip(place, 0.0, 1.0) for z in (-1.0, 0.0, 1.0)
@@ -240,9 +240,9 @@ def _lead(steps: Floats, ahead: Floats, sigma: Floats) -> tuple[Floats, Floats]:
 
 
 def _reached_c(problem: ActuatorProblem, simulation: Simulation, per_torque: float) -> tuple[float, float]:
-    """Return between which temperatures the driven wires were, less what stress moves a transformation by.
+    """Return the range of the driven wires' temperatures, minus the shift of the transformation by stress.
 
-    ``per_torque`` is that shift in K per N·m.
+    ``per_torque`` is this shift in K per N·m.
     """
     is_a = problem.drive.cycles.active == 0
     torque = np.where(is_a, simulation.torque_a_nm, simulation.torque_b_nm)

@@ -1,7 +1,7 @@
-"""A measured law of the actuator in one sentence: what its curve does, as far as that is certain.
+"""A measured law of the actuator in one sentence: the course of its curve, as far as it is certain.
 
-Whether a curve rises, falls, alternates or has a highest place follows from its values on the nodes and their joint
-covariance: errors that all values share (an offset that other parameters could take) do not hide a slope that is known.
+Whether a curve rises, falls, alternates or has a maximum follows from its values on the nodes and their joint
+covariance: errors that all values share (an offset that other parameters could take up) do not hide a known slope.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ _WHAT: Final = {
     "phase": "the recoverable angle",
 }
 _USUAL: Final = "temp_active_c"
-"""The driver that is meant where a sentence names none: its unit says it."""
+"""The driver that a sentence does not name: its unit identifies it."""
 _WRONG: Final = 2.0 * NormalDist().cdf(-REACH)
-"""Probability with which a change that is reported may be none: the other side of a 95 % interval."""
+"""Probability that a reported change is none: the complement of a 95 % interval."""
 _ROUNDING: Final = float(np.sqrt(np.finfo(np.float64).eps))
-"""Share of a curve's range that linear algebra may have made: differences below it are none."""
+"""Rounding error of linear algebra as a share of a curve's size: differences below it count as zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnNodes:
-    """A law where the record reached it, in the units of its file.
+    """A law on the nodes that the record reached, in the units of its file.
 
     Attributes
     ----------
     places : (k,) float64
-        Nodes on the driver, rising.
+        The nodes' values of the driver, increasing.
     values : (k,) float64
-        The law there.
+        The law on the nodes.
     covariance : (k, k) float64
-        Of the values.
+        Covariance of the values.
     counted : str
         What a law over cycles counts: ``half-cycle``, or ``cycle`` for a spring's own.
     springs : tuple of int
@@ -59,15 +59,15 @@ class OnNodes:
     springs: tuple[int, ...] = ()
 
     def rise(self, i: int, j: int) -> tuple[float, float]:
-        """Return by how much the law rises from node ``i`` to node ``j``, and the standard deviation of that."""
+        """Return the law's change from node ``i`` to node ``j``, and its standard deviation."""
         spread = self.covariance[i, i] + self.covariance[j, j] - 2.0 * self.covariance[i, j]
         return float(self.values[j] - self.values[i]), float(np.sqrt(max(spread, 0.0)))
 
     @property
     def ways(self) -> tuple[bool, bool]:
-        """Whether it certainly rises somewhere, and whether it certainly falls somewhere.
+        """Whether the law certainly rises somewhere, and whether it certainly falls somewhere.
 
-        Every pair of nodes is a chance to be wrong, so they share the probability of it (Bonferroni).
+        Every pair of nodes is tested, so the pairs share the probability of an error (Bonferroni).
         """
         pairs = [self.rise(i, j) for i in range(len(self.places)) for j in range(i + 1, len(self.places))]
         reach = NormalDist().inv_cdf(1.0 - _WRONG / max(1, len(pairs)))
@@ -76,14 +76,14 @@ class OnNodes:
         return any(change > 0.0 for change in certain), any(change < 0.0 for change in certain)
 
     def monotone(self, *, rising: bool) -> Floats:
-        """Return the rising or falling curve (k,) that is nearest to it."""
+        """Return the rising or falling curve (k,) that is nearest to the law (isotonic regression)."""
         dust = _ROUNDING * max(float(np.max(np.abs(self.values))), np.finfo(np.float64).tiny)
         weights = 1.0 / (np.diag(self.covariance) + dust**2)
         return np.asarray(isotonic_regression(self.values, weights=weights, increasing=rising).x, np.float64)
 
     @property
     def alternates(self) -> bool:
-        """Whether, over counts, every second value is higher than all values between them."""
+        """Whether every second value is higher than all values between them; for laws over counts."""
         low, high = sorted((self.values[::2], self.values[1::2]), key=lambda one: float(np.mean(one)))
         return float(low.max()) < float(high.min())
 
@@ -94,11 +94,11 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     Parameters
     ----------
     law : MeasuredLaw
-        The law as its file holds it, and which of the laws of its place it is.
+        The law in the units of its file, with its number among the laws of its port.
     tau_c_mnm : float
         Friction torque without the law.
     known : OnNodes
-        Its values on the nodes that the record reached.
+        The law on the nodes that the record reached.
     """
     if law.driver in {"spring", "direction"}:
         return _of_two(law)
@@ -117,7 +117,7 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
 
 
 def _of_two(law: MeasuredLaw) -> str:
-    """Return a law that has two values."""
+    """Return the sentence of a law with two values."""
     change = float(law.value[-1] - law.value[0])
     way = "higher" if change > 0.0 else "lower"
     if law.driver == "spring":
@@ -154,14 +154,14 @@ def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) ->
 
 
 def _size(first: float, last: float, unit: str, whole: float | None) -> str:
-    """Return a change with its unit: as a share of the first value where a law changes a whole."""
+    """Return a change with its unit; where a law changes a ``whole``, in per cent of the first value."""
     if whole is not None and whole + first > 0.0:
         return f"{number(100.0 * abs((last - first) / (whole + first)), 2)} %"
     return f"{number(abs(last - first))}{_spaced(unit)}"
 
 
 def _level(known: OnNodes, unit: str, whole: float | None) -> str | None:
-    """Return the one value of a law that does not change; None where that is none."""
+    """Return the value of a constant law in words; None where it is zero within its interval."""
     mean, sigma = float(np.mean(known.values)), float(np.sqrt(max(float(np.mean(known.covariance)), 0.0)))
     if abs(mean) <= REACH * sigma:
         return None
@@ -171,7 +171,7 @@ def _level(known: OnNodes, unit: str, whole: float | None) -> str | None:
 
 
 def _alternating(law: MeasuredLaw, known: OnNodes, whole: float | None) -> str:
-    """Return the two values of a law that alternates, and where each stands."""
+    """Return the two values of an alternating law in words, and the half-cycles of the higher one."""
     starts = sorted((0, 1), key=lambda start: float(np.mean(known.values[start::2])))
     added = whole if law.port == "friction" and whole is not None else 0.0
     levels = []
@@ -192,7 +192,7 @@ def _alternating(law: MeasuredLaw, known: OnNodes, whole: float | None) -> str:
 
 
 def _nothing(mean: float, known: OnNodes, places: range) -> bool:
-    """Whether a mean of some values is zero within its interval."""
+    """Return whether a mean of some values is zero within its interval."""
     own = known.covariance[np.ix_(places, places)]
     return abs(mean) <= REACH * float(np.sqrt(max(float(np.mean(own)), 0.0)))
 

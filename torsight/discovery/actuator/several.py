@@ -1,12 +1,12 @@
 """Several records of one rig as one problem.
 
-Values, effects and laws are those of the rig, one for all records. What belongs to a record is its own: how the springs
-were wound when it began (effects of the family ``start``), the zero of its sticks, the offset of its clocks, and what
-happened to its camera or markers. Names of record 2, 3, … end in ``_2``, ``_3``, …; those of record 1 have no ending.
+Values, effects and laws belong to the rig and are shared by all records. Each record has its own winding of the springs
+at its start (effects of the family ``start``), zero of the sticks, offset of the clocks, and events of its camera or
+markers. Names of record 2, 3, … end in ``_2``, ``_3``, …; those of record 1 have no ending.
 
-Records stand in the order in which they were made: the springs' cycles, on which effects and laws of fatigue depend,
-are counted on from each to the next. A law of time is left out: no two records share a time, and one that runs through
-all of them would say when they differ and not why.
+Records are in the order in which they were made: the springs' cycles, on which effects and laws of fatigue depend, are
+counted through all records. Laws of time are left out: records do not share a time, and a law that runs through all of
+them would describe when they differ, but not why.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from torsight.discovery.interface import Candidate, OptionalMembers, Propose, kn
 
 ZERO: Final = "zero_deg"
 _APART_S: Final = 3600.0
-"""Time that is put between records on the common axis: long against whatever correlates within one."""
+"""Gap between records on the common time axis: long compared with any correlation time within a record."""
 _SAMPLES: Final = ("time_s", "observed", "sigma", "valid", "block", "rest", "share", "drivers")
 _OF_THE_RECORDS: Final = ("_clocks", "_joined", "laws", *_SAMPLES)
-"""What depends on the records alone, and is not worked out again where other laws are tried on them."""
+"""Attributes that depend on the records alone, and are kept when other laws are tried on the same records."""
 
 
 def own_name(name: str, record: int) -> str:
@@ -66,15 +66,15 @@ class SeveralRecords(OptionalMembers):
         Parameters
         ----------
         drives : sequence of Drive
-            In the order in which they were recorded.
+            Prepared records in the order in which they were recorded.
         spec : ActuatorSpec
-            Of the one actuator.
+            Specification of the actuator.
         seed : int
-            Of the temperature noise that is drawn.
+            Seed of the drawn temperature noise.
         """
         parts, cycles = [], (0, 0)
         if any(drive.clock_sigma_s is not None for drive in drives):
-            # Beside records whose clocks were put together, an offset in another one is no effect of the rig, either.
+            # If the clocks of one record were synchronised, an offset in another record is not an effect of the rig.
             widest_s = CLOCK_OFFSET.parameters[0].upper
             drives = [replace(one, clock_sigma_s=one.clock_sigma_s or widest_s) for one in drives]
         for k, drive in enumerate(drives):
@@ -91,24 +91,24 @@ class SeveralRecords(OptionalMembers):
 
     @property
     def resolution(self) -> float:
-        """In degrees."""
+        """Smallest standard deviation of a residual, degrees."""
         return self.parts[0].resolution
 
     @cached_property
     def _clocks(self) -> frozenset[str]:
-        """Ids of effects of which every record has its own values, all of them at once."""
+        """Ids of effects that act on all records together, each record with its own values."""
         return frozenset(effect.id for effect in load_effects().values() if effect.is_clock)
 
     @cached_property
     def own(self) -> frozenset[str]:
-        """Names, as the first record has them, of values that every record has for itself."""
+        """Names, without a record's ending, of the values that every record has of its own."""
         clocks = (p.name for name in self._clocks for p in load_effects()[name].parameters)
         events = (p.name for c in self.parts[0].candidates if c.propose is not None for p in c.parameters)
         return frozenset((ZERO, *self.parts[0].once, *clocks, *events))
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The plain model's free parameters; those of later records' own after all others."""
+        """The plain model's free parameters, followed by the later records' own ones."""
         later = [
             replace(p, name=own_name(p.name, k))
             for k, part in enumerate(self.parts)
@@ -146,12 +146,12 @@ class SeveralRecords(OptionalMembers):
 
     @cached_property
     def _joined(self) -> ActuatorProblem:
-        """The records put one after the other: for what depends on the range that they cover together."""
+        """The concatenated records, for quantities that depend on the range that they cover together."""
         return replace(self.parts[0], drive=_joined([part.drive for part in self.parts]), forms=())
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
-        """Places and variables at which a law may be missing, over what any of the records covers."""
+        """Laws that may be missing, over the range that any of the records covers."""
         return tuple(law for law in self._joined.laws if law.driver != TIME)
 
     def with_laws(self, forms: Sequence[LawForm]) -> SeveralRecords:
@@ -161,22 +161,22 @@ class SeveralRecords(OptionalMembers):
         return other
 
     def get_ready(self) -> None:
-        """Find the wires behind slow sensors."""
+        """Compute the wires' temperatures behind slow sensors."""
         for part in self.parts:
             part.get_ready()
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy of the process sends back: all but candidates, which hold functions."""
+        """Return the state that is pickled: all but candidates, which hold functions."""
         return known_of(self, ("parts", "forms", *_OF_THE_RECORDS))
 
     @cached_property
     def once(self) -> tuple[str, ...]:
-        """Names of all values that are one record's own: another record tells nothing of them."""
+        """Names of all values that belong to one record: other records do not determine them."""
         return tuple(own_name(name, k) for k in range(len(self.parts)) for name in sorted(self.own))
 
     @cached_property
     def elsewhere(self) -> tuple[Mapping[str, float], ...]:
-        """Starts of every record's own values: of one record at a time, and of all records at once."""
+        """Further start values of the records' own values: of one record at a time, and of all records together."""
         each = [
             [{own_name(name, k): value for name, value in place.items()} for place in part.elsewhere]
             for k, part in enumerate(self.parts)
@@ -188,7 +188,7 @@ class SeveralRecords(OptionalMembers):
 
     @cached_property
     def time_s(self) -> Floats:
-        """Film times, later records moved so that they rise."""
+        """Film times, those of later records shifted so that they increase."""
         starts = _starts_s([part.drive for part in self.parts])
         return np.concatenate([part.time_s + start for part, start in zip(self.parts, starts, strict=True)])
 
@@ -209,7 +209,7 @@ class SeveralRecords(OptionalMembers):
 
     @cached_property
     def block(self) -> Ints:
-        """Half-cycle of each row, counted through all records."""
+        """Number of each row's half-cycle, counted through all records."""
         firsts = self.opening_blocks
         return np.concatenate([part.block + first for part, first in zip(self.parts, firsts, strict=True)])
 
@@ -231,22 +231,22 @@ class SeveralRecords(OptionalMembers):
 
     @cached_property
     def share(self) -> Floats:
-        """Share of a step that every row stands for."""
+        """Share of a step of the record that every row represents."""
         return np.concatenate([part.share for part in self.parts])
 
     @cached_property
     def rest(self) -> Flags:
-        """Where the measured angle stands still."""
+        """Rows in which the measured angle is at rest."""
         return np.concatenate([part.rest for part in self.parts])
 
     @cached_property
     def drivers(self) -> Mapping[str, Floats]:
-        """Variables that an effect without a name may depend on."""
+        """Variables on which a missing effect may depend."""
         each = [part.drivers for part in self.parts]
         return {name: np.concatenate([drivers[name] for drivers in each]) for name in each[0]}
 
     def effect_of(self, candidate: str) -> str:
-        """Return the effect that a candidate is, whichever record it belongs to."""
+        """Return the id of a candidate's effect, without the record's ending."""
         return self._places.get(candidate, (candidate, None))[0]
 
     @cached_property
@@ -256,7 +256,7 @@ class SeveralRecords(OptionalMembers):
         return {own_name(name, k): (name, k) for name in events for k in range(len(self.parts))}
 
     def effects_of(self, record: int, effects: Sequence[str]) -> tuple[str, ...]:
-        """Return what of a set acts on a record, under the effects' own ids."""
+        """Return the members of a set that act on a record, by the effects' own ids."""
         found = []
         for name in effects:
             effect, place = self._places.get(name, (name, record))
@@ -265,14 +265,14 @@ class SeveralRecords(OptionalMembers):
         return tuple(found)
 
     def values_of(self, record: int, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values as a record's own model knows them: those of all records, and its own."""
+        """Return the values for a record's own model: the shared ones, and its own without their ending."""
         once = frozenset(self.once)
         shared = {name: value for name, value in values.items() if name not in once}
         own = {name: values[own_name(name, record)] for name in self.own if own_name(name, record) in values}
         return {**shared, **own}
 
     def joint_name(self, record: int, name: str) -> str:
-        """Return how a parameter of a record's own model is called among those of all."""
+        """Return the name, among the parameters of all records, of a parameter of a record's own model."""
         return own_name(name, record) if name in self.own else name
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
@@ -280,31 +280,31 @@ class SeveralRecords(OptionalMembers):
         return np.concatenate([part.predict(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
-        """Return what noise left in the temperatures does to the angles, tops of half-cycles apart."""
+        """Return the angles' noise (n,) from the temperatures' remaining noise, without that of half-cycles' tops."""
         return np.concatenate([part.input_noise(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
-        """Return what one standard deviation of each error that many samples share does to the angles (n, k)."""
+        """Return the change (n, k) of the angles by one standard deviation of each of k errors that samples share."""
         each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
         return np.asarray(block_diag(*each))
 
     def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
-        """Return the law's values on its nodes at which it does what an effect does, as the first record has it."""
+        """Return the law's values on its nodes that reproduce an effect, in the first record."""
         return self.parts[0].curve_of(self.effect_of(effect), law, self.values_of(0, values))
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
-        """Return what rows that were not fitted say of the effects, in log units."""
+        """Return the log likelihood of the effects from rows that are not fitted."""
         return sum(part.also_seen(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
 
     def _own(
         self, record: int, values: Mapping[str, float], effects: Sequence[str]
     ) -> tuple[dict[str, float], tuple[str, ...]]:
-        """Return values and effects as a record's own model knows them."""
+        """Return the values and effects for a record's own model."""
         return self.values_of(record, values), self.effects_of(record, effects)
 
 
 def _renamed(candidate: Candidate, k: int) -> Candidate:
-    """Return a candidate with the names of a record."""
+    """Return a candidate with a record's parameter names."""
     return replace(
         candidate,
         parameters=tuple(replace(p, name=own_name(p.name, k)) for p in candidate.parameters),
@@ -314,7 +314,7 @@ def _renamed(candidate: Candidate, k: int) -> Candidate:
 
 
 def _of_each(each: Sequence[Candidate]) -> Candidate:
-    """Return one effect with values of every record's own, all started alike."""
+    """Return one candidate with every record's own values of an effect, all with the same starts."""
     renamed = [_renamed(candidate, k) for k, candidate in enumerate(each)]
     together = zip(*(candidate.starts for candidate in renamed), strict=True)
     return replace(
@@ -326,7 +326,7 @@ def _of_each(each: Sequence[Candidate]) -> Candidate:
 
 
 def _starts_s(drives: Sequence[Drive]) -> list[float]:
-    """Return by how much each record's times are moved."""
+    """Return the shift of each record's times, s."""
     starts, end_s = [], 0.0
     for k, drive in enumerate(drives):
         starts.append(end_s - float(drive.time_s[0]) if k else 0.0)
@@ -335,7 +335,7 @@ def _starts_s(drives: Sequence[Drive]) -> list[float]:
 
 
 def _joined(drives: Sequence[Drive]) -> Drive:
-    """Return records one after the other as one drive, for the ranges that they cover; it is never simulated."""
+    """Return the concatenated records as one drive, for the ranges that they cover; it is never simulated."""
     starts = _starts_s(drives)
     halves = np.cumsum([0, *(len(drive.cycles.springs) for drive in drives)])
     cycles = replace(

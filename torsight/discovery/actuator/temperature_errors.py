@@ -1,10 +1,10 @@
 """Errors of the conditioned temperatures, drawn so that they can be driven through the model.
 
-Where the transformation is incomplete, the error of a half-cycle's top decides how far the spring has changed, and it
-stays in the angle until the next heating. A top is known as well as the smoother says: less well where a ramp ends in
-it than where it is held. Errors of level and slope are independent: what looks level over the last seconds may still
-rise within its noise. In units of the sigma that follows, errors of tops on clean records have a mean square of 0.7
-(benchmarks/discovery/tops.py).
+Where the transformation is incomplete, the error of a half-cycle's highest temperature (its top) determines how far the
+spring has transformed, and this error stays in the angle until the next heating. The smoother gives a top's standard
+deviation: larger at the end of a ramp than where the temperature is held. Errors of level and slope are independent: a
+temperature that looks level over the last seconds may still rise within its noise. On clean records the errors of tops
+have a mean square of 0.7 in units of the resulting standard deviation (benchmarks/discovery/tops.py).
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
 _ALIKE_S: Final = 3.0
-"""Over how long an error that the smoother leaves is about the same, at least: a reading's neighbours come into it."""
+"""Least correlation time of the smoother's remaining errors: each also contains the noise of neighbouring readings."""
 _TOP_C: Final = 1.0
-"""How far below a top its error fades by e. What errors do to the angle changes by 2 % at half and at twice of this, by
-3 % of the time above (benchmarks/discovery/tops.py, --constants)."""
+"""Distance below a top over which its error decreases by e. The resulting errors of the angle change by 2 % with half
+and twice this value, by 3 % with half and twice the time above (benchmarks/discovery/tops.py, --constants)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,9 +37,9 @@ class TemperatureErrors:
     Attributes
     ----------
     smooth_c : two (n,) float64
-        What the conditioning leaves, alike over a few seconds.
+        Errors that remain after the conditioning, correlated over a few seconds.
     with_tops_c : two (n,) float64
-        The same, an error of every half-cycle's top, and one of the height of a ripple's peaks.
+        These, with an error of every half-cycle's top and one of the height of a ripple's peaks.
     """
 
     smooth_c: tuple[Floats, Floats]
@@ -47,7 +47,7 @@ class TemperatureErrors:
 
 
 def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureErrors]:
-    """Give so many draws of errors of the sizes that a drive's conditioning tells; none where they are negligible."""
+    """Yield ``count`` draws of errors with the standard deviations of a drive's conditioning; none if negligible."""
     if drive.noise_c > NEGLIGIBLE_C:
         rng = np.random.default_rng(seed)
         for _ in range(count):
@@ -68,9 +68,9 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
 
 
 def lasting_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
-    """Return one standard deviation of every error that lasts, for both springs (n,) each; none where negligible.
+    """Return one standard deviation of every persistent error, for both springs (n,) each; none where negligible.
 
-    Those of tops, and of the height of a ripple's peaks.
+    Persistent errors are those of tops and of the height of a ripple's peaks.
     """
     if drive.noise_c <= NEGLIGIBLE_C:
         return []
@@ -82,7 +82,7 @@ def lasting_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
 
 
 def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
-    """Give the driven spring of every half-cycle, and one standard deviation of its top's level and of its last rise.
+    """Yield the driven spring of every half-cycle, and one standard deviation of its top's level and of its last rise.
 
     Each is an error (n,) in °C of that spring's temperature.
     """
@@ -96,8 +96,8 @@ def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
         turn = len(rows) - 1 - int(np.argmax(driven_c[::-1]))
         turn_s, size_c = time_s[turn], drive.temp_sigma_c[rows[turn]]
         level[rows] = size_c * below
-        # Over the shortest hold noise leaves as much doubt of a rise as of the level: 0.4 of one sample's at four rows
-        # a second (the slope of 17 samples, at their end).
+        # Over the shortest hold the rise is as uncertain as the level: 0.4 of one sample's noise at four rows a second
+        # (from the slope of 17 samples, at their end).
         rise[rows] = size_c * below * np.clip((time_s - turn_s) / LEAST_HOLD_S + 1.0, 0.0, 1.0)
         yield spring, level
         yield spring, rise
