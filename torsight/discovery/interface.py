@@ -159,7 +159,7 @@ class OptionalMembers(Protocol):
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
-        """Places and variables at which the model may lack a law; a problem that has some has ``with_laws``, too."""
+        """Laws that the model may lack; a problem that has laws also has ``with_laws``."""
         return ()
 
     @cached_property

@@ -91,7 +91,7 @@ class SeveralRecords(OptionalMembers):
 
     @property
     def resolution(self) -> float:
-        """Smallest standard deviation of a residual, degrees."""
+        """Size of a difference, in degrees, below which an effect does not matter."""
         return self.parts[0].resolution
 
     @cached_property

@@ -210,7 +210,7 @@ def discrepancy(square: Floats, floor: Floats, count: Floats, least: float) -> f
     low = max(least, 1e-9 * mean)
     if not _scored(low, square, floor, count) > low:
         return least
-    # A model that explodes leaves what has no finite square: no size explains that.
+    # The residual of a model that diverges has no finite square: no size of the noise explains it.
     if not high < np.inf:
         return np.inf
     # Where the size is that of the largest residual, every sample asks for less.

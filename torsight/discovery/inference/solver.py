@@ -288,7 +288,7 @@ class Slopes:
         missed = at_x - self.at_x - self.jacobian @ (x - self.x)
         self.x, self.at_x = x, at_x
         self.moved += moved
-        # What does nothing here, as a law's value where no driver goes, has no share in what the derivatives missed.
+        # A value without effect here, such as a law's where the driver never is, cannot cause the linear model's error.
         step[~self.jacobian.any(axis=0)] = 0.0
         if trusted and self.moved < _FAR and step.any():
             self.jacobian = self.jacobian + np.outer(missed, step / (step @ step) / self._space.scale)
