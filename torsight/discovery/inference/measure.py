@@ -107,9 +107,9 @@ class _Bank:
     @functools.lru_cache(maxsize=64)
     def of(cls, law: Law) -> _Bank:
         smooth = np.array([kernel.smooth for kernel in law.kernels])
-        alike = np.where(smooth, smooth.sum(), (~smooth).sum())
+        of_kind = np.where(smooth, smooth.sum(), (~smooth).sum())
         kinds = 2 if 0 < smooth.sum() < len(smooth) else 1
-        return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * alike * len(SIZES)))
+        return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * of_kind * len(SIZES)))
 
     def beside(self, evidence: Floats, place: _Member) -> float:
         """Return the evidence of the family less that of one member alone."""
@@ -272,10 +272,10 @@ class _Measurement:
         represent; its own posterior mean is as good as the linear model.
         """
         picture = self._picture(slopes)
-        ways = [(picture.place, slopes.x), (picture.place, self._space.clip(picture.mean))]
+        options = [(picture.place, slopes.x), (picture.place, self._space.clip(picture.mean))]
         if last is not None and last != picture.place:
-            ways.append((last, slopes.x))
-        return max((self._measured_as(slopes, *way) for way in ways), key=lambda measured: measured.log_evidence)
+            options.append((last, slopes.x))
+        return max((self._measured_as(slopes, *one) for one in options), key=lambda measured: measured.log_evidence)
 
     def _measured_as(self, slopes: Slopes, place: _Member, u: Floats) -> Measured:
         """Return the law in one member of the bank, with the values nearest to a point."""

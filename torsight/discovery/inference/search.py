@@ -467,8 +467,8 @@ class Search:
         else:
             best = self._best()
         before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
-        said = best.likelihood.in_scales(best.residual)
-        self._correlation_samples = min(correlation_samples(said, self._stretches), longest)
+        scaled = best.likelihood.in_scales(best.residual)
+        self._correlation_samples = min(correlation_samples(scaled, self._stretches), longest)
         for members, one in list(self._explanations.items()):
             floor = np.sqrt(np.maximum(one.likelihood.floor**2 - before**2, 0.0) + self._reading**2)
             likelihood = replace(one.likelihood, floor=floor).correlated(self._stretches, self._correlation_samples)

@@ -127,22 +127,25 @@ class _Judge:
         for members in self._field.explanations:
             groups.setdefault(self.places(members), []).append(members)
         weight = {places: sum(self.probability[m] for m in sets) for places, sets in groups.items()}
-        told: list[Places] = []
+        answers: list[Places] = []
         for places in sorted(weight, key=lambda key: (-weight[key], sorted(key))):
-            told.append(places)
+            answers.append(places)
             held = (
-                share for other, share in weight.items() if other in told or any(one and one <= other for one in told)
+                share
+                for other, share in weight.items()
+                if other in answers or any(one and one <= other for one in answers)
             )
             if sum(held) >= self._settings.credible:
                 break
-        shared = frozenset.intersection(*told)
-        if shared in told and shared:
+        shared = frozenset.intersection(*answers)
+        if shared in answers and shared:
             held_by = {
-                place: sum(share for held, share in weight.items() if place in held) for place in frozenset.union(*told)
+                place: sum(share for held, share in weight.items() if place in held)
+                for place in frozenset.union(*answers)
             }
             certain = frozenset(place for place, share in held_by.items() if share >= self._settings.credible)
-            told = [certain if certain in groups else shared]
-        best = [max(groups[places], key=lambda m: (self.probability[m], m)) for places in told if places]
+            answers = [certain if certain in groups else shared]
+        best = [max(groups[places], key=lambda m: (self.probability[m], m)) for places in answers if places]
         return [self._field.explanations[members] for members in best]
 
     def rivals(self, chosen: Explanation, answers: Sequence[Explanation]) -> list[Explanation]:
@@ -150,11 +153,11 @@ class _Judge:
 
         An extension is no rival: it contains the answer, and its further members would need a gain of their own.
         """
-        told, found = [self.places(chosen.members)], []
+        answered, found = [self.places(chosen.members)], []
         for one in answers:
             own = self.places(one.members)
-            if not any(own <= other or other <= own for other in told):
-                told.append(own)
+            if not any(own <= other or other <= own for other in answered):
+                answered.append(own)
                 found.append(one)
         return found
 
@@ -164,9 +167,9 @@ class _Judge:
         No set counts for more than the chosen one, which held-out blocks may have preferred to a more probable set.
         """
         own = self._log[chosen.members]
-        told = {one.members for one in rivals}
+        rival_sets = {one.members for one in rivals}
         least = own - 0.5 * self._settings.apart
-        sets = [m for m, log in self._log.items() if m != chosen.members and (m in told or log >= least)]
+        sets = [m for m, log in self._log.items() if m != chosen.members and (m in rival_sets or log >= least)]
         weight = np.exp([min(0.0, self._log[members] - own) for members in sets])
         parts = weight / (1.0 + np.sum(weight))
         return tuple((self._field.explanations[m], float(part)) for m, part in zip(sets, parts, strict=True))
