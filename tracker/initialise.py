@@ -24,6 +24,7 @@ from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
 from tracker.hypotheses import Choice, Couple, weigh_couples
+from tracker.innovation import SURE
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +125,8 @@ class _Dots:
 
     Dots of one picture may be the wrong ones: while the light comes on, while something else is before the camera, or
     where one stick lies over a dot of the other. Wrong dots are lost in the frames that follow, their base is not at
-    rest, or nothing moves. So later pictures are tried, until the sticks of one are read in most of the frames after
-    it, and in more frames than those of an earlier picture.
+    rest, or nothing moves. So later pictures are tried, until the sticks of one are certain or are read in most of the
+    frames after it; otherwise the picture counts whose sticks are read in the largest share of them.
     """
 
     def __init__(self, source: FrameSource) -> None:
@@ -154,7 +155,8 @@ class _Dots:
             return False
         self._score = score
         self.start = Start(_markers(luma, weighed[0]), index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
-        return score > CLEAR and 2.0 * read >= 1.0
+        # A couple that is certain remains so where light, focus or a hand hides it afterwards.
+        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
 
 
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
