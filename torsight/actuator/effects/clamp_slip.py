@@ -3,10 +3,10 @@ r"""A spring's fixed end slips in its clamp.
 .. math:: θ_P' = θ_P − |s| \, H(t − t_s)
 
 s angle by which the fixed end of A (s > 0) or of B (s < 0) slips (°), t_s time of the slip (s). From then on, also in
-later records, the spring's winding is reduced by |s|. Predicted residual: none at the slip itself, as long as friction
-holds the disk; from the next stroke on the disk rests about |s|/2 further in the direction in which the other spring
-pulls, and the strokes are slightly shorter or longer. Source: slip of wire ends in clamps, a usual defect of torsion
-and bending rigs.
+later records, the spring's winding is reduced by the slip. Predicted residual: none at the slip itself, as long as
+friction holds the disk; from the next stroke on the disk rests about half of the slip further in the direction in which
+the other spring pulls, and the strokes are slightly shorter or longer. Source: slip of wire ends in clamps, a usual
+defect of torsion and bending rigs.
 """
 
 from __future__ import annotations
