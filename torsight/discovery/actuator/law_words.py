@@ -25,7 +25,9 @@ _WHAT: Final = {
     "temperature": "the wire's temperature less its sensor's",
     "winding": "a spring's torque beside its own",
     "phase": "the recoverable angle",
+    "winding_time_s": "a cold spring's torque",
 }
+"""What a law changes, by its port, or by its own id where that differs."""
 _USUAL: Final = "temp_active_c"
 """The driver that a sentence does not name: its unit identifies it."""
 _WRONG: Final = 2.0 * NormalDist().cdf(-REACH)
@@ -102,11 +104,9 @@ def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     """
     if law.driver in {"spring", "direction"}:
         return _of_two(law)
-    what = _WHAT[law.port]
+    what = _WHAT.get(law.id, _WHAT[law.port])
     if law.way:
         what = f"the transformation's lead over the phase law on {law.way}"
-    elif (law.port, law.driver) == ("winding", "time_s"):
-        what = "a cold spring's torque"
     elif law.beside_sensors:
         what = f"the {law.gives}"
     if law.spring != "both":
