@@ -114,6 +114,18 @@ def test_hidden_clock_offset_shifts_the_temperatures() -> None:
     assert np.array_equal(late.angle_rad, plain.angle_rad)
 
 
+def test_play_is_the_same_whenever_it_is_asked() -> None:
+    motion = {"kind": "sweep", "start_deg": 60.0, "sweep_deg": 100.0, "period_s": 4.0, "duration_s": 10.0}
+    played = play_scene(scene_from({"motion": motion, "effects": {"backlash": {"gap_deg": 6.0}}}))
+    time_s = np.arange(0.0, 10.0, 1.0 / 30.0)
+    lag_deg = np.rad2deg(played.actuator_angle(time_s) - played.stick_angle(time_s))
+    assert np.allclose([played.stick_angle(time_s[i : i + 1])[0] for i in range(300)], played.stick_angle(time_s))
+    # The stick is behind by half the play on each way, but for the way through the play at each end.
+    behind = np.sign(np.sin(2.0 * np.pi * time_s / 4.0)) * -3.0
+    assert np.mean(np.abs(lag_deg - behind) < 0.1) > 0.8
+    assert np.abs(lag_deg).max() < 3.1
+
+
 def test_demo_hides_an_effect_and_has_half_cycles_to_hold_out() -> None:
     scene = demo_scene()
     assert list(scene.effects)

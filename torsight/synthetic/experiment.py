@@ -14,9 +14,11 @@ from torsight.core.records import SyncedTable
 from torsight.core.units import DEG, PPM, Flags, Floats
 from torsight.core.words.shown import Shown
 from torsight.synthetic.effects.hidden import ClockOffset
-from torsight.synthetic.effects.mechanisms import HiddenEffect
 from torsight.synthetic.rig.moving_rig import RigRecord, Setup, between_samples, reading_angle, simulate_rig
 from torsight.synthetic.scene import Scene, scene_from
+
+_STEPS_PER_FRAME = 16
+"""Steps of a prescribed motion within a frame's time: where play turns round is known to 1/16 of a frame's motion."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,15 +26,17 @@ class Played:
     """A scene's signals on the film's clock.
 
     The rig's record, None where the motion is prescribed, begins ``before_s`` before the film, which lasts
-    ``duration_s``; ``read_rad`` (n,) is the rig's angle as a camera reads it, sample by sample, without the offset of a
-    slipped marker.
+    ``duration_s``. ``reading_error_rad`` (n,) is what a camera reads less the actuator's angle, every ``step_s`` from
+    ``before_s`` before the film on: play depends on the history, so that one instant does not tell it. A slipped marker
+    is no part of it.
     """
 
     scene: Scene
     rig: RigRecord | None
     before_s: float
     duration_s: float
-    read_rad: Floats | None = None
+    step_s: float
+    reading_error_rad: Floats
 
     def actuator_angle(self, time_s: Floats) -> Floats:
         """Return the actuator angle φ, rad, at instants of the film's clock."""
@@ -43,12 +47,10 @@ class Played:
     def stick_angle(self, time_s: Floats) -> Floats:
         """Return the moving stick's direction less the base stick's, rad, at instants of the film's clock."""
         slips = {name: effect for name, effect in self.scene.effects.items() if name == "marker_slip"}
-        if self.rig is None or self.read_rad is None:
-            read = reading_angle(hand_motion(self.scene, time_s), time_s, _steady(self.scene))
-        else:
-            # Play depends on the history and is computed sample by sample; a slip may happen between two samples.
-            read = between_samples(self.read_rad, (time_s + self.before_s) / self.rig.step_s)
-        return reading_angle(read, time_s, slips) + self.scene.sticks.offset_deg * DEG
+        error_rad = between_samples(self.reading_error_rad, (time_s + self.before_s) / self.step_s)
+        # A slip may happen between two samples.
+        read = reading_angle(self.actuator_angle(time_s) + error_rad, time_s, slips)
+        return read + self.scene.sticks.offset_deg * DEG
 
     def lit(self, time_s: Floats) -> Flags:
         """Return whether a spring is switched on at instants of the film's clock."""
@@ -73,7 +75,10 @@ def hand_motion(scene: Scene, time_s: Floats) -> Floats:
 def play_scene(scene: Scene) -> Played:
     """Simulate the scene's rig (nothing is filmed or written)."""
     if scene.motion.kind != "rig":
-        return Played(scene, None, 0.0, scene.motion.duration_s)
+        step_s = 1.0 / (_STEPS_PER_FRAME * scene.film.fps)
+        time_s = np.arange(0.0, scene.motion.duration_s + 2.0 * step_s, step_s)
+        error_rad = _reading_error(scene, hand_motion(scene, time_s), time_s)
+        return Played(scene, None, 0.0, scene.motion.duration_s, step_s, error_rad)
     total_s = scene.film.seconds or scene.protocol.duration_s
     # Whole samples, so that the film begins at one.
     before_s = math.ceil(scene.log.before_s / scene.sensor.sample_s) * scene.sensor.sample_s
@@ -86,13 +91,14 @@ def play_scene(scene: Scene) -> Played:
         before_s=before_s,
         after_s=scene.log.after_s,
     )
-    read_rad = reading_angle(rig.angle_rad, rig.time_s - before_s, _steady(scene))
-    return Played(scene, rig, before_s, min(total_s, scene.protocol.duration_s), read_rad)
+    error_rad = _reading_error(scene, rig.angle_rad, rig.time_s - before_s)
+    return Played(scene, rig, before_s, min(total_s, scene.protocol.duration_s), rig.step_s, error_rad)
 
 
-def _steady(scene: Scene) -> dict[str, HiddenEffect]:
-    """Return the effects without those that happen at one moment of the film."""
-    return {name: effect for name, effect in scene.effects.items() if name != "marker_slip"}
+def _reading_error(scene: Scene, angle_rad: Floats, time_s: Floats) -> Floats:
+    """Return what a camera reads less the angle, rad, without what happens at one moment of the film."""
+    steady = {name: effect for name, effect in scene.effects.items() if name != "marker_slip"}
+    return reading_angle(angle_rad, time_s, steady) - angle_rad
 
 
 def clock(scene: Scene) -> tuple[float, float]:
