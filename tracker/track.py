@@ -203,10 +203,13 @@ def told_by_motion(
     opposite = base_off * (1.0 - moving_off) + moving_off * (1.0 - base_off)
     report: dict[str, Any] = {"probability": choice.sure * (1.0 - opposite), "opposite_probability": opposite}
     if choice.rivals:
-        report["taken"] = choice.taken.to_json()
-        for name, turned in zip(STICKS, (exchanged[:: -1 if base else 1] > 0.5).tolist(), strict=True):
+        # Which of two sticks is the base follows from the whole film, for the rivals as for those that were taken.
+        couples = (choice.taken, *choice.rivals)
+        if base:
+            couples = tuple(replace(one, base=one.moving, moving=one.base) for one in couples)
+        report["taken"], *report["rivals"] = (one.to_json() for one in couples)
+        for name, turned in zip(STICKS, (exchanged > 0.5).tolist(), strict=True):
             report["taken"][name] = report["taken"][name][:: -1 if turned else 1]
-        report["rivals"] = [one.to_json() for one in choice.rivals]
     spread_rad2 = choice.spread_rad2 + math.pi**2 * opposite
     return order, report, spread_rad2 if report["probability"] < LEAST_SURE else 0.0
 

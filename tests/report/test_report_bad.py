@@ -195,7 +195,7 @@ def test_every_figure_stands_alone_beside_the_page_with_its_numbers(run: Path, m
         assert f'href="figures/{path.name}"' in text
     shares = pd.read_csv(run / "figures" / "candidates.csv").set_index("effect")["percent"]
     assert shares.to_dict() == pytest.approx({"sensor_lag": 100.0, "clock_offset": 75.0, "fatigue": 0.0})
-    assert "its gain is lower by 1000" in text
+    assert "it makes the record over a million times less probable" in text
     table = pd.read_csv(run / "curves.csv")
     rest = table[table["direction"] == "heating"]["residual_before_deg"]
     bars = pd.read_csv(run / "figures" / "residual_direction.csv").set_index("direction")

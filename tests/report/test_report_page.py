@@ -165,6 +165,13 @@ def test_any_single_file_makes_a_page_of_its_sections(run: Path, kept: str, ther
             {"verdict": "unknown", "effects": []},
             "It depends on the rate of the temperature, the direction and the driven spring&#39;s temperature.",
         ),
+        ({"verdict": "none", "effects": [], "evidence": {"gains": {}}}, "there was nothing to search for"),
+        ({"verdict": "none", "effects": [], "evidence": {"gains": {"fatigue": 1.0}}}, "Every known effect"),
+        # Two candidates whose log evidence differs by 5: e⁵ = 148.
+        (
+            {"evidence": {"gains": {"fatigue": 1.0, "sensor_lag": 40.0, "clock_offset": 35.0}}},
+            "Next comes clock offset: alone it makes the record 148 times less probable.",
+        ),
         ({"held_out": [], "after": None, "before": None}, "No half-cycle could be held out"),
         ({"effects": [discovery()["effects"][0] | {"probability": 0.71}]}, "with probability 0.71 only"),
         ({"next_experiment": {"text": "Hold spring A at 60 °C for 120 s."}}, "Hold spring A at 60 °C for 120 s."),

@@ -18,7 +18,7 @@ from torsight.markers.session import find_markers, first_picture
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
 from tracker.initialise import find_start
-from tracker.track import track_film
+from tracker.track import told_by_motion, track_film
 
 # Of these 1 had its base from the decoys, 8 had no result, and 15 was off by 126 degrees when the picture alone chose.
 SEEDS = (1, 3, 8, 15)
@@ -59,6 +59,16 @@ def test_what_nothing_tells_apart_is_said_with_both(tmp_path: Path, capsys: pyte
     (about,) = [text for text in told["advice"] if "Other dots look like" in text]
     assert "torsight markers" in about
     assert "Other dots look like" in capsys.readouterr().err
+
+
+def test_which_stick_is_the_base_is_told_as_the_film_shows_it(tmp_path: Path) -> None:
+    path = opposite(DecoyFilm.of(1)).write(tmp_path / "film.mkv")
+    tracks, choice = track_film(open_source(path)).tracks, find_start(open_source(path), None).choice
+    assert choice is not None
+    couples = [replace(one, base=one.moving, moving=one.base) for one in (choice.taken, *choice.rivals)]
+    exchanged = replace(choice, taken=couples[0], rivals=tuple(couples[1:]))
+    expected = told_by_motion(tracks, choice, radius_px=6.0)
+    assert told_by_motion(tracks, exchanged, radius_px=6.0, base=1) == expected
 
 
 def test_a_film_of_which_nothing_tells_the_markers_has_no_result(

@@ -240,8 +240,9 @@ def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str
     low, high = extent(drive.angle_rad[drive.measured])
     share = 100.0 * rmse_deg * DEG / (high - low)
     return (
-        f"{doubt} The error is {number(rmse_deg)}° rms, {number(share, 2)} % of the range of motion; the noise of "
-        f"angle and temperatures accounts for {number(floor_deg, 2)}°. 'torsight discover' names what the model lacks; "
+        f"{doubt} A rest counts there as one reading, however long; the error of all rows is {number(rmse_deg)}° rms, "
+        f"{number(share, 2)} % of the range of motion, and the noise of angle and temperatures accounts for "
+        f"{number(floor_deg, 2)}°. 'torsight discover' names what the model lacks; "
         "where the error is a large part of that range, check the actuator file first"
     )
 
@@ -298,17 +299,9 @@ def turns(result: FitResult) -> str:
     return f"the model turns by {turned_deg:.0f}°, the actuator by {read_deg:.0f}°"
 
 
-def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...], ratio: float, rows: float) -> tuple[str, ...]:
-    """Return the further notes on a fit.
-
-    ``quiet`` are parameters without new information, ``ratio`` is the residual's mean square over the noise's, and
-    ``rows`` its correlation time in rows.
-    """
-    uncertain = (
-        f"the residual is {number(float(np.sqrt(ratio)), 2)} times that of the noise of angle and temperatures, and "
-        f"one in {rows:.0f} of its rows counts as independent; the intervals allow for both"
-    )
-    notes = [_SCALE_NOTE, uncertain]
+def notes_of_fit(model: ActuatorModel, quiet: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the further notes on a fit; ``quiet`` are parameters about which the record says nothing new."""
+    notes = [_SCALE_NOTE]
     scale = {"E_A_gpa", "E_M_gpa", "E_S_gpa", "C_A_mpa_per_k", "C_M_mpa_per_k"}
     if scale <= set(model.spec.uncertainty):
         notes.append(

@@ -116,7 +116,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
         cycle=fitted_cycle(drive, simulation, values),
         converged=known.settled,
         silent_about=silent_about,
-        notes=(*attention, *notes_of_fit(model, silent_about, ratio, rows)),
+        notes=(*attention, *notes_of_fit(model, silent_about)),
         attention=attention,
         reading_deg=single_reading_deg(problem, found, Stretches.of(problem)),
     )

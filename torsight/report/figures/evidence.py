@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping
 from typing import Any, Final
@@ -12,7 +13,7 @@ import pandas as pd
 from torsight.actuator.quantities import candidate_name, plain_symbol
 from torsight.core.files.results import column
 from torsight.core.units import Floats
-from torsight.core.words.wording import capital, number
+from torsight.core.words.wording import number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
@@ -22,8 +23,8 @@ _NARROW: Final = 0.62
 """Height of a bar, as a share of the distance between two: 16 of 26 px, around letters of 12 px."""
 _MOST_CANDIDATES: Final = 8
 """Number of candidates that are drawn, those that explain most: with it the figure is as high as the others."""
-
-
+_SURELY: Final = math.log(1e6)
+"""Logarithm of the largest ratio of probabilities that is told in figures: who reads "a million" needs no more."""
 _MOTION_HEIGHT: Final = 130.0
 _LEFT_HEIGHT: Final = 172.0
 """Heights of the two plots at the head of the page: together those of the three numbers beside them, so that the next
@@ -103,13 +104,12 @@ def _on_an_axis(words: str) -> str:
 
 
 def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:
-    """Return a sentence on the gain of the second-best candidate, where only one effect was named; else nothing."""
+    """Return a sentence on the second-best candidate, where only one effect was named; else nothing."""
     if len(named) != 1 or len(ranked) < 2 or ranked[0][0] not in named:
         return ""
     behind = ranked[0][1] - ranked[1][1]
-    second = candidate_name(ranked[1][0])
-    gap = f"its gain is lower by {number(behind)}, and 12 is enough to distinguish two"
-    return f"{capital(second)} comes next: {gap}."
+    times = number(math.exp(behind), 2) if behind < _SURELY else "over a million"
+    return f"Next comes {candidate_name(ranked[1][0])}: alone it makes the record {times} times less probable."
 
 
 def unseen_half_cycles(discovery: Mapping[str, Any]) -> Figure | None:

@@ -236,6 +236,7 @@ def missing(results: RunResults) -> dict[str, Any]:
     ]
     return {
         "verdict": discovery.get("verdict"),
+        "searched": bool((discovery.get("evidence") or {}).get("gains")),
         "unexplained": bool(not_explained(discovery)),
         "effects": effects,
         "drivers": drivers,
