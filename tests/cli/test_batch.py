@@ -18,8 +18,8 @@ from tests.made_up_run import write_made_up_run
 from torsight.cli import campaign, limited, workers
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
 from torsight.cli.experiment_file import read_experiment
+from torsight.cli.run import provenance_of
 from torsight.core.errors import InputError, NoResultError
-from torsight.core.files.provenance import provenance
 from torsight.core.files.storage import is_running, write_json
 
 
@@ -33,12 +33,7 @@ def made(tmp_path: Path) -> Path:
         folder = tmp_path / "out" / name
         write_made_up_run(folder, half_cycles=2, rate_hz=2.0)
         experiment = read_experiment(tmp_path / "rigs" / name / "experiment.toml")
-        origin = provenance(
-            inputs=experiment.inputs(),
-            configuration=experiment.to_configuration(),
-            seed=experiment.seed,
-        )
-        write_json(folder / "provenance.json", origin)
+        write_json(folder / "provenance.json", provenance_of(experiment, folder))
         (folder / "report.html").write_text("a report")
     return tmp_path
 
@@ -100,15 +95,14 @@ def test_only_what_has_changed_is_done_again(made: Path, monkeypatch: pytest.Mon
 def test_an_unfinished_run_is_not_current(made: Path, left: str) -> None:
     (task,) = tasks([made / "rigs" / "one" / "experiment.toml"], made / "out")
     experiment = read_experiment(task.experiment)
-    asked = (task, experiment.to_configuration(), experiment.inputs())
-    assert is_current(*asked)
+    assert is_current(task, experiment)
     if left == ".run.json":
         (task.folder / left).write_text("{}")
     elif left == "report.html":
         (task.folder / left).unlink()
     else:
         (task.folder / left).write_text("{ damaged")
-    assert not is_current(*asked)
+    assert not is_current(task, experiment)
 
 
 def test_a_defect_of_ours_is_a_row_too(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,13 +231,8 @@ def test_records_of_one_actuator_file_are_explained_together(
     for name in ("one", "two"):
         path = made / "rigs" / name / "experiment.toml"
         path.write_text(path.read_text() + "\n[discover]\ntogether = true\n")
-        experiment = read_experiment(path)
-        origin = provenance(
-            inputs=experiment.inputs(),
-            configuration=experiment.to_configuration(),
-            seed=experiment.seed,
-        )
-        write_json(made / "out" / name / "provenance.json", origin)
+        done = made / "out" / name
+        write_json(done / "provenance.json", provenance_of(read_experiment(path), done))
     assert leave("batch", str(made / "rigs"), "--out", str(made / "out"), "--jobs", "1") == 0
     assert asked == [[made / "out" / name / "merged.csv" for name in ("one", "two")]]
     assert f"report {made / 'out' / 'together' / 'report.html'}" in capsys.readouterr().err

@@ -52,7 +52,7 @@ def test_paths_are_relative_to_the_file(folder: Path) -> None:
 
 def test_the_configuration_as_used_gives_the_same_experiment(folder: Path) -> None:
     experiment = read_experiment(_write(folder, WHOLE))
-    again = experiment_from(experiment.to_configuration(), where="provenance.json", folder=Path())
+    again = experiment_from(experiment.to_configuration(folder), where="provenance.json", folder=folder)
     assert again == experiment
 
 
@@ -62,7 +62,7 @@ def test_names_and_units_of_the_logs_columns(folder: Path) -> None:
     experiment = read_experiment(_write(folder, WHOLE.replace('path = "temps.csv"', said)))
     assert experiment.columns == columns
     assert experiment.units == {"time": "ms"}
-    assert experiment_from(experiment.to_configuration(), where="again", folder=Path()) == experiment
+    assert experiment_from(experiment.to_configuration(folder), where="again", folder=folder) == experiment
 
 
 def test_the_folder_of_an_experiment_stands_for_it(folder: Path) -> None:
@@ -120,7 +120,7 @@ def test_records_to_be_explained_together(folder: Path) -> None:
     named = read_experiment(_write(folder, WHOLE + 'together = ["earlier.csv"]\n'))
     assert named.together == (earlier,)
     assert earlier in named.inputs()
-    again = experiment_from(named.to_configuration(), where="provenance.json", folder=Path())
+    again = experiment_from(named.to_configuration(folder), where="provenance.json", folder=folder)
     assert again.together == named.together
     campaign = read_experiment(_write(folder, WHOLE + "together = true\n"))
     assert campaign.together is True

@@ -12,7 +12,7 @@ import pytest
 
 from tests.command_line import leave
 from tests.few_effects import try_few
-from torsight.cli.run import other_versions
+from torsight.cli.run import again, other_versions
 from torsight.core.files.storage import read_json, read_table
 from torsight.synthetic.scene import demo_scene, scene_from
 from torsight.synthetic.scene_files import render_scene
@@ -149,12 +149,22 @@ def test_an_input_that_changed_since_is_refused(
     content = json.loads((finished / "out" / "provenance.json").read_text())
     log = next(name for name in content["inputs"] if name.endswith("temps.csv"))
     copy = tmp_path / "temps.csv"
-    shutil.copy(log, copy)
-    copy.write_text(copy.read_text() + "\n")
-    text = (finished / "out" / "provenance.json").read_text().replace(log, str(copy))
-    (tmp_path / "provenance.json").write_text(text)
+    copy.write_text((finished / "out" / log).read_text() + "\n")
+    (tmp_path / "provenance.json").write_text(json.dumps(content | {"inputs": {"temps.csv": content["inputs"][log]}}))
     assert leave("run", "--from", str(tmp_path / "provenance.json")) == 3
     assert "has changed since the run" in capsys.readouterr().err
+
+
+def test_a_run_that_was_moved_with_its_inputs_is_repeated_from_any_folder(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moved = tmp_path / "moved"
+    shutil.copytree(finished, moved)
+    monkeypatch.chdir(tmp_path)
+    experiment = again(Path("moved", "out", "provenance.json"))
+    assert sorted(path.resolve() for path in experiment.inputs()) == sorted(
+        moved / "rig" / name for name in ("actuator.toml", "camera.toml", "film.mp4", "temps.csv")
+    )
 
 
 def test_other_versions_are_told(finished: Path, tmp_path: Path) -> None:

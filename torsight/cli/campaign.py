@@ -16,12 +16,12 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.cli.discover import explain_together
-from torsight.cli.experiment_file import read_experiment
+from torsight.cli.experiment_file import Experiment, read_experiment
 from torsight.cli.limited import run_limited
-from torsight.cli.run import TOGETHER, UNFINISHED, run_experiment
+from torsight.cli.run import TOGETHER, UNFINISHED, provenance_of, run_experiment
 from torsight.core.errors import InputError, NoResultError, TorsightError, refused_by_system
 from torsight.core.files.paths import matching
-from torsight.core.files.provenance import file_hash, provenance
+from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import json_text, read_json, write_table
 from torsight.core.progress import Progress, silent
 
@@ -101,7 +101,7 @@ def run_task(task: Task) -> dict[str, Any]:
 
     try:
         experiment = read_experiment(task.experiment)
-        if not is_current(task, experiment.to_configuration(), experiment.inputs()):
+        if not is_current(task, experiment):
             if task.limit_s is None:
                 run_experiment(experiment, out=task.folder, resume=True)
             else:
@@ -116,8 +116,8 @@ def run_task(task: Task) -> dict[str, Any]:
     return {"name": task.name, "status": "failed", "message": message, "folder": str(task.folder)}
 
 
-def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]) -> bool:
-    """Return whether the folder holds a complete run of exactly these inputs and settings."""
+def is_current(task: Task, experiment: Experiment) -> bool:
+    """Return whether the folder holds a complete run of exactly this experiment's inputs and settings."""
     path = task.folder / "provenance.json"
     if not path.exists() or not (task.folder / "report.html").exists() or (task.folder / UNFINISHED).exists():
         return False
@@ -125,7 +125,7 @@ def is_current(task: Task, configuration: dict[str, Any], inputs: Iterable[Path]
         recorded = read_json(path)
     except InputError:
         return False
-    now = provenance(inputs=inputs, configuration=configuration, seed=recorded.get("seed", 0))
+    now = provenance_of(experiment, task.folder)
     keys = ("inputs", "configuration", "versions")
     return json_text({k: recorded.get(k) for k in keys}) == json_text({k: now[k] for k in keys})
 

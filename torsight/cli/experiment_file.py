@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.config import get_number, get_table, get_text, get_whole
-from torsight.core.files.paths import is_glob, missing_file
+from torsight.core.files.paths import AnyPath, is_glob, missing_file, named_from
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
 
@@ -70,33 +70,38 @@ class Experiment(Frozen):
         others = self.together if isinstance(self.together, tuple) else ()
         return [*found, *(path for path in optional if path is not None), self.temperature, self.actuator, *others]
 
-    def to_configuration(self) -> dict[str, Any]:
-        """Return the configuration as used, in the shape of the TOML file."""
-        path = self.video if self.video_right is None else [self.video, self.video_right]
-        video: dict[str, Any] = {"path": path} if self.angle is None else {}
-        angle = {} if self.angle is None else {"file": str(self.angle)}
+    def to_configuration(self, folder: Path) -> dict[str, Any]:
+        """Return the configuration as used, in the shape of a TOML file in ``folder``."""
+
+        def named(path: AnyPath) -> str:
+            return named_from(folder, path)
+
+        films = [named(path) for path in (self.video, self.video_right) if path is not None]
+        video: dict[str, Any] = {"path": films[0] if len(films) == 1 else films} if self.angle is None else {}
+        angle = {} if self.angle is None else {"file": named(self.angle)}
         if self.angle is not None and self.video is not None:
-            angle["film"] = self.video
+            angle["film"] = named(self.video)
+        light = {"led_events": named(self.sync["led_events"])} if "led_events" in self.sync else {}
         content: dict[str, dict[str, Any]] = {
             "video": video,
             "angle": angle,
-            "camera": {} if self.camera is None else {"file": str(self.camera)},
-            "markers": dict(self.markers) if self.markers_file is None else {"file": str(self.markers_file)},
+            "camera": {} if self.camera is None else {"file": named(self.camera)},
+            "markers": dict(self.markers) if self.markers_file is None else {"file": named(self.markers_file)},
             "temperature": {
-                "path": str(self.temperature),
+                "path": named(self.temperature),
                 **({"columns": dict(self.columns)} if self.columns else {}),
                 **({"units": dict(self.units)} if self.units else {}),
             },
-            "sync": dict(self.sync),
-            "actuator": {"file": str(self.actuator)},
-            "output": {"dir": str(self.output)},
+            "sync": {**self.sync, **light},
+            "actuator": {"file": named(self.actuator)},
+            "output": {"dir": named(self.output)},
             "discover": {"seed": self.seed},
         }
         if self.together:
             others = self.together
-            content["discover"]["together"] = others if isinstance(others, bool) else [str(path) for path in others]
+            content["discover"]["together"] = others if isinstance(others, bool) else [named(path) for path in others]
         if self.timestamps is not None:
-            video["timestamps"] = str(self.timestamps)
+            video["timestamps"] = named(self.timestamps)
         if self.fps is not None:
             video["fps"] = self.fps
         return {name: table for name, table in content.items() if table}

@@ -88,12 +88,12 @@ def again(path: Path) -> Experiment:
     if not isinstance(recorded, dict) or not isinstance(configuration, dict):
         raise InputError("is no provenance of a run", where=str(path), do="name the provenance.json of 'torsight run'")
     for name, expected in recorded.items():
-        found = file_hash(Path(name))
+        found = file_hash(path.parent / name)
         if found != expected:
             raise InputError(
                 "has changed since the run", where=name, value=found[:12], limit=f"{str(expected)[:12]} (SHA-256)"
             )
-    return experiment_from(configuration, where=f"{path}, configuration", folder=Path())
+    return experiment_from(configuration, where=f"{path}, configuration", folder=path.parent)
 
 
 def other_versions(path: Path) -> list[str]:
@@ -122,24 +122,30 @@ def run_experiment(
     made = [*(TRACKED if experiment.angle is None else ()), *_MADE]
     require_apart([folder / name for name in made], experiment.inputs())
     _check(experiment)
-    origin = provenance(inputs=experiment.inputs(), configuration=experiment.to_configuration(), seed=experiment.seed)
+    origin = provenance_of(experiment, folder)
     with only_writer(folder):
         state = _State(folder, origin=origin, resume=resume)
         for name, work in _stages(experiment, folder, resume=resume and state.same, progress=progress):
             if name not in state.finished:
                 work()
                 state.finish(name)
-        _require_unchanged(origin["inputs"], state)
+        _require_unchanged(origin["inputs"], state, folder=folder)
         write_json(folder / "provenance.json", origin)
         _show(experiment, folder, progress=progress)
         state.close()
     return folder
 
 
-def _require_unchanged(inputs: Mapping[str, str], state: _State) -> None:
+def provenance_of(experiment: Experiment, folder: Path) -> dict[str, Any]:
+    """Return the content of the ``provenance.json`` of an experiment whose results go to ``folder``."""
+    configuration = experiment.to_configuration(folder)
+    return provenance(inputs=experiment.inputs(), configuration=configuration, seed=experiment.seed, folder=folder)
+
+
+def _require_unchanged(inputs: Mapping[str, str], state: _State, *, folder: Path) -> None:
     """Refuse results from inputs that have changed during the run: their hashes would be wrong."""
     for name, before in inputs.items():
-        if file_hash(Path(name)) != before:
+        if file_hash(folder / name) != before:
             state.close()
             raise InputError(
                 "has changed while it was read",

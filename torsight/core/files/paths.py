@@ -26,6 +26,14 @@ PICTURE_SUFFIXES: Final = (
 """Suffixes of files that are read as pictures; another file is taken as a film, or ignored in a folder."""
 
 
+def named_from(folder: Path, path: AnyPath) -> str:
+    """Return the name of a file, or a glob, that a file in ``folder`` gives it: both may be moved together.
+
+    Links in the folder's own path are followed, so that ``..`` leads up where the folder really lies.
+    """
+    return os.path.relpath(path, os.path.realpath(folder))
+
+
 def is_glob(name: AnyPath) -> bool:
     """Return whether a name is a glob pattern."""
     return any(character in str(name) for character in "*?[")

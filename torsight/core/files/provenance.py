@@ -10,7 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.core.files.paths import require_ordinary, unreadable
+from torsight.core.files.paths import named_from, require_ordinary, unreadable
 
 _PACKAGES: Final = (
     "torsight",
@@ -50,16 +50,16 @@ def versions() -> dict[str, str]:
     return found
 
 
-def provenance(*, inputs: Iterable[Path], configuration: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """Return the content of ``provenance.json`` of a run.
+def provenance(*, inputs: Iterable[Path], configuration: Mapping[str, Any], seed: int, folder: Path) -> dict[str, Any]:
+    """Return the content of ``provenance.json`` in the ``folder`` of a run's results.
 
     Every input is hashed, folders file by file in the order of their names; the configuration is the one that was used,
-    with defaults filled in and paths resolved.
+    with defaults filled in. Paths are relative to ``folder``.
     """
     return {
         "command": "torsight run",
         "versions": versions(),
-        "inputs": {str(path): file_hash(path) for path in _files(inputs)},
+        "inputs": {named_from(folder, path): file_hash(path) for path in _files(inputs)},
         "configuration": dict(configuration),
         "seed": seed,
     }

@@ -32,7 +32,12 @@ def variable_name(identifier: str) -> str:
 
 
 def effect_name(identifier: str) -> str:
-    """Return an effect's or a law's id as words: ``sensor lag``, or ``friction over the angle``."""
+    """Return an effect's or a law's id as words: ``sensor lag``, or ``friction over the angle``.
+
+    A law of a model of one's own, such as ``drag_n(speed)``, keeps the names of that model.
+    """
+    if "(" in identifier:
+        return identifier
     for driver, words in VARIABLES.items():
         if identifier.endswith(f"_{driver}"):
             return f"{identifier.removesuffix(f'_{driver}').replace('_', ' ')} over {words}"

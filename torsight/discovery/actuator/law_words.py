@@ -149,7 +149,9 @@ def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) ->
         return f"{what} {_alternating(law, known, whole)}"
     low, high = int(np.argmin(known.values)), int(np.argmax(known.values))
     size = _size(float(known.values[low]), float(known.values[high]), law.unit, whole)
-    at = [f"in {known.counted} {x:.0f}" if counts else f"at {number(x)}{unit}" for x in known.places[[high, low]]]
+    # The outermost nodes may lie just beyond what the record covered.
+    extremes = np.clip(known.places[[high, low]], driver[0], driver[-1])
+    at = [f"in {known.counted} {x:.0f}" if counts else f"at {number(x)}{unit}" for x in extremes]
     return f"{what} is highest {at[0]}, {size} above its lowest value {at[1]}, {range_}"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from torsight.core.errors import TorsightError
@@ -78,7 +77,7 @@ def _actuator_file(results: RunResults) -> Mapping[str, Any]:
     if not isinstance(name, str):
         return {}
     try:
-        return read_toml(Path(name))
+        return read_toml(results.folder / name)
     except TorsightError:
         # The report may be made again where the actuator file is no longer at hand.
         return {}
