@@ -68,6 +68,18 @@ def test_a_setting_that_is_spelt_wrong_is_refused(tmp_path: Path, capsys: pytest
     assert "did you mean 'sigma'?" in told
 
 
+def test_a_record_that_is_given_twice_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "model.py").write_text(MODEL, encoding="utf-8")
+    for name in ("a", "copy"):
+        pd.DataFrame(spring_record(1, 2.0)).to_csv(tmp_path / f"{name}.csv", index=False)
+    records = (tmp_path / "a.csv", tmp_path / "copy.csv")
+    assert leave("missing", tmp_path / "model.py", *records, "--out", tmp_path / "out") == 2
+    told = capsys.readouterr().err
+    assert "copy.csv: is the same record as another one" in told
+    assert str(records[0]) in told
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("own")

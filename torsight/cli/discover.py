@@ -11,9 +11,9 @@ import typer
 from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.options import ActuatorFile, Seed
-from torsight.core.errors import ConfigError, InputError, NoResultError
+from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.paths import require_apart
-from torsight.core.files.provenance import file_hash
+from torsight.core.files.provenance import require_each_once
 from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import read_merged
 from torsight.core.progress import Progress
@@ -129,17 +129,7 @@ def require_one_rig(records: Sequence[Path]) -> None:
     The ``provenance.json`` beside a record's table names the actuator file of its run, with the file's hash. Records
     without a ``provenance.json`` are accepted. A file that all runs have used may have been edited since.
     """
-    seen: dict[str, Path] = {}
-    for path in records:
-        found = file_hash(path)
-        if found in seen:
-            raise ConfigError(
-                "is the same record as another one",
-                where=str(path),
-                value=str(seen[found]),
-                do="give every record once: the same one twice would count as two",
-            )
-        seen[found] = path
+    require_each_once(records)
     actuators = [(path, used) for path in records if (used := _actuator_of(path)) is not None]
     for path, (name, found) in actuators[1:]:
         first, (first_name, first_found) = actuators[0]

@@ -12,6 +12,7 @@ from torsight.cli.console import progress_bar, say
 from torsight.cli.discover import FILES
 from torsight.cli.options import Seed
 from torsight.core.files.paths import require_apart
+from torsight.core.files.provenance import require_each_once
 from torsight.core.files.storage import write_json, write_table, write_text
 
 FAILURES: Final = "model_errors.txt"
@@ -49,6 +50,7 @@ def missing(
     from torsight.report.own_report import write_own_report
 
     require_apart([out / name for name in (*FILES, FAILURES)], [model, *records])
+    require_each_once(records)
     with progress_bar() as progress:
         found = find_missing(problem_of(model, records), seed=seed, progress=progress)
         write_json(out / "discovery.json", found.to_json())

@@ -180,21 +180,7 @@ def _stages(
     merged = folder / "merged.csv"
     return [
         ("track", lambda: _angles(experiment, folder, resume=resume, progress=progress)),
-        (
-            "sync",
-            lambda: sync_to_folder(
-                folder / "angle.csv",
-                experiment.temperature,
-                settings=experiment.sync,
-                out=folder,
-                film=experiment.video,
-                timestamps=experiment.timestamps,
-                fps=experiment.fps,
-                columns=experiment.columns,
-                units=experiment.units,
-                progress=progress,
-            ),
-        ),
+        ("sync", lambda: _one_clock(experiment, folder, progress=progress)),
         ("fit", lambda: fit_to_folder(merged, experiment.actuator, out=folder, progress=progress)),
         (
             "discover",
@@ -204,6 +190,24 @@ def _stages(
         ),
         ("together", lambda: _together(experiment, folder, progress=progress)),
     ]
+
+
+def _one_clock(experiment: Experiment, folder: Path, *, progress: Progress) -> None:
+    """Merge angle and temperatures; print at once what speaks against this log, since the search takes minutes."""
+    sync_to_folder(
+        folder / "angle.csv",
+        experiment.temperature,
+        settings=experiment.sync,
+        out=folder,
+        film=experiment.video,
+        timestamps=experiment.timestamps,
+        fps=experiment.fps,
+        columns=experiment.columns,
+        units=experiment.units,
+        progress=progress,
+    )
+    for note in read_json(folder / "sync.json")["notes"]:
+        say(f"warning: {experiment.temperature}: {note}")
 
 
 def _together(experiment: Experiment, folder: Path, *, progress: Progress) -> None:

@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
+from torsight.core.errors import ConfigError
 from torsight.core.files.paths import named_from, require_ordinary, unreadable
 
 _PACKAGES: Final = (
@@ -32,6 +33,21 @@ def file_hash(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise unreadable(path, error) from error
+
+
+def require_each_once(records: Iterable[Path]) -> None:
+    """Refuse a record that is given twice, under whatever name."""
+    seen: dict[str, Path] = {}
+    for path in records:
+        found = file_hash(path)
+        if found in seen:
+            raise ConfigError(
+                "is the same record as another one",
+                where=str(path),
+                value=str(seen[found]),
+                do="give every record once: the same one twice would count as two",
+            )
+        seen[found] = path
 
 
 def made_now() -> str:
