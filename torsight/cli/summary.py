@@ -16,7 +16,7 @@ from torsight.core.words.wording import doubt_of, effect_name, error_words, esti
 
 
 def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
-    """Return the content of a ``discovery.json`` in lines: what is missing, laws, error before and after, next step."""
+    """Return the lines of a ``discovery.json``: friction, what is missing, laws, error before and after, next step."""
     effects = [
         # Values meant for people, where the effect has any.
         f"  {effect_name(str(effect['id']))}: {effect_values(effect)}"
@@ -26,6 +26,7 @@ def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
     noise = "" if floor is None else f" (noise floor {error_words(floor)})"
     proposed = (discovery.get("next_experiment") or {}).get("text")
     return [
+        f"Friction torque   {estimate(discovery['parameters']['tau_c_mnm'])}",
         f"Missing           {named(discovery)}",
         *effects,
         *(f"Law               {law['sentence']}" for law in discovery.get("laws") or [] if law.get("sentence")),
@@ -66,7 +67,6 @@ def summary(folder: Path) -> list[str]:
             f"Range of motion   {np.ptp(known):.1f}° (from {known.min():.1f}° to {known.max():.1f}°), "
             f"{100.0 * angles.valid.mean():.1f} % of {len(angles)} frames measured"
         ),
-        f"Friction torque   {estimate(discovery['parameters']['tau_c_mnm'])}",
         *discovery_lines(discovery),
         f"Report            {folder / 'report.html'}",
         f"Recording         {folder / 'recording.rrd'}",

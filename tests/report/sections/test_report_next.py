@@ -37,7 +37,7 @@ def steps(folder: Path, **changes: object) -> dict[str, Step]:
 def test_what_the_film_makes_of_the_floor_is_told_from_what_the_temperatures_make(run: Path) -> None:
     # The made-up sigma is 0.06° throughout: all of a floor of 0.06°, a ninth of the square of one of 0.18°.
     film = steps(run, after=AFTER)["What"].answer
-    assert "film's share of that is 0.060°, the greater part" in film.unescape()
+    assert "share of the angle's readings is 0.060°, the greater part" in film.unescape()
     assert "lower CRF" in film
     heat = steps(run, after=AFTER, noise_floor_deg=0.18)["What"].answer
     assert "the rest comes from the temperatures" in heat

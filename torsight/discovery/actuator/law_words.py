@@ -121,7 +121,8 @@ def _of_two(law: MeasuredLaw) -> str:
     change = float(law.value[-1] - law.value[0])
     way = "higher" if change > 0.0 else "lower"
     if law.driver == "spring":
-        return f"spring B's transformation temperatures are {number(abs(change))} °C {way} than spring A's"
+        apart = f"{number(abs(change))} °C {way} than spring A's"
+        return f"spring B's transformation temperatures are {apart}: [spring_b] of the actuator file can hold its own"
     return f"friction torque is {number(abs(change))} mN·m {way} when the angle rises than when it falls"
 
 

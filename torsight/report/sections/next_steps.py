@@ -88,22 +88,24 @@ def _limit(results: RunResults) -> str:
 
 
 def _noise(results: RunResults, floor: float) -> str:
-    """Return sentences on the film's share of the noise floor, with advice on the larger part."""
+    """Return sentences on the angle readings' share of the noise floor, with advice on the larger part."""
     table = results.first_of("merged", "curves", "angle")
     sigma = np.empty(0) if table is None else column(table, "angle_sigma_deg")
     sigma = sigma[np.isfinite(sigma)]
     if not len(sigma):
         return f"{number(floor, 2)}°."
-    film = rms(sigma)
-    begin = f"{number(floor, 2)}°. The film's share of that is {number(min(film, floor), 2)}°"
-    if film**2 < 0.5 * floor**2:
+    angle = rms(sigma)
+    begin = f"{number(floor, 2)}°. The share of the angle's readings is {number(min(angle, floor), 2)}°"
+    if angle**2 < 0.5 * floor**2:
         return (
             f"{begin}; the rest comes from the temperatures' readings. Log them more often, or with less noise: "
             "four times as many readings halve their part."
         )
     advice = (results.track or {}).get("advice") or []
     first = advice if isinstance(advice, str) else str(advice[0]) if advice else ""
-    return f"{begin}, the greater part. {as_sentence(first) if first.strip() else 'Film the markers larger.'}"
+    return (
+        f"{begin}, the greater part. {as_sentence(first) if first.strip() else 'Larger markers in the film reduce it.'}"
+    )
 
 
 def _halving(results: RunResults, model: FittedModel | None) -> list[Step]:
