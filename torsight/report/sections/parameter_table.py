@@ -26,9 +26,9 @@ def parameter_table(results: RunResults) -> dict[str, Any]:
         for effect in (results.discovery or {}).get("effects") or []
         for name, value in (effect.get("parameters") or {}).items()
     }
-    both = {
-        name: (plain.get(name), extended.get(name, own.get(name))) for name in dict.fromkeys([*plain, *extended, *own])
-    }
+    # A law is shown as a curve: its coefficients on functions of its own mean nothing beside it.
+    names = [name for name in dict.fromkeys([*plain, *extended, *own]) if "@" not in name]
+    both = {name: (plain.get(name), extended.get(name, own.get(name))) for name in names}
     free = {name: pair for name, pair in both.items() if not (pair[1] or pair[0] or {}).get("fixed")}
     rows = [_row(name, known.get(name), *pair) for name, pair in free.items()]
     exact = [_exact(name, pair[1] or pair[0] or {}) for name, pair in both.items() if name not in free]
