@@ -36,7 +36,7 @@ EFFECT: Final = Effect(
     acts_on="clock",
     title="the clocks of camera and temperature log differ",
     parameters=(
-        Parameter("clock_offset_s", 1.0, "s", -120.0, 120.0, null=0.0, symbol="δ", title="remaining offset of the clocks"),
+        Parameter("clock_offset_s", 1.0, "s", -120.0, 120.0, null=0.0, symbol="δ", title="rest of the clocks' offset"),
         Parameter(
             "clock_drift_ppm", 0.0, "ppm", -5e3, 5e3, sigma=200.0, null=0.0, symbol="ε", title="drift of the clocks"
         ),
