@@ -27,6 +27,8 @@ KEPT = 1e-5
 size."""
 _FEWEST = 4
 """Number of nodes below which a spline is no better than lines."""
+LENGTHS = (0.5, 0.25, 0.12, 0.06)
+"""Lengths of a law's smooth functions as shares of its range, each half the one before."""
 _FINER = 8
 """Points per gap between nodes: they reduce the error of linear interpolation to a sixty-fourth."""
 
@@ -229,12 +231,10 @@ def slope(nodes: Floats) -> Floats:
     return outer(nodes - 0.5 * (nodes[0] + nodes[-1]))
 
 
-def smooth_kernels(
-    nodes: Floats, *, shares: Sequence[float] = (0.5, 0.25, 0.12, 0.06), line: bool = False
-) -> tuple[Kernel, ...]:
+def smooth_kernels(nodes: Floats, *, shares: Sequence[float] = LENGTHS, line: bool = False) -> tuple[Kernel, ...]:
     """Return smooth kernels whose lengths are shares of the nodes' range; ``line`` adds a slope to each.
 
-    A few distant nodes beyond the record do not extend this range.
+    A few distant nodes beyond the record do not extend this range. Lengths below the distance of two nodes are omitted.
     """
     spacing = usual_step(nodes)
     span = spacing * (len(nodes) - 1)

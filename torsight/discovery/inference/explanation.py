@@ -87,7 +87,7 @@ class Explanation:
     @property
     def residual(self) -> Floats:
         """Measured less model (n,), zero where a sample does not count."""
-        return np.nan_to_num(self.fitter.residual(self.fit))
+        return residual_of(self.fitter.problem, self.fit.solution.prediction)
 
     @property
     def log_posterior(self) -> float:
