@@ -153,12 +153,8 @@ def whole_turns(angle_rad: Floats) -> int:
 def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
     """Return the drive of a merged record.
 
-    Raises
-    ------
-    InputError
-        When the record has fewer than 20 rows, no angle or no temperature.
-    NoResultError
-        When neither spring is heated.
+    Raises InputError when the record has fewer than 20 rows, no angle or no temperature; NoResultError when neither
+    spring is heated.
     """
     if len(table) < 20:
         raise InputError("is too short", where=where, value=f"{len(table)} rows", limit="20 rows or more")
@@ -186,10 +182,7 @@ def prepare_log(
 
     Where ``log`` has interpolated rows (:func:`filled_in`), ``readings`` is the log without these rows.
 
-    Raises
-    ------
-    InputError, NoResultError
-        As :func:`prepare_table`.
+    Raises InputError, NoResultError as :func:`prepare_table`.
     """
     return _driven(log, readings or log, row_rate_hz=math.inf, start_angle_rad=start_angle_rad, where=where)
 

@@ -268,7 +268,7 @@ def _begun_within(drive: Drive) -> list[str]:
 
 def _heated_again(drive: Drive) -> list[str]:
     """Return the notes on springs that are heated twice in a row, whose torque the model then does not describe."""
-    begins_s = drive.time_s[np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))]
+    begins_s = drive.time_s[drive.cycles.begins]
     return [
         f"Spring {'AB'[spring]} is heated again at {begin_s:.0f} s although the other one has not wound it back: until "
         "that has happened the model's angle may be off by more than 10°, which no effect explains; heat the springs "

@@ -293,7 +293,7 @@ def _applied(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str
     """Return ports on which effects and laws have acted, one after the other."""
     for part in parts:
         if isinstance(part, LawForm):
-            ports = apply_law(ports, part, np.array([given[name] for name in part.names]))
+            ports = apply_law(ports, part, given)
         elif not (part.is_clock and ports.history.after_record):
             ports = part.apply(ports, given)
     return ports

@@ -10,7 +10,7 @@ Gaussian Processes for Machine Learning (2006), ch. 5).
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -171,13 +171,9 @@ class LawForm:
         unit, sigma = ("", 1.0) if self.prior else (self.unit, None)
         return tuple(Parameter(name=name, value=0.0, unit=unit, sigma=sigma, null=0.0) for name in self.names)
 
-    def values(self, parameters: Sequence[float] | Floats) -> Floats:
-        """Return the law's values on its nodes (k,)."""
-        return np.asarray(self.basis @ np.asarray(parameters, np.float64))
-
-    def at(self, driver: Floats, parameters: Sequence[float] | Floats) -> Floats:
-        """Return the law by linear interpolation between its nodes; beyond them the outermost value holds."""
-        return np.interp(driver, self.nodes, self.values(parameters))
+    def values(self, of: Mapping[str, float]) -> Floats:
+        """Return the law's values on its nodes (k,), from a model's values, among them those of its parameters."""
+        return np.asarray(self.basis @ np.array([of[name] for name in self.names], np.float64))
 
     def to_json(self) -> dict[str, Any]:
         """Return the form's entry in ``model.json``."""

@@ -97,10 +97,7 @@ class Film:
 def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Film]:
     """Return both films in the frames of the left one, with each camera's motion removed.
 
-    Raises
-    ------
-    ConfigError
-        When the camera file has no second camera, or is for another picture size.
+    Raises ConfigError when the camera file has no second camera, or is for another picture size.
     """
     second = require_second(camera, where="the camera file")
     require_size(camera.intrinsics, left.size_px, where="the left film")
@@ -153,10 +150,7 @@ def triangulated(films: list[Film]) -> SpacePoints:
 def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
     """Return the films without markers that are not the same point in both, and the points in space.
 
-    Raises
-    ------
-    NoResultError
-        When a marker is never seen in both films simultaneously, or is not the same point in both.
+    Raises NoResultError when a marker is never seen in both films simultaneously, or is not the same point in both.
     """
     space = triangulated(films)
     for marker, name in enumerate(MARKERS):

@@ -127,7 +127,7 @@ def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...])
 def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sentence: str) -> str:
     """Return the source code of an effect that is a law with the given parameters."""
     family = FAMILIES[form.id]
-    law = form.values([values[key] for key in form.names])
+    law = form.values(values)
     words = _WORDS.format(
         driver=family.over or family.driver, unit=family.unit or "a share", sentence=capital(sentence)
     )

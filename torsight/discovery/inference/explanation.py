@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from torsight.core.law import LawForm
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
@@ -188,6 +189,13 @@ def log_posterior(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
 def residual_of(problem: Problem, prediction: Floats) -> Floats:
     """Return measured less predicted (n,), zero where a sample does not count."""
     return np.where(problem.valid, problem.observed - prediction, 0.0)
+
+
+def on_nodes(one: Explanation, form: LawForm, spread: Floats) -> tuple[Floats, Floats]:
+    """Return a law of an explanation on its nodes (k,), and the covariance (k, k) by that of the values, ``spread``."""
+    names = [p.name for p in one.fit.parameters]
+    places = [names.index(name) for name in form.names]
+    return form.values(one.fit.values), form.basis @ spread[np.ix_(places, places)] @ form.basis.T
 
 
 def loss_at(one: Explanation, base: Mapping[str, float]) -> float:
