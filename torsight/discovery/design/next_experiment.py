@@ -22,6 +22,7 @@ from torsight.actuator.drive import Drive
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
+from torsight.core.series import known_median
 from torsight.core.units import DEG, Floats
 from torsight.core.words.wording import capital, effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -229,7 +230,7 @@ class _Planner:
         own, first = self._problem.drive, self._rivals[0]
         values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
         angle_rad = self._problem.with_laws(first.forms).model(first.effects).angle_rad(drive, values)
-        sigma_rad = float(np.nanmedian(own.angle_sigma_rad)) if np.isfinite(own.angle_sigma_rad).any() else 0.0
+        sigma_rad = float(np.nan_to_num(known_median(own.angle_sigma_rad)))
         planned = ActuatorProblem(
             replace(
                 drive,
