@@ -7,6 +7,7 @@ second (angles averaged over each row's interval), which loses no information th
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -130,6 +131,14 @@ class Drive:
     def whole(self) -> tuple[Drive, Floats]:
         """The whole drive, which effects on clocks read at other times, and the indices (n,) of this drive's rows."""
         return self.part_of or (self, np.arange(float(len(self))))
+
+    def half_cycles(self) -> Iterator[tuple[int, Ints, Floats, Floats]]:
+        """Yield each half-cycle's driven spring and rows (k,), and the temperature and slope (k,) of this spring."""
+        series = ((self.temp_a_c, self.rate_a_c_s), (self.temp_b_c, self.rate_b_c_s))
+        for half, spring in enumerate(self.cycles.springs):
+            rows = np.flatnonzero(self.cycles.half == half)
+            temp_c, rate_c_s = series[spring]
+            yield spring, rows, temp_c[rows], rate_c_s[rows]
 
     def at(self, rows: Ints) -> Drive:
         """Return the drive restricted to the given rows (m,)."""

@@ -22,7 +22,7 @@ from torsight.actuator.simulation import Simulation
 from torsight.actuator.stepping.cycle import Cycle
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.frozen import Frozen
-from torsight.core.parameter import Estimate, Parameter
+from torsight.core.parameter import Estimate, Parameter, estimates_to_json
 from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
 from torsight.core.words.plausible import require_turns
@@ -140,7 +140,7 @@ class FitResult(Frozen, Shown):
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``fit.json``."""
         return {
-            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
+            "parameters": estimates_to_json(self.estimates),
             "rmse_deg": self.rmse_deg,
             "r2": self.r2,
             **self.cycle.to_json(),

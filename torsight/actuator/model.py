@@ -15,7 +15,7 @@ from torsight.actuator.effects import STAGES, Effect, chosen_effects, load_effec
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import History, Ports
 from torsight.actuator.record.segments import turn_of
-from torsight.actuator.simulation import Simulation, angle_of_ports, run_ports, seen_of_ports
+from torsight.actuator.simulation import Simulation, run_ports, seen_of_ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import SPRING_B, Rig, values_of_b
 from torsight.core.errors import ConfigError, InputError, NoResultError, require_kind
@@ -267,7 +267,7 @@ class ActuatorModel:
 
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
         """Return the angle (n,) that :meth:`simulate` gives, alone."""
-        return angle_of_ports(self.ports(drive, values, history=history), **self._run_options(drive))
+        return self.simulate(drive, values, history=history).angle_rad
 
     def seen_rad(
         self, drive: Drive, values: Mapping[str, float], *, history: History | None = None

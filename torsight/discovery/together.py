@@ -15,7 +15,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.errors import ConfigError
 from torsight.core.parallel.threads import one_thread
-from torsight.core.parameter import Estimate
+from torsight.core.parameter import Estimate, estimates_to_json
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms
@@ -79,7 +79,7 @@ class RecordAnswer:
             "before": {**self.before.to_json(), "rmse_other_records_deg": self.unseen_before_deg},
             "after": {**self.after.to_json(), "rmse_other_records_deg": self.unseen_after_deg},
             "noise_floor_deg": self.noise_floor_deg,
-            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
+            "parameters": estimates_to_json(self.parameters),
         }
 
 

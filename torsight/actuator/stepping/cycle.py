@@ -61,8 +61,8 @@ def fitted_cycle(drive: Drive, simulation: Simulation, values: Mapping[str, floa
     """
     rig = Rig.from_values(values)
     found = []
-    for number, spring in enumerate(drive.cycles.springs):
-        phi = simulation.phi_rad[drive.cycles.half == number]
+    for spring, rows, _, _ in drive.half_cycles():
+        phi = simulation.phi_rad[rows]
         if len(phi):
             theta = 0.5 * rig.theta_p_rad + (phi if spring == 0 else -phi)
             found.append((float(theta[0] - theta.min()), float(theta[0]), float(theta.min()), float(theta[-1]), spring))
