@@ -135,18 +135,10 @@ def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[
 
 
 class _Window(NamedTuple):
-    """Between which temperatures a wire without load transforms on heating or cooling.
+    """Between which temperatures a wire without load transforms on its ``way``, ``heating`` or ``cooling``.
 
-    Attributes
-    ----------
-    way : str
-        ``heating`` or ``cooling``.
-    branch : float
-        First step of the window on the nodes of the phase law.
-    start_c, end_c : float
-        The window.
-    reached_c : tuple of float
-        The lowest and the highest temperature in the record, minus the load's shift of the window.
+    ``branch`` is the first step of the window on the nodes of the phase law; ``reached_c`` are the lowest and the
+    highest temperature in the record, minus the load's shift of the window.
     """
 
     way: str

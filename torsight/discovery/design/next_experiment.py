@@ -52,24 +52,11 @@ _FINALISTS: Final = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NextExperiment:
-    """The programme that best separates the rivals.
+    """The programme that best separates the rivals, in words, by segments and sample by sample.
 
-    Attributes
-    ----------
-    text : str
-        The programme and its worth, in words.
-    segments : tuple of mapping
-        Spring, action, temperatures, rate, hold and duration, in order.
-    duration_s : float
-        Duration of the whole programme.
-    gain, repeat_gain : float
-        Least gain over all pairs of rivals that the programme promises, and that of a plain repeat of the record.
-    needed_gain : float
-        Gain at which rivals cease to be rivals.
-    pairs : tuple of mapping
-        Each pair with its own gain.
-    columns : mapping of str to (n,) array
-        The programme sample by sample, and the angle that each rival predicts: ``next_experiment.csv``.
+    A segment holds spring, action, temperatures, rate, hold and duration. The programme promises ``gain``, the least
+    over all ``pairs`` of rivals, a plain repeat of the record ``repeat_gain``; at ``needed_gain`` rivals cease to be
+    rivals. ``columns`` (n,), with the angle that each rival predicts, are those of ``next_experiment.csv``.
     """
 
     text: str

@@ -33,18 +33,9 @@ Places = frozenset[str]
 class Explanation:
     """A fitted set; :attr:`held_out`, its prediction of blocks that were left out, is computed when first used.
 
-    Attributes
-    ----------
-    fitter : Fitter
-        The problem with the set's laws among its candidates, and the weights at which it was fitted.
-    fit : Fit
-        The optimum.
-    laws : tuple of Measured
-        The laws of the set.
-    likelihood : Likelihood
-        Likelihood of the set's residual; it depends on the set, because the model propagates errors of the inputs.
-    log_evidence : float
-        Comparable among explanations of one field.
+    ``fitter`` is the problem with the set's laws among its candidates, and the weights at which it was fitted. The
+    likelihood depends on the set, because the model propagates errors of the inputs; ``log_evidence`` is comparable
+    among explanations of one field.
     """
 
     fitter: Fitter
@@ -109,19 +100,10 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """All explanations of one record under one likelihood.
+    """All explanations of one record under one likelihood, by their members.
 
-    Attributes
-    ----------
-    likelihood : Likelihood
-        Likelihood of the record.
-    stretches : Stretches
-        Motion and rests of the record.
-    explanations : dict
-        Members to explanation; under the empty set the plain model, which may have been fitted again from the optima of
-        other sets.
-    first : Explanation or None
-        The plain model as it was fitted alone; None where it is that of the empty set.
+    Under the empty set is the plain model, which may have been fitted again from the optima of other sets: ``first`` is
+    the one that was fitted alone, None where it is the same.
     """
 
     likelihood: Likelihood

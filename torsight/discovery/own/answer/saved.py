@@ -84,22 +84,10 @@ class LawOn:
 class SavedModel:
     """An extended model with its values.
 
-    Attributes
-    ----------
-    declared : Declared
-        The model.
-    effects, initial : tuple of str
-        Names of the effects that are on, and of the parameters that every record has for itself.
-    values : mapping of str to float
-        Fitted values; those of initial states are the first record's.
-    names, covariance : tuple of str, (m, m) float64
-        Names and covariance of the values that are uncertain.
-    noise : tuple of float
-        Error of each output on held-out blocks, root mean square.
-    ports : tuple of str
-        Names of the declared laws.
-    laws : tuple of LawOn
-        Laws that are on; the forms' parameters are among ``values``.
+    ``effects`` are those that are on, ``initial`` the parameters that every record has for itself. ``values`` are the
+    fitted ones, initial states those of the first record, the forms' parameters of the ``laws`` that are on among them;
+    ``names`` and ``covariance`` (m, m) are those of the uncertain ones. ``noise`` is the error of each output on
+    held-out blocks, root mean square; ``ports`` are the names of the declared laws.
     """
 
     declared: Declared
