@@ -43,16 +43,8 @@ def measured_laws(
 ) -> tuple[MeasuredLaw, ...]:
     """Return the laws of an explanation, strongest first.
 
-    Parameters
-    ----------
-    problem : ActuatorProblem
-        Problem of the record.
-    chosen : Explanation
-        Explanation that contains the laws.
-    shares : mapping of str to float
-        Share of the explained residual, by law.
-    names : mapping of str to str
-        Effect whose name a law carries, by law; laws without a name are missing.
+    ``shares`` are the shares of the explained residual, ``names`` the effects whose names laws carry, both by law; laws
+    without a name are missing.
     """
     spread = joint_covariance(chosen)
     found = []

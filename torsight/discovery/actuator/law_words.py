@@ -83,14 +83,8 @@ class OnNodes:
 def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     """Return a law in one sentence, over what the record covered.
 
-    Parameters
-    ----------
-    law : MeasuredLaw
-        The law in the units of its file, with its number among the laws of its port.
-    tau_c_mnm : float
-        Friction torque without the law.
-    known : OnNodes
-        The law on the nodes that the record reached.
+    The law is in the units of its file, with its number among the laws of its port; ``tau_c_mnm`` is the friction
+    torque without the law.
     """
     if law.driver in {"spring", "direction"}:
         return _of_two(law)
