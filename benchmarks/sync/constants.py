@@ -49,10 +49,9 @@ CLOCK = {
     "clock.threshold_crossings": ("WHOLE_STROKE",),
     "clock.threshold_likelihood": ("_RATE_POWERS",),
     "signals.changepoints": ("MAX_LAG_S", "_POINTS"),
-    "signals.crossing_times": ("_NOISE_PER_STEP",),
     "signals.even_signal": ("WINDOW_S",),
     "signals.heating_segments": ("_MIN_SHARE", "_HEATING_SHARE"),
-    "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S"),
+    "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
 }
 LOG = {
     "log.outliers": ("_SPIKE_FLOOR_C", "_STUCK_ROWS", "_ALIKE_SHARE", "_FROZEN_SHARE", "_TO_AND_FRO"),

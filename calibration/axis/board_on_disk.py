@@ -111,7 +111,7 @@ def _board_pose(view: View, intrinsics: Intrinsics) -> Floats:
         )
     refined = [
         least_squares(
-            lambda values: _error(view, intrinsics, values[:3], values[3:]),
+            lambda pose: _error(view, intrinsics, pose),
             np.concatenate((np.asarray(rvec).reshape(3), np.asarray(tvec).reshape(3))),
         )
         for rvec, tvec in zip(rvecs, tvecs, strict=True)
@@ -119,12 +119,12 @@ def _board_pose(view: View, intrinsics: Intrinsics) -> Floats:
     return min(refined, key=lambda item: item[2])[0]
 
 
-def _error(view: View, intrinsics: Intrinsics, rvec: Floats, tvec_mm: Floats) -> Floats:
-    return (project(view.points_mm, intrinsics, rvec=rvec, tvec_mm=tvec_mm) - view.corners_px).ravel()
+def _error(view: View, intrinsics: Intrinsics, pose: Floats) -> Floats:
+    return (project(view.points_mm, intrinsics, rvec=pose[:3], tvec_mm=pose[3:]) - view.corners_px).ravel()
 
 
 def _fixed_place(view: View, intrinsics: Intrinsics, pose: Floats, board: Board) -> _Solved:
-    _, covariance, chi_squared = least_squares(lambda values: _error(view, intrinsics, values[:3], values[3:]), pose)
+    _, covariance, chi_squared = least_squares(lambda pose: _error(view, intrinsics, pose), pose)
     rotation = rotation_matrix(pose[:3])
     origin = rotation @ np.array([*board.axis_mm, 0.0]) + pose[3:]
     points = len(view.points_mm)

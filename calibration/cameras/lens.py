@@ -47,6 +47,9 @@ _MOST_GROUPS: Final = 20
 _LARGEST_FOCAL_SIGMA: Final = 0.05
 """Largest relative sigma of the focal length: at a distance of 20 sticks it is a stick's length of depth."""
 
+UNTIL_IT_CONVERGES: Final = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
+"""End of OpenCV's fits; its default of 30 steps may end earlier."""
+
 
 @dataclass(frozen=True, slots=True)
 class SetAside:
@@ -165,8 +168,7 @@ def _fit_lens(views: tuple[View, ...], size_px: tuple[int, int], window: str) ->
             np.eye(3),
             np.zeros(5),
             flags=0,
-            # Until convergence: OpenCV's default of 30 steps may end earlier.
-            criteria=(cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-12),
+            criteria=UNTIL_IT_CONVERGES,
         )
     except cv2.error as error:
         raise _no_lens(len(views)) from error

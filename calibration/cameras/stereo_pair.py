@@ -9,7 +9,15 @@ from typing import Final
 import cv2
 import numpy as np
 
-from calibration.cameras.lens import LensCalibration, SetAside, fit_lens, jackknife_sigma, without_each, worst_view
+from calibration.cameras.lens import (
+    UNTIL_IT_CONVERGES,
+    LensCalibration,
+    SetAside,
+    fit_lens,
+    jackknife_sigma,
+    without_each,
+    worst_view,
+)
 from calibration.views.detect import FEWEST_CORNERS, View
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Intrinsics, RightCamera
@@ -123,7 +131,7 @@ def _fit(pairs: Sequence[_Common], left: Intrinsics, right: Intrinsics) -> tuple
             np.eye(3),
             np.zeros(3),
             flags=cv2.CALIB_FIX_INTRINSIC,
-            criteria=(cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-12),
+            criteria=UNTIL_IT_CONVERGES,
         )
     except cv2.error as error:
         raise NoResultError(

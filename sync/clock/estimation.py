@@ -13,16 +13,19 @@ from typing import Any, Final
 import numpy as np
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.film_pace import require_seconds
 from sync.clock.gaussian_mixture import Gaussian, clock_of
 from sync.clock.lag_likelihood import SHORT_LAG_S
 from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
 from sync.clock.motion_likelihood import MotionLikelihood
+from sync.clock.offset_search import ALIKE, find_ranges
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
 from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
+from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S
-from torsight.core.errors import NoResultError
+from sync.signals.heating_segments import log_signals
+from sync.signals.strokes import find_strokes
+from torsight.core.errors import InputError, NoResultError
 from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import REACH
 from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
@@ -143,7 +146,7 @@ def _find(
         return Found(clock, weighed.reading)
     likelihood = weighed.likelihood
     if given_offset_s is None:
-        require_seconds(angles, weighed.reading.log, likelihood)
+        _require_seconds(angles, weighed.reading.log, likelihood)
     if likelihood is None:
         if given_offset_s is None:
             raise _unknown(angles, reading.log)
@@ -324,4 +327,32 @@ def _unknown(angles: StickAngles, log: TemperatureLog) -> NoResultError:
         value=f"motion over {moved:.3g}°, temperatures over {max(rises, default=0.0):.3g} °C",
         limit="strokes of 3° and more, heatings of 12 °C and more, at an offset that explains them",
         do=ADVICE,
+    )
+
+
+def _require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: MotionLikelihood | None) -> None:
+    """Refuse a film whose motion the log explains only with the film's times as minutes.
+
+    ``likelihood`` is the result with times in seconds, None if there is none. A film whose times are too small by a
+    factor of 60 shows strokes in both directions within one heating, which no offset explains. A film in seconds does
+    not pass this test by chance: strokes that are 60 times as long and as far apart do not fit better than before.
+    """
+    if likelihood is not None and likelihood.strokes - likelihood.matched <= 1:
+        return
+    slower = replace(angles, time_s=60.0 * angles.time_s)
+    strokes, signals = find_strokes(slower), log_signals(log, max_gap_s=longest_gap_s(log.time_s))
+    if not strokes or not signals.segments:
+        return
+    span_s = (float(slower.time_s[0]), float(slower.time_s[-1]))
+    score = max((part.score for part in find_ranges(strokes, signals, film_span_s=span_s)), default=0.0)
+    before = 0.0 if likelihood is None else likelihood.ranges[0].score
+    if score <= max(before + ALIKE, 1.0 - ALIKE):
+        return
+    matched = 0 if likelihood is None else likelihood.matched
+    raise InputError(
+        "the film's times seem to be in minutes",
+        where="angles, column time_s",
+        value=f"{matched} of {len(strokes)} strokes with a heating or cooling; with times 60 times as large they fit",
+        limit="times in seconds",
+        do="give the film's times in seconds",
     )

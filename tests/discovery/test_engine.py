@@ -94,11 +94,10 @@ def test_what_has_no_name_is_a_law_over_what_it_depends_on() -> None:
     assert findings.verdict == "unknown"
     assert [name for name, _ in findings.drivers] == ["position"]
     (law,) = findings.decision.chosen.laws
-    values = [findings.decision.chosen.fit.values[name] for name in law.form.names]
     truth = 0.5 * np.sin(2.0 * np.pi * law.law.nodes / 0.3)
     # Over 1200 samples of noise 0.05 with correlation 6, 25 nodes: 0.05 √(25 · 6 / 1200) = 0.018, and the base's
     # offset and gain may take a constant and a slope from it.
-    left = law.form.values(values) - truth
+    left = law.form.values(findings.decision.chosen.fit.values) - truth
     left -= np.polyval(np.polyfit(law.law.nodes, left, 1), law.law.nodes)
     assert np.sqrt(np.mean(left**2)) < 0.06
 

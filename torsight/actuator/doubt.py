@@ -110,10 +110,7 @@ def principal_axes(covariance: Floats) -> tuple[Floats, Floats, Floats]:
 def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
     """Read the uncertainty in ``model.json``; ``free`` are the names of the model's free parameters.
 
-    Raises
-    ------
-    ConfigError
-        When the table is damaged. Effects and values of the alternatives are not checked here.
+    Raises ConfigError when the table is damaged. Effects and values of the alternatives are not checked here.
     """
     where = "doubt"
     names, rows, others = table.get("names"), table.get("covariance"), table.get("alternatives")

@@ -7,6 +7,7 @@ second (angles averaged over each row's interval), which loses no information th
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -131,6 +132,14 @@ class Drive:
         """The whole drive, which effects on clocks read at other times, and the indices (n,) of this drive's rows."""
         return self.part_of or (self, np.arange(float(len(self))))
 
+    def half_cycles(self) -> Iterator[tuple[int, Ints, Floats, Floats]]:
+        """Yield each half-cycle's driven spring and rows (k,), and the temperature and slope (k,) of this spring."""
+        series = ((self.temp_a_c, self.rate_a_c_s), (self.temp_b_c, self.rate_b_c_s))
+        for half, spring in enumerate(self.cycles.springs):
+            rows = np.flatnonzero(self.cycles.half == half)
+            temp_c, rate_c_s = series[spring]
+            yield spring, rows, temp_c[rows], rate_c_s[rows]
+
     def at(self, rows: Ints) -> Drive:
         """Return the drive restricted to the given rows (m,)."""
         cycles = replace(self.cycles, active=self.cycles.active[rows], half=self.cycles.half[rows])
@@ -153,12 +162,8 @@ def whole_turns(angle_rad: Floats) -> int:
 def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
     """Return the drive of a merged record.
 
-    Raises
-    ------
-    InputError
-        When the record has fewer than 20 rows, no angle or no temperature.
-    NoResultError
-        When neither spring is heated.
+    Raises InputError when the record has fewer than 20 rows, no angle or no temperature; NoResultError when neither
+    spring is heated.
     """
     if len(table) < 20:
         raise InputError("is too short", where=where, value=f"{len(table)} rows", limit="20 rows or more")
@@ -186,10 +191,7 @@ def prepare_log(
 
     Where ``log`` has interpolated rows (:func:`filled_in`), ``readings`` is the log without these rows.
 
-    Raises
-    ------
-    InputError, NoResultError
-        As :func:`prepare_table`.
+    Raises InputError, NoResultError as :func:`prepare_table`.
     """
     return _driven(log, readings or log, row_rate_hz=math.inf, start_angle_rad=start_angle_rad, where=where)
 

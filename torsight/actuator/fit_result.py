@@ -22,7 +22,7 @@ from torsight.actuator.simulation import Simulation
 from torsight.actuator.stepping.cycle import Cycle
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.frozen import Frozen
-from torsight.core.parameter import Estimate, Parameter
+from torsight.core.parameter import Estimate, Parameter, estimates_to_json
 from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
 from torsight.core.words.plausible import require_turns
@@ -140,7 +140,7 @@ class FitResult(Frozen, Shown):
     def to_json(self) -> dict[str, Any]:
         """Return the content of ``fit.json``."""
         return {
-            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
+            "parameters": estimates_to_json(self.estimates),
             "rmse_deg": self.rmse_deg,
             "r2": self.r2,
             **self.cycle.to_json(),
@@ -269,7 +269,7 @@ def _begun_within(drive: Drive) -> list[str]:
 
 def _heated_again(drive: Drive) -> list[str]:
     """Return the notes on springs that are heated twice in a row, whose torque the model then does not describe."""
-    begins_s = drive.time_s[np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))]
+    begins_s = drive.time_s[drive.cycles.begins]
     return [
         f"Spring {'AB'[spring]} is heated again at {begin_s:.0f} s although the other one has not wound it back: until "
         "that has happened the model's angle may be off by more than 10°, which no effect explains; heat the springs "

@@ -208,10 +208,7 @@ class FittedModel(Frozen, Shown):
         springs can be at rest. A larger start angle counts turns as the record does, or is the actuator's own angle,
         which lies within half of the total winding.
 
-        Raises
-        ------
-        ConfigError
-            When a larger start angle is neither.
+        Raises ConfigError when a larger start angle is neither.
         """
         values = self.model.spec.values
         wound_rad = DEG * values["theta_p_deg"] / 2.0

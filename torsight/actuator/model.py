@@ -12,10 +12,10 @@ import numpy as np
 
 from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
 from torsight.actuator.effects import STAGES, Effect, chosen_effects, load_effects
-from torsight.actuator.known_start import begins_within, first_cold_row
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import History, Ports
-from torsight.actuator.simulation import Simulation, angle_of_ports, run_ports, seen_of_ports
+from torsight.actuator.record.segments import turn_of
+from torsight.actuator.simulation import Simulation, run_ports, seen_of_ports
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import SPRING_B, Rig, values_of_b
 from torsight.core.errors import ConfigError, InputError, NoResultError, require_kind
@@ -24,7 +24,7 @@ from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.series import extent
-from torsight.core.units import DEG, Floats
+from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.plausible import require_units
 from torsight.core.words.wording import counted
 
@@ -117,9 +117,9 @@ class ActuatorModel:
         require_units(table.time_s, {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}, where=where)
         drive = prepare_table(table, row_rate_hz=row_rate_hz, where=where)
         rig = Rig.from_values(self._nominal)
-        if not begins_within(drive, self.simulate(drive.at(np.arange(1))), rig):
+        if not _begins_within(drive, self.simulate(drive.at(np.arange(1))), rig):
             return drive
-        row = first_cold_row(drive, rig)
+        row = _first_cold_row(drive, rig)
         later = table.at(table.time_s >= drive.time_s[row]) if row < len(drive) else None
         try:
             cut = drive if later is None else prepare_table(later, row_rate_hz=row_rate_hz, where=where)
@@ -267,7 +267,7 @@ class ActuatorModel:
 
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
         """Return the angle (n,) that :meth:`simulate` gives, alone."""
-        return angle_of_ports(self.ports(drive, values, history=history), **self._run_options(drive))
+        return self.simulate(drive, values, history=history).angle_rad
 
     def seen_rad(
         self, drive: Drive, values: Mapping[str, float], *, history: History | None = None
@@ -283,6 +283,34 @@ class ActuatorModel:
         return {"start_angle_rad": drive.start_angle_rad, "tanaka": tanaka, "theta_l_deg": self.theta_l_deg}
 
 
+def _begins_within(drive: Drive, simulation: Simulation, rig: Rig) -> bool:
+    """Return whether at the first row the driven spring recovers already, or the other one has not cooled down.
+
+    Every half-cycle of the model begins with both springs as martensite. A film that starts when a spring is hot shows
+    the end of a transformation without its beginning, and this error remains in the angle until the springs are cold.
+    Only the first row of ``simulation`` is used.
+    """
+    driven = drive.cycles.springs[0]
+    recovers = (simulation.xi_a, simulation.xi_b)[driven][0] < 1.0
+    other_nm = (simulation.torque_b_nm, simulation.torque_a_nm)[driven][0]
+    finish_c = rig.m_finish_c + other_nm * rig.stress_per_torque / rig.c_martensite
+    return bool(recovers or not _cold(drive, finish_c)[1 - driven][0])
+
+
+def _first_cold_row(drive: Drive, rig: Rig) -> int:
+    """Return the first row at which both springs are martensite under any torque; without one, the number of rows."""
+    a, b = _cold(drive, rig.m_finish_c)
+    both = a & b
+    return int(np.argmax(both)) if both.any() else len(drive)
+
+
+def _cold(drive: Drive, finish_c: float) -> tuple[Flags, Flags]:
+    """Return the masks (n,) of the rows at which A and B are martensite, as completely as they get in this record."""
+    slack_c = turn_of(drive.noise_c)
+    a, b = (temp_c <= max(finish_c, float(temp_c.min()) + slack_c) for temp_c in (drive.temp_a_c, drive.temp_b_c))
+    return a, b
+
+
 def _on_temperatures(part: Effect | LawForm) -> bool:
     if isinstance(part, LawForm):
         return FAMILIES[part.id].stage in _EARLY
@@ -293,7 +321,7 @@ def _applied(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str
     """Return ports on which effects and laws have acted, one after the other."""
     for part in parts:
         if isinstance(part, LawForm):
-            ports = apply_law(ports, part, np.array([given[name] for name in part.names]))
+            ports = apply_law(ports, part, given)
         elif not (part.is_clock and ports.history.after_record):
             ports = part.apply(ports, given)
     return ports

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from torsight.actuator.springs import SPRING_B
 from torsight.core.words.wording import effect_name, estimate
 
 
@@ -53,7 +54,6 @@ _SUFFIXES: Final = re.compile(
     r"_(deg_per_hour|mnm_per_rad3|mnm_per_rad|mnm_s_per_rad|mpa_per_k|deg_per_s|c_per_s|gpa|mpa|mnm|deg|rad|ppm|mm|px|s|c)$"
 )
 """Unit at the end of a quantity's name."""
-_SPRING_B: Final = "spring_b_"
 _RECORD: Final = re.compile(r"_(\d+)$")
 
 
@@ -74,8 +74,8 @@ def quantity(name: str) -> Quantity:
     known = quantities()
     if name in known:
         return known[name]
-    if name.startswith(_SPRING_B):
-        own = quantity(name.removeprefix(_SPRING_B))
+    if name.startswith(SPRING_B):
+        own = quantity(name.removeprefix(SPRING_B))
         return Quantity(own.symbol and f"{own.symbol},B", own.title and f"{own.title}, spring B")
     record = _RECORD.search(name)
     if record is not None:

@@ -144,14 +144,6 @@ def run_ports(
     )
 
 
-def angle_of_ports(
-    ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
-) -> Floats:
-    """Return ``angle_rad`` (n,) of :func:`run_ports` alone."""
-    out, _ = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
-    return _read(out[0] - 0.5 * ports.rig.theta_p_rad, ports)
-
-
 def seen_of_ports(
     ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
 ) -> tuple[Floats, Floats]:

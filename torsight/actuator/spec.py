@@ -192,10 +192,7 @@ def read_actuator(path: AnyPath) -> ActuatorSpec:
 def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
     """Return the spec given by the tables of ``ACTUATOR.toml``.
 
-    Raises
-    ------
-    ConfigError
-        As :func:`read_actuator`.
+    Raises ConfigError as :func:`read_actuator`.
     """
     check_keys(content, TABLES, where=where)
     values: dict[str, float] = {}

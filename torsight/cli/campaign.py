@@ -135,10 +135,7 @@ def explain_campaign(
 ) -> list[Path]:
     """Explain the records of each rig together where their experiments ask for it; return the folders of the results.
 
-    Raises
-    ------
-    InputError, NoResultError
-        When the records of one rig cannot be explained together.
+    Raises InputError, NoResultError when the records of one rig cannot be explained together.
     """
     rigs: dict[str, list[tuple[Task, Path]]] = {}
     for task, row in zip(todo, rows, strict=True):

@@ -112,12 +112,8 @@ def read_experiment(path: Path, *, absent: list[InputError] | None = None) -> Ex
 
     With ``absent``, missing files are no error: each is appended to this list, so that all can be reported together.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown key (the nearest known one is named), a missing one, or a value of the wrong kind.
-    InputError
-        When the file, or a file that it names, is missing.
+    Raises ConfigError for an unknown key (the nearest known one is named), a missing one, or a value of the wrong kind;
+    InputError when the file, or a file that it names, is missing.
     """
     path = experiment_file(path)
     return experiment_from(read_toml(path), where=str(path), folder=path.parent, absent=absent)

@@ -14,8 +14,7 @@ from torsight.core.files.paths import require_apart
 from torsight.core.tracks import MARKERS
 
 if TYPE_CHECKING:
-    from tracker.frames.film_source import FilmSource
-    from tracker.frames.image_sequence import PictureSource
+    from tracker.frames.source import Source
 
 _OUT: Final = Path("markers.toml")
 
@@ -61,7 +60,7 @@ def markers(
     return _page(source, out or _OUT, port=port, wait_s=wait, no_open=no_open)
 
 
-def _page(source: FilmSource | PictureSource, out: Path, *, port: int, wait_s: float, no_open: bool) -> Answer:
+def _page(source: Source, out: Path, *, port: int, wait_s: float, no_open: bool) -> Answer:
     import webbrowser
 
     from torsight.markers.server import Server, pick
@@ -80,7 +79,7 @@ def _page(source: FilmSource | PictureSource, out: Path, *, port: int, wait_s: f
     return Answer(content, files=(out,))
 
 
-def _preview(source: FilmSource | PictureSource, picture: Path, *, out: Path | None) -> Answer:
+def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
     from torsight.markers.picks import content_of, write_markers
     from torsight.markers.preview import write_preview
     from torsight.markers.session import find_markers, first_picture

@@ -111,14 +111,8 @@ def sync_to_folder(
     ``settings`` is the table ``[sync]`` of the experiment; ``film``, ``timestamps`` and ``fps`` describe the film of
     the angles and are needed only for ``led``. ``table`` is a second file for the merged table.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown key or a value out of range.
-    InputError
-        When a file cannot be used, or film and log do not overlap.
-    NoResultError
-        When the offset is not given and cannot be found.
+    Raises ConfigError for an unknown key or a value out of range; InputError when a file cannot be used, or film and
+    log do not overlap; NoResultError when the offset is not given and cannot be found.
     """
     from sync import find_clock, merge, read_temperature_log
     from sync.log.timestamps import longest_gap_s
@@ -180,12 +174,8 @@ def _led_changes(
 def read_settings(table: Mapping[str, Any]) -> Settings:
     """Return the table ``[sync]``, checked.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown key, a value out of range, or an LED that is given in two ways.
-    InputError
-        When the file that ``led_events`` names cannot be used.
+    Raises ConfigError for an unknown key, a value out of range, or an LED that is given in two ways; InputError when
+    the file that ``led_events`` names cannot be used.
     """
     from sync import read_light_events
 

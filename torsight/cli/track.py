@@ -22,8 +22,7 @@ from torsight.core.tracks import StickAngles, marker_columns
 
 if TYPE_CHECKING:
     from tracker.detect.marker_file import MarkerHints
-    from tracker.frames.film_source import FilmSource
-    from tracker.frames.image_sequence import PictureSource
+    from tracker.frames.source import Source
     from tracker.track import TrackResult
 
 TRACK_PICTURE: Final = "track.png"
@@ -151,9 +150,7 @@ def track_to_folder(
     return orientation.angles
 
 
-def _tracked(
-    source: FilmSource | PictureSource, hints: MarkerHints | None, *, out: Path, resume: bool, progress: Progress
-) -> TrackResult:
+def _tracked(source: Source, hints: MarkerHints | None, *, out: Path, resume: bool, progress: Progress) -> TrackResult:
     """Follow the markers; where that fails, write a picture of all candidates with the reasons for rejecting them."""
     from tracker.track import track_film
 
@@ -180,7 +177,7 @@ def _tracked(
 
 def _sources(
     video: str | Path, right: str | Path | None, lens: Camera | None, *, fps: float | None, timestamps: Path | None
-) -> tuple[FilmSource | PictureSource, FilmSource | PictureSource | None]:
+) -> tuple[Source, Source | None]:
     """Open one film or two, and refuse films of another size than the camera's before anything is tracked."""
     from tracker.frames.source import open_source
 

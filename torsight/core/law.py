@@ -10,7 +10,7 @@ Gaussian Processes for Machine Learning (2006), ch. 5).
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,8 @@ KEPT = 1e-5
 size."""
 _FEWEST = 4
 """Number of nodes below which a spline is no better than lines."""
+LENGTHS = (0.5, 0.25, 0.12, 0.06)
+"""Lengths of a law's smooth functions as shares of its range, each half the one before."""
 _FINER = 8
 """Points per gap between nodes: they reduce the error of linear interpolation to a sixty-fourth."""
 
@@ -169,13 +171,9 @@ class LawForm:
         unit, sigma = ("", 1.0) if self.prior else (self.unit, None)
         return tuple(Parameter(name=name, value=0.0, unit=unit, sigma=sigma, null=0.0) for name in self.names)
 
-    def values(self, parameters: Sequence[float] | Floats) -> Floats:
-        """Return the law's values on its nodes (k,)."""
-        return np.asarray(self.basis @ np.asarray(parameters, np.float64))
-
-    def at(self, driver: Floats, parameters: Sequence[float] | Floats) -> Floats:
-        """Return the law by linear interpolation between its nodes; beyond them the outermost value holds."""
-        return np.interp(driver, self.nodes, self.values(parameters))
+    def values(self, of: Mapping[str, float]) -> Floats:
+        """Return the law's values on its nodes (k,), from a model's values, among them those of its parameters."""
+        return np.asarray(self.basis @ np.array([of[name] for name in self.names], np.float64))
 
     def to_json(self) -> dict[str, Any]:
         """Return the form's entry in ``model.json``."""
@@ -229,12 +227,10 @@ def slope(nodes: Floats) -> Floats:
     return outer(nodes - 0.5 * (nodes[0] + nodes[-1]))
 
 
-def smooth_kernels(
-    nodes: Floats, *, shares: Sequence[float] = (0.5, 0.25, 0.12, 0.06), line: bool = False
-) -> tuple[Kernel, ...]:
+def smooth_kernels(nodes: Floats, *, shares: Sequence[float] = LENGTHS, line: bool = False) -> tuple[Kernel, ...]:
     """Return smooth kernels whose lengths are shares of the nodes' range; ``line`` adds a slope to each.
 
-    A few distant nodes beyond the record do not extend this range.
+    A few distant nodes beyond the record do not extend this range. Lengths below the distance of two nodes are omitted.
     """
     spacing = usual_step(nodes)
     span = spacing * (len(nodes) - 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from statistics import NormalDist
 from typing import Final
@@ -79,3 +80,8 @@ class Estimate(Frozen):
         """Return the form of the estimate in the JSON outputs (non-finite numbers become null)."""
         content: dict[str, object] = plain(asdict(self))
         return content
+
+
+def estimates_to_json(estimates: Mapping[str, Estimate]) -> dict[str, dict[str, object]]:
+    """Return the form of estimates by name in the JSON outputs."""
+    return {name: one.to_json() for name, one in estimates.items()}

@@ -40,7 +40,7 @@ class LinearProblem(GivenProblem):
         """Return the problem with these forms of laws among its candidates, and their columns."""
         columns = dict(self.columns)
         for form in forms:
-            at_rows = np.column_stack([form.at(self.drivers[form.id], row) for row in np.eye(len(form.names))])
+            at_rows = np.column_stack([np.interp(self.drivers[form.id], form.nodes, one) for one in form.basis.T])
             columns |= dict(zip(form.names, at_rows.T, strict=True))
         return replace(super().with_laws(forms), columns=columns)
 

@@ -120,21 +120,18 @@ class MeasuredLaw:
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Return the columns of the law's file."""
-        return {
-            "driver": self.driver_values,
-            "value": self.value,
-            "sigma": self.sigma,
-            "covered": self.covered.astype(np.int64),
-        }
+        return law_columns(self.driver_values, self.value, self.sigma, self.covered)
+
+
+def law_columns(driver: Floats, value: Floats, sigma: Floats, covered: Flags) -> dict[str, NDArray[np.generic]]:
+    """Return the columns of a law's file."""
+    return {"driver": driver, "value": value, "sigma": sigma, "covered": covered.astype(np.int64)}
 
 
 def read_laws(folder: Path, discovery: Mapping[str, Any]) -> tuple[MeasuredLaw, ...]:
     """Return the laws that a ``discovery.json`` names, with their curves from the files beside it.
 
-    Raises
-    ------
-    InputError
-        When an entry lacks a key, or its file is missing or damaged.
+    Raises InputError when an entry lacks a key, or its file is missing or damaged.
     """
     return numbered([_read_law(folder, entry) for entry in discovery.get("laws") or []])
 

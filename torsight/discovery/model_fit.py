@@ -16,13 +16,12 @@ from torsight.core.errors import require_kind
 from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
-from torsight.core.series import correlation_time, share_explained
+from torsight.core.series import correlation_time, rms, share_explained
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.discover import (
     characterised,
     contradiction,
-    errors_of,
     fixed_values,
     own_parameters,
     pulls_of,
@@ -95,7 +94,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     count = found.likelihood.count
     noise = float(count @ found.likelihood.noise**2)
     ratio = float(count @ found.residual**2) / max(noise, 1e-30)
-    rmse_deg = errors_of(problem, found, None).rmse_train_deg
+    rmse_deg = rms(residual[counted]) / DEG
     floor_deg = float(np.sqrt(noise / count.sum()))
     pulled = contradiction(characterised(problem.spec, pulls_of(problem, found)))
     settled = (misfit(drive, rmse_deg, ratio, floor_deg), pulled, *notes_of_drive(drive))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torsight.actuator.fitted import FittedModel
 from torsight.actuator.quantities import effect_values
 from torsight.core.frozen import Frozen
-from torsight.core.parameter import Estimate
+from torsight.core.parameter import Estimate, estimates_to_json
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown, draw_models
 from torsight.core.words.wording import effect_name, error_words, verdict_sentence
@@ -56,7 +56,7 @@ class FoundEffect(Frozen):
         """Return the keys of the contract."""
         return {
             **{one.name: getattr(self, one.name) for one in fields(self)},
-            "parameters": _estimates(self.parameters),
+            "parameters": estimates_to_json(self.parameters),
         }
 
 
@@ -171,8 +171,8 @@ class DiscoveryReport(Frozen, Shown):
             "after": self.after.to_json(),
             "held_out": list(self.held_out),
             "noise_floor_deg": self.noise_floor_deg,
-            "parameters": _estimates(self.parameters),
-            "plain_parameters": _estimates(self.plain_parameters),
+            "parameters": estimates_to_json(self.parameters),
+            "plain_parameters": estimates_to_json(self.plain_parameters),
             "pulls": [pull.to_json() for pull in self.pulls],
             "plain_pulls": [pull.to_json() for pull in self.plain_pulls],
             "laws": [law.to_json() for law in self.laws],
@@ -180,7 +180,3 @@ class DiscoveryReport(Frozen, Shown):
             "evidence": dict(self.evidence),
             "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
         }
-
-
-def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
-    return {name: value.to_json() for name, value in estimates.items()}

@@ -15,7 +15,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.errors import ConfigError
 from torsight.core.parallel.threads import one_thread
-from torsight.core.parameter import Estimate
+from torsight.core.parameter import Estimate, estimates_to_json
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms
@@ -44,23 +44,12 @@ from torsight.discovery.report import DiscoveryReport, Errors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordAnswer:
-    """The joint answer on one record.
+    """The joint answer on one record, with the record's own values under the names that a single record has for them.
 
-    Attributes
-    ----------
-    file : str
-        Name of the record.
-    before, after : Errors
-        Errors of the plain and of the extended model on this record, in degrees; held out by half-cycle.
-    unseen_before_deg, unseen_after_deg : float
-        Root mean square error on this record where rig and effects were fitted to the others alone. Values that only
-        the record itself determines (start, zero, clocks, its events) stay as fitted to all records.
-    noise_floor_deg : float
-        Residual that no model can remove from this record.
-    parameters : mapping of str to Estimate
-        The record's own values, under the names that a single record has for them.
-    curves : mapping of str to (n,) array
-        Columns of ``curves.csv``.
+    ``before`` and ``after`` are the errors of the plain and of the extended model on this record, held out by
+    half-cycle; ``unseen_…_deg`` are the root mean square errors where rig and effects were fitted to the other records
+    alone (values that only this record determines, its start, zero, clocks and events, stay as fitted to all records).
+    ``noise_floor_deg`` is the residual that no model can remove. ``curves`` holds the columns (n,) of ``curves.csv``.
     """
 
     file: str
@@ -79,7 +68,7 @@ class RecordAnswer:
             "before": {**self.before.to_json(), "rmse_other_records_deg": self.unseen_before_deg},
             "after": {**self.after.to_json(), "rmse_other_records_deg": self.unseen_after_deg},
             "noise_floor_deg": self.noise_floor_deg,
-            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
+            "parameters": estimates_to_json(self.parameters),
         }
 
 

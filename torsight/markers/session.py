@@ -22,8 +22,7 @@ from tracker.detect.marker_file import STICKS
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Sighting
-    from tracker.frames.film_source import FilmSource
-    from tracker.frames.image_sequence import PictureSource
+    from tracker.frames.source import Source
 
 NAMING_S: Final = 10.0
 """Length of the film that is searched to find which of the two sticks moves: films begin with a rest."""
@@ -32,7 +31,7 @@ NAMING_S: Final = 10.0
 class Session:
     """One film, one marker file to write; ``saved`` is the content of the file, once it is written."""
 
-    def __init__(self, source: FilmSource | PictureSource, *, out: Path) -> None:
+    def __init__(self, source: Source, *, out: Path) -> None:
         self.source = source
         self.out = out
         self.saved: dict[str, Any] | None = None
@@ -125,7 +124,7 @@ class Session:
         return {"saved": str(self.out)}
 
 
-def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8], int]:
+def first_picture(source: Source) -> tuple[NDArray[np.uint8], int]:
     """Return the first frame that was decoded completely, and its number."""
     from tracker.detect.given_positions import first_frame
 
@@ -134,7 +133,7 @@ def first_picture(source: FilmSource | PictureSource) -> tuple[NDArray[np.uint8]
     return np.ascontiguousarray(frame.luma).copy(), frame.index
 
 
-def find_markers(source: FilmSource | PictureSource, first: NDArray[np.uint8]) -> tuple[Sighting, Floats | None]:
+def find_markers(source: Source, first: NDArray[np.uint8]) -> tuple[Sighting, Floats | None]:
     """Return the result of automatic detection in the first frame, and the four markers in their order.
 
     The order, base first, is None where no markers are found or neither stick moves in the first ten seconds.

@@ -28,8 +28,7 @@ from torsight.markers.drawing import (
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
-    from tracker.frames.film_source import FilmSource
-    from tracker.frames.image_sequence import PictureSource
+    from tracker.frames.source import Source
     from tracker.track import TrackResult
 
 _OVER_THE_FILM: Final = 4
@@ -55,15 +54,13 @@ class Shown:
     why: str
 
 
-def keep_pictures(source: FilmSource | PictureSource) -> None:
+def keep_pictures(source: Source) -> None:
     """Let a source keep, during a pass, the frames that will be drawn, as far as they are known beforehand."""
     if source.frame_count:
         source.keep(_evenly(source.frame_count))
 
 
-def write_track_picture(
-    path: Path, source: FilmSource | PictureSource, result: TrackResult, angles: StickAngles
-) -> None:
+def write_track_picture(path: Path, source: Source, result: TrackResult, angles: StickAngles) -> None:
     """Draw the first frame, four over the film and the worst one with the tracked markers, and the angle with its gaps.
 
     The source is read for these frames after a pass.

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from torsight.core.series import known_median
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.plane import FLOOR_PX
@@ -36,7 +37,7 @@ def away_px(tracks: MarkerTracks, axis: Floats) -> Floats:
     """Return each marker's median distance (4,) from an axis; NaN for a marker that is never seen."""
     points = np.where(tracks.valid[..., None], tracks.position_px, np.nan)
     away = np.hypot(*np.moveaxis(points - axis, -1, 0))
-    return np.array([np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else np.nan for one in away.T])
+    return np.array([known_median(one) for one in away.T])
 
 
 def turned_round(tracks: MarkerTracks, *, radius_px: float) -> Floats:

@@ -12,11 +12,12 @@ from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.optics.geometry import on_plane, rotation_matrix
 from torsight.core.parallel.threads import one_thread
+from torsight.core.series import known_median
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.camera_motion import Unmoved, flattened, unmoved
 from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, from_plane, scaled, stick_witness, usual_of, variance_by
+from tracker.angle.plane import Orientation, from_plane, scaled, stick_witness, variance_by
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt import KNOWN, Tilt, fit_tilt, rectify
 from tracker.stick_direction import Points
@@ -158,8 +159,8 @@ def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[l
 
     ``moves`` (n,) marks the frames in which the moving stick moves in the picture.
     """
-    px = usual_of(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
-    usual = usual_of(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
+    px = known_median(_length(readout.place[:, 1] - readout.place[:, 0], readout.size_px))
+    usual = known_median(_length(plane[3][0] - plane[2][0])) / px if px > 0.0 else np.nan
     if not usual > 0.0:
         return plane, Rolling(np.zeros(len(readout.time_s)), readout.report(np.zeros(2), np.zeros(2), shown=0.0))
     half = usual * 0.5 * readout.size_px[0]

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.core.frozen import Frozen
+from torsight.core.series import known_median
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.shown import Shown
@@ -164,7 +165,7 @@ def moving_direction(plane: list[Points], scale: Floats, *, outlier: Flags | Non
         angle_rad=np.where(one, one_rad, moving_rad),
         variance_rad2=np.where(one, one_rad2, bound * scale**2),
         alone=one,
-        bound_rad2=usual_of(bound),
+        bound_rad2=known_median(bound),
     )
 
 
@@ -223,12 +224,6 @@ def variance_by(angle: Callable[[Floats], Floats], values: Floats, covariance: F
     return np.asarray(np.einsum("ni,ij,nj->n", slopes, correlation, slopes))
 
 
-def usual_of(values: Floats) -> float:
-    """Return the median of the finite values; NaN where there are none."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
-
-
 def stick_witness(stick: list[Points], moves: Flags, *, seen_px: Floats | None = None) -> LengthWitness:
     """Return the statistics of a stick's length, from its inner and outer marker in a plane.
 
@@ -236,8 +231,8 @@ def stick_witness(stick: list[Points], moves: Flags, *, seen_px: Floats | None =
     """
     inner, outer = stick
     offset_px = np.empty((0, 2)) if seen_px is None else seen_px[:, 1] - seen_px[:, 0]
-    long_px = usual_of(np.hypot(*offset_px.T))
-    pixel = usual_of(np.hypot(*(outer[0] - inner[0]).T)) / long_px if long_px > 0.0 else 0.0
+    long_px = known_median(np.hypot(*offset_px.T))
+    pixel = known_median(np.hypot(*(outer[0] - inner[0]).T)) / long_px if long_px > 0.0 else 0.0
     return witness(inner[0], outer[0], inner[1], outer[1], moves=moves, pixel=pixel)
 
 
@@ -251,9 +246,8 @@ def floor_of(tracks: MarkerTracks) -> tuple[float, float]:
     found: list[float] = []
     for first in (0, 2):
         offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
-        length = np.hypot(offset[:, 0], offset[:, 1])
-        known = length[np.isfinite(length)]
-        found.append(2.0 * FLOOR_PX**2 / float(np.median(known)) ** 2 if len(known) else 0.0)
+        length = known_median(np.hypot(*offset.T))
+        found.append(2.0 * FLOOR_PX**2 / length**2 if length > 0.0 else 0.0)
     return found[0], found[1]
 
 

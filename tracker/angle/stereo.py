@@ -22,6 +22,7 @@ from torsight.core.optics.circles import Circles, Turns, axis_basis
 from torsight.core.optics.geometry import SpacePoints, project
 from torsight.core.optics.scale import check_scale
 from torsight.core.parallel.threads import one_thread
+from torsight.core.series import known_median
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Floats
 from tracker.angle.length_noise import in_motion
@@ -33,7 +34,6 @@ from tracker.angle.plane import (
     floor_of,
     moving_direction,
     stick_errors,
-    usual_of,
     variance_by,
 )
 from tracker.angle.reference_direction import steady_direction
@@ -173,7 +173,7 @@ def _at_timestamps(films: list[Film], rig: _Rig) -> tuple[list[Film], list[Rolli
 def _noise_px(films: list[Film]) -> float:
     """Return the standard deviation of a moving marker's position, px, from the median of the variances."""
     spread = np.stack([np.trace(film.tracks.covariance_px2[:, 2:], axis1=-2, axis2=-1) for film in films])
-    return float(np.sqrt(0.5 * usual_of(spread)))
+    return float(np.sqrt(0.5 * known_median(spread)))
 
 
 def _first_rig(films: list[Film], space: SpacePoints) -> _Rig:
@@ -233,7 +233,7 @@ def _with_base(rig: _Rig, in_frame: Floats, covariance: Floats) -> _Rig:
     values, radii = rig.circles, rig.circles.radii
     own = float(np.hypot(*_stick(radii, values.between_rad)))
     lean, sigma = _leaning(
-        (usual_of(rise) / length, usual_of(variance) / length**2),
+        (known_median(rise) / length, known_median(variance) / length**2),
         (values.rise / own, float(values.covariance[-1, -1]) / own**2),
     )
     half = 0.5 * lean * length
@@ -294,7 +294,7 @@ def _on_circles(circles: Circles, films: list[Film], bare: list[Film], *, rig: _
     )
     offset = np.arctan2(*_stick(whole.radii, whole.between_rad)[::-1])
     alone = sum(sight.seen.sum(axis=1) for sight in whole.sights) == 1
-    return Moving(turns.angle_rad + offset, variance, alone, usual_of(bound.variance_rad2))
+    return Moving(turns.angle_rad + offset, variance, alone, known_median(bound.variance_rad2))
 
 
 def _without_misread(whole: Circles) -> tuple[Turns, float]:
@@ -306,7 +306,7 @@ def _without_misread(whole: Circles) -> tuple[Turns, float]:
     turns = whole.turns()
     share = turns.chi_squared / np.maximum(turns.freedom, 1.0)
     told = turns.freedom > 1.0
-    usual = max(1.0, usual_of(share[told]))
+    usual = max(1.0, known_median(share[told]))
     fit = told & (turns.chi_squared < MISREAD * usual)
     usual = max(1.0, float(turns.chi_squared[fit].sum() / turns.freedom[fit].sum())) if fit.any() else usual
     rows = np.flatnonzero(turns.chi_squared > MISREAD * usual)

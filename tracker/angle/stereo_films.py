@@ -18,12 +18,12 @@ from torsight.core.optics.geometry import (
     triangulate,
 )
 from torsight.core.optics.sights import Sight
-from torsight.core.series import BY_CHANCE, robust_sigma
+from torsight.core.series import BY_CHANCE, known_median, robust_sigma
 from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.length_noise import LEAST_FRAMES, in_motion
-from tracker.angle.plane import StickErrors, scaled_covariance, usual_of
+from tracker.angle.plane import StickErrors, scaled_covariance
 from tracker.stick_direction import Points
 
 MISREAD: Final = BY_CHANCE**2
@@ -97,10 +97,7 @@ class Film:
 def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Film]:
     """Return both films in the frames of the left one, with each camera's motion removed.
 
-    Raises
-    ------
-    ConfigError
-        When the camera file has no second camera, or is for another picture size.
+    Raises ConfigError when the camera file has no second camera, or is for another picture size.
     """
     second = require_second(camera, where="the camera file")
     require_size(camera.intrinsics, left.size_px, where="the left film")
@@ -153,10 +150,7 @@ def triangulated(films: list[Film]) -> SpacePoints:
 def same_points(films: list[Film]) -> tuple[list[Film], SpacePoints]:
     """Return the films without markers that are not the same point in both, and the points in space.
 
-    Raises
-    ------
-    NoResultError
-        When a marker is never seen in both films simultaneously, or is not the same point in both.
+    Raises NoResultError when a marker is never seen in both films simultaneously, or is not the same point in both.
     """
     space = triangulated(films)
     for marker, name in enumerate(MARKERS):
@@ -181,9 +175,9 @@ def _require_same_markers(films: list[Film]) -> None:
         left.tracks.position_px, right.tracks.position_px, left=left.intrinsics, right=right.camera
     )
     position = left.tracks.position_px
-    limit_px = _APART * usual_of(np.linalg.norm(position[:, 1::2] - position[:, ::2], axis=-1))
+    limit_px = _APART * known_median(np.linalg.norm(position[:, 1::2] - position[:, ::2], axis=-1))
     for marker, name in enumerate(MARKERS):
-        apart_px = usual_of(distance[:, marker].max(axis=-1))
+        apart_px = known_median(distance[:, marker].max(axis=-1))
         if apart_px > limit_px:
             raise NoResultError(
                 "is not the same point in both films",

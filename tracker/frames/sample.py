@@ -19,6 +19,7 @@ from tracker.frames.display import Closed, luma_of
 from tracker.frames.film_source import FilmSource
 from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of
 from tracker.frames.image_sequence import PictureSource
+from tracker.frames.source import Source
 
 _DECODED_PX: Final = 3e9
 """Pixels of a film up to which it is decoded completely to read its timestamps: 10,000 frames of VGA, about four
@@ -43,7 +44,7 @@ class Timestamps:
         return len(self.time_s)
 
 
-def read_timestamps(source: FilmSource | PictureSource, *, progress: Progress = silent) -> Timestamps:
+def read_timestamps(source: Source, *, progress: Progress = silent) -> Timestamps:
     """Return the timestamps of all frames, with the same times as in :func:`tracker.track.track_film`.
 
     A short film is decoded completely, and damage noted in ``source.damage``; for a long one only the packets that its
@@ -86,7 +87,7 @@ def _decoded(source: FilmSource, *, about: int, progress: Progress) -> Timestamp
 class Clip:
     """``count`` frames of a source from the ``first``, numbered from 0, as a source of their own."""
 
-    def __init__(self, source: FilmSource | PictureSource, timestamps: Timestamps, *, first: int, count: int) -> None:
+    def __init__(self, source: Source, timestamps: Timestamps, *, first: int, count: int) -> None:
         self._source = source
         self._timestamps = timestamps
         self.first = first

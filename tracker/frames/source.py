@@ -25,10 +25,10 @@ from torsight.core.units import Floats
 from tracker.frames.film_source import FilmSource
 from tracker.frames.image_sequence import PictureSource
 
+Source = FilmSource | PictureSource
 
-def open_source(
-    source: str | Path, *, fps: float | None = None, timestamps: AnyPath | None = None
-) -> FilmSource | PictureSource:
+
+def open_source(source: str | Path, *, fps: float | None = None, timestamps: AnyPath | None = None) -> Source:
     """Open a film, a folder of pictures or a glob.
 
     Parameters

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.series import known_median
 from torsight.core.tracks import MarkerTracks, StickAngles, mean_sigma
 from torsight.core.units import DEG, Floats
 from tracker.angle.plane import Orientation
@@ -201,6 +202,5 @@ def advice(
 
 
 def _median(values: NDArray[Any]) -> float | None:
-    known = np.asarray(values, dtype=np.float64)
-    known = known[np.isfinite(known)]
-    return float(np.median(known)) if len(known) else None
+    found = known_median(values)
+    return None if np.isnan(found) else found

@@ -100,7 +100,7 @@ def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictu
     if not reference:
         return []
     edges = float(np.median([_steepness(picture) for picture in reference]))
-    width_deg = _median([layout.width_deg(picture) for picture in reference]) if layout else 0.0
+    width_deg = float(np.median([layout.width_deg(picture) for picture in reference])) if layout else 0.0
     seen: list[Seen] = []
     for index in chosen.tolist():
         picture, after = found.get(index), found.get(index + 1)
@@ -202,7 +202,3 @@ def usual_step_deg(angles: StickAngles) -> float:
     both = angles.valid[1:] & angles.valid[:-1]
     step = np.abs(np.diff(angles.angle_rad)[both]) / DEG
     return float(np.percentile(step, 95.0)) if len(step) else 0.0
-
-
-def _median(values: list[float]) -> float:
-    return float(np.median(values)) if values else 0.0

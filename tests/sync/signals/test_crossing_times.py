@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sync import estimate_clock
-from sync.signals.crossing_times import crossing_time
-from sync.signals.sensor_response import lagged_decay, lagged_ramp
+from sync.signals.changepoints import lagged_decay, lagged_ramp
+from sync.signals.strokes import crossing_time
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG

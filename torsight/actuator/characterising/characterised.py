@@ -8,7 +8,7 @@ from typing import Any
 
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.frozen import Frozen
-from torsight.core.parameter import Estimate
+from torsight.core.parameter import Estimate, estimates_to_json
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import estimate as words
@@ -30,7 +30,7 @@ class Step(Frozen):
     def to_json(self) -> dict[str, Any]:
         """Return values and errors."""
         return {
-            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
+            "parameters": estimates_to_json(self.estimates),
             "rmse": self.rmse,
             "r2": dict(self.r2),
         }
@@ -89,7 +89,7 @@ class Characterisation(Frozen, Shown):
         """Return the content of ``characterisation.json``."""
         plain, other = self.steps["free_recovery"].rmse, self.steps["free_recovery_tanaka"].rmse
         return {
-            "parameters": {name: estimate.to_json() for name, estimate in self.estimates.items()},
+            "parameters": estimates_to_json(self.estimates),
             "phase_law": {"better": self.better_law, "rmse_deg": {"liang_rogers": plain, "tanaka": other}},
             "steps": {name: step.to_json() for name, step in self.steps.items()},
         }

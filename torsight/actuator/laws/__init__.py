@@ -30,9 +30,9 @@ _CURVED: Final = frozenset(
 """Laws that may bend so sharply between nodes that linear interpolation would cut corners: a spline replaces it."""
 
 
-def apply_law(ports: Ports, form: LawForm, parameters: Floats) -> Ports:
-    """Return the ports after a law with the given parameters has acted on them."""
-    curve = between_nodes(form.id, form.nodes, form.values(parameters))
+def apply_law(ports: Ports, form: LawForm, values: Mapping[str, float]) -> Ports:
+    """Return the ports after a law has acted on them; ``values`` are a model's, among them those of its parameters."""
+    curve = between_nodes(form.id, form.nodes, form.values(values))
     return FAMILIES[form.id].apply(ports, lambda driver: np.interp(driver, *curve))
 
 

@@ -36,28 +36,19 @@ def friction_angle(ports: Ports, law: Curve) -> Ports:
     return ports.with_friction(factor, factor)
 
 
-def _scaled_friction(ports: Ports, share: Floats) -> Ports:
-    return ports.changed(friction_scale=ports.friction_scale * np.maximum(0.0, 1.0 + share))
+def _friction_over(driver: Callable[[Ports], Floats]) -> Callable[[Ports, Curve], Ports]:
+    """Return the function that changes the friction over a driver (n,) by a share."""
+
+    def apply(ports: Ports, law: Curve) -> Ports:
+        return ports.changed(friction_scale=ports.friction_scale * np.maximum(0.0, 1.0 + law(driver(ports))))
+
+    return apply
 
 
-def friction_active(ports: Ports, law: Curve) -> Ports:
-    """Change the friction over the driven spring's temperature by a share."""
-    return _scaled_friction(ports, law(by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[0]))
-
-
-def friction_passive(ports: Ports, law: Curve) -> Ports:
-    """Change the friction over the other spring's temperature by a share."""
-    return _scaled_friction(ports, law(by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[1]))
-
-
-def friction_temp_rate(ports: Ports, law: Curve) -> Ports:
-    """Change the friction over the rate of the driven spring's temperature by a share."""
-    return _scaled_friction(ports, law(by_role(ports.active, ports.rate_a_c_s, ports.rate_b_c_s)[0]))
-
-
-def friction_cycle(ports: Ports, law: Curve) -> Ports:
-    """Change the friction from half-cycle to half-cycle by a share."""
-    return _scaled_friction(ports, law(ports.half_cycle[ports.half].astype(np.float64)))
+friction_active = _friction_over(lambda ports: by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[0])
+friction_passive = _friction_over(lambda ports: by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[1])
+friction_temp_rate = _friction_over(lambda ports: by_role(ports.active, ports.rate_a_c_s, ports.rate_b_c_s)[0])
+friction_cycle = _friction_over(lambda ports: ports.half_cycle[ports.half].astype(np.float64))
 
 
 def friction_speed(ports: Ports, law: Curve) -> Ports:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,6 @@ _LEFT = (0.01, 0.05)
 leaves 1 %."""
 _FADES = 2.0
 """Steps past a window over which a smooth phase law fades, a choice: two steps there are a tenth of the window."""
-_LENGTHS = (0.5, 0.25, 0.12, 0.06)
 _RELAXES_S = (10.0, 100.0, 1000.0)
 """Onset times of relaxations with the logarithm of time: the decades between one row and a whole record, s."""
 _WANDERS = 0.1
@@ -50,11 +50,8 @@ def wound(nodes: Floats) -> tuple[Kernel, ...]:
 def plain(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a slope, a bow and smooth functions, all with zero mean: the model's own values take up a mean."""
     middle = nodes - 0.5 * (nodes[0] + nodes[-1])
-    smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True)
-    return (
-        *usual_kernels([("slope", middle), ("bow", middle**2 - np.mean(middle**2))]),
-        *(Kernel(kernel.name, _centred(kernel.matrix), smooth=True) for kernel in smooth),
-    )
+    forms = [("slope", middle), ("bow", middle**2 - np.mean(middle**2))]
+    return (*usual_kernels(forms), *_less(smooth_kernels(nodes, line=True), np.full(len(nodes), 1.0 / len(nodes))))
 
 
 def from_room(nodes: Floats) -> tuple[Kernel, ...]:
@@ -65,33 +62,21 @@ def from_room(nodes: Floats) -> tuple[Kernel, ...]:
     springs share, take up a constant error of both wires (:func:`plain`), but not of one.
     """
     off = nodes - nodes[COLDEST]
-    smooth = smooth_kernels(nodes, shares=_LENGTHS, line=True)
-    return (
-        *usual_kernels([("proportional", off), ("square", off * np.abs(off))]),
-        *(Kernel(kernel.name, _pinned(kernel.matrix, COLDEST), smooth=True) for kernel in smooth),
-    )
+    forms = [("proportional", off), ("square", off * np.abs(off))]
+    return (*usual_kernels(forms), *_less(smooth_kernels(nodes, line=True), np.eye(len(nodes))[COLDEST]))
 
 
-def _centred(matrix: Floats) -> Floats:
-    """Return the covariance of a function minus its mean over the nodes, from the function's covariance."""
-    less_mean = np.eye(len(matrix)) - 1.0 / len(matrix)
-    return np.asarray(less_mean @ matrix @ less_mean)
+def _less(kernels: Sequence[Kernel], weights: Floats) -> tuple[Kernel, ...]:
+    """Return the kernels of functions minus their sum over the nodes with weights (k,)."""
+    less = np.eye(len(weights)) - weights
+    return tuple(replace(one, matrix=less @ one.matrix @ less.T) for one in kernels)
 
 
 def from_zero(nodes: Floats) -> tuple[Kernel, ...]:
     """Return functions that vanish at the first node: proportional, square root, and smooth."""
     off = nodes - nodes[0]
     smooth = smooth_kernels(off, shares=(0.7, 0.35, 0.2))
-    return (
-        *usual_kernels([("proportional", off), ("root", np.sqrt(off))]),
-        *(Kernel(kernel.name, _pinned(kernel.matrix), smooth=True) for kernel in smooth),
-    )
-
-
-def _pinned(matrix: Floats, node: int = 0) -> Floats:
-    """Return the covariance of a function minus its value at a node, from the function's covariance."""
-    there = matrix[node]
-    return np.asarray(matrix - there[:, None] - there[None, :] + matrix[node, node])
+    return (*usual_kernels([("proportional", off), ("root", np.sqrt(off))]), *_less(smooth, np.eye(len(off))[0]))
 
 
 def through_zero(nodes: Floats) -> tuple[Kernel, ...]:
@@ -131,22 +116,17 @@ def relaxing(nodes: Floats) -> tuple[Kernel, ...]:
     forms = [("proportional", off)]
     forms += [(f"logarithm of time from {onset:g} s", np.log1p(off / onset)) for onset in _RELAXES_S]
     smooth = smooth_kernels(nodes, shares=(0.5, 0.2, 0.1), line=True)
-    return (
-        *usual_kernels(forms),
-        *(Kernel(kernel.name, _pinned(kernel.matrix), smooth=True) for kernel in smooth),
-    )
+    return (*usual_kernels(forms), *_less(smooth, np.eye(len(off))[0]))
 
 
 def wandering(nodes: Floats) -> tuple[Kernel, ...]:
     """Return functions for the offset of one clock from another: a constant, a slope, both with a small smooth part."""
     constant = np.ones_like(nodes)
     line = outer(constant) + slope(nodes)
+    smooth = smooth_kernels(nodes, shares=(0.5, 0.25, 0.12))
     return (
         *usual_kernels([("constant", constant), ("slope", nodes - nodes.mean())]),
-        *(
-            Kernel(kernel.name, line + _WANDERS**2 * kernel.matrix, smooth=True)
-            for kernel in smooth_kernels(nodes, shares=(0.5, 0.25, 0.12))
-        ),
+        *(replace(one, matrix=line + _WANDERS**2 * one.matrix) for one in smooth),
     )
 
 
@@ -168,7 +148,7 @@ def leading(nodes: Floats) -> tuple[Kernel, ...]:
     faded = np.outer(within, within)
     usual = sum(outer(form) for form in forms.values())
     kinds = [(kernel, False) for kernel in usual_kernels(list(forms.items()))]
-    kinds += [(replace(one, matrix=usual + faded * one.matrix), True) for one in smooth_kernels(own, shares=_LENGTHS)]
+    kinds += [(replace(one, matrix=usual + faded * one.matrix), True) for one in smooth_kernels(own)]
     return tuple(
         Kernel(f"{kernel.name}, {way}", np.asarray(np.kron(both, kernel.matrix), np.float64), smooth=smooth)
         for way, both in (("alike", np.ones((2, 2))), ("each way its own", np.eye(2)))

@@ -37,16 +37,8 @@ at most half differ, of a ripple larger than the last digit nearly all."""
 def ripple_peaks(time_s: Floats, temp_c: Floats, found_c: Floats, noise_c: float, alike: float) -> Floats:
     """Return the height (n,) of the wire's peaks above its mean temperature, °C.
 
-    Parameters
-    ----------
-    time_s : (n,) float64
-        Increasing.
-    temp_c, found_c : (n,) float64
-        Readings, and the smoothed temperature.
-    noise_c : float
-        Standard deviation of the readings' noise, last digit included.
-    alike : float
-        Correlation length of the noise in rows.
+    ``temp_c`` (n,) are the readings at times that increase, ``found_c`` (n,) is the smoothed temperature; ``noise_c``
+    is the standard deviation of the readings' noise, last digit included, and ``alike`` its correlation length in rows.
     """
     residual_c = temp_c - found_c
     rows = min(len(residual_c), max(1, round(OVER_S / usual_step(time_s))))

@@ -75,6 +75,11 @@ class HalfCycles:
     springs: tuple[int, ...]
     switched: bool = False
 
+    @property
+    def begins(self) -> Ints:
+        """The first row of each half-cycle; for a part of the rows, where it would begin among them."""
+        return np.searchsorted(self.half, np.arange(len(self.springs)))
+
     def counts(self) -> Ints:
         """Return the number of earlier heatings of the driven spring for each half-cycle."""
         seen = [0, 0]
@@ -96,12 +101,7 @@ def half_cycles(
 ) -> HalfCycles:
     """Split a record into half-cycles.
 
-    Raises
-    ------
-    InputError
-        When both springs are heated, but only together.
-    NoResultError
-        When neither spring is ever heated.
+    Raises InputError when both springs are heated, but only together; NoResultError when neither spring is ever heated.
     """
     temps = (temp_a_c, temp_b_c)
     switched = False

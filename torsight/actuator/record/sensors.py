@@ -25,18 +25,9 @@ is then 14.35 mK, that of a direct estimate 14.26 mK (benchmarks/actuator/log_co
 class Sensors:
     """The temperatures as logged, for effects that need them.
 
-    Attributes
-    ----------
-    time_s : (m,) float64
-        Times of the log.
-    temps_c : two (m,) float64
-        Both temperatures, gaps bridged.
-    rows : (n,) int64
-        Rows of the log that the whole drive keeps.
-    driven_c : two (n,) float64
-        Both conditioned temperatures at these rows.
-    least_turn_c : float
-        Least reversal of a temperature that counts as a turn.
+    ``time_s`` (m,) and both ``temps_c`` (m,) are the log's, gaps bridged; ``rows`` (n,) are those of its rows that the
+    whole drive keeps, ``driven_c`` both conditioned temperatures (n,) there. A reversal of a temperature counts as a
+    turn from ``least_turn_c`` on.
     """
 
     time_s: Floats

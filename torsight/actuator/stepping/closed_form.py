@@ -16,16 +16,9 @@ from torsight.actuator.springs import Rig
 class ClosedForm:
     """One heating and one cooling of the active spring.
 
-    Attributes
-    ----------
-    theta_1_rad, theta_2_rad, theta_3_rad : float
-        Angle before heating, after it, and after cooling.
-    case : str
-        ``"a"`` when the actuator moves back while cooling, else ``"b"``.
-    xi_12, xi_23 : float
-        Martensite fractions at which sticking ends on heating and on cooling (NaN: never).
-    theta_l_rad : float
-        Recoverable angle.
+    θ_1 to θ_3 are the angles before heating, after it, and after cooling; case ``"a"`` is that of an actuator that
+    moves back while cooling, else ``"b"``. ξ_12 and ξ_23 are the martensite fractions at which sticking ends on heating
+    and on cooling (NaN: never), and θ_L is the recoverable angle.
     """
 
     theta_1_rad: float

@@ -17,20 +17,11 @@ from torsight.core.units import DEG
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """The half-cycle of the largest stroke in a record, in angles of its driven spring, degrees.
+    """The half-cycle of the largest stroke in a record, in angles of its driven spring, ``"a"`` or ``"b"``; degrees.
 
-    Attributes
-    ----------
-    theta_1_deg, theta_2_deg, theta_3_deg : float
-        Angles before heating, at the extremum, and after cooling.
-    beta_cr_deg : float
-        Critical angle (29).
-    case : str
-        ``"a"`` when θ_2 is below it (the actuator moves back while it cools), else ``"b"``.
-    spring : str
-        The driven spring, ``"a"`` or ``"b"``.
-    stable_deg : (float, float, float)
-        θ_1, θ_2, θ_3 of the closed forms' stable cycle of complete heatings.
+    θ_1 to θ_3 are the angles before heating, at the extremum, and after cooling, β_cr is the critical angle (29). Case
+    ``"a"``: θ_2 is below it, and the actuator moves back while it cools; else ``"b"``. ``stable_deg`` are θ_1 to θ_3 of
+    the closed forms' stable cycle of complete heatings.
     """
 
     theta_1_deg: float
@@ -61,8 +52,8 @@ def fitted_cycle(drive: Drive, simulation: Simulation, values: Mapping[str, floa
     """
     rig = Rig.from_values(values)
     found = []
-    for number, spring in enumerate(drive.cycles.springs):
-        phi = simulation.phi_rad[drive.cycles.half == number]
+    for spring, rows, _, _ in drive.half_cycles():
+        phi = simulation.phi_rad[rows]
         if len(phi):
             theta = 0.5 * rig.theta_p_rad + (phi if spring == 0 else -phi)
             found.append((float(theta[0] - theta.min()), float(theta[0]), float(theta.min()), float(theta[-1]), spring))

@@ -79,12 +79,12 @@ from torsight.actuator.stepping.kernel_balance import (
     bare_load,
     beside,
     excess,
+    fraction_and_slope,
     load_torque,
     made_torque,
-    passive_torque,
+    passive_and_slope,
     section_temp,
     solid_friction,
-    wire_fraction,
     yields_at,
 )
 from torsight.actuator.stepping.kernel_laws import (
@@ -276,7 +276,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
         at = yields_at(sense, hold, state, p, tables)
         limit = load_torque(at, sense, hold, c, p, o, tables)
-        reached = wire_fraction(limit, c, p, tables, sections, w) if attempt == 0 else g[XI_NOW]
+        reached = fraction_and_slope(limit, c, p, tables, sections, w)[0] if attempt == 0 else g[XI_NOW]
         over = sense * (limit - made_torque(at, reached, c, q, p, tables))
         if over > SLIP_TOLERANCE:
             g[X_NOW] = at
@@ -476,7 +476,7 @@ def step_through(
         out[1 + who, k] = g[XI_NOW]
         out[2 - who, k] = g[XI_P]
         out[3 + who, k] = g[TAU_NOW]
-        out[4 - who, k] = passive_torque(g[X_NOW], c, o, tables)
+        out[4 - who, k] = passive_and_slope(g[X_NOW], c, o, tables)[0]
     # The unwinding of both springs, as the next half-cycle will use it.
     wound[0], wound[1] = max(wound[0] - theta_a, 0.0), max(wound[1] - p["theta_p"] + theta_a, 0.0)
     who = int(g[WHO])

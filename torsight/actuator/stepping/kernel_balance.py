@@ -13,8 +13,6 @@ place, the rate of ξ over the sample before, and ξ at its end.
 from __future__ import annotations
 
 from torsight.actuator.stepping.kernel_laws import (
-    FRICTION_DOWN,
-    FRICTION_UP,
     SEATS,
     SPEED,
     STRAY,
@@ -22,8 +20,8 @@ from torsight.actuator.stepping.kernel_laws import (
     State,
     cold_torque,
     done_slope,
+    friction_and_slope,
     friction_torque,
-    from_table,
     held_place,
     held_table,
     loading_slope,
@@ -86,88 +84,89 @@ def transformed(heating: bool, before: float, done: float, p: Scalars) -> float:
 
 
 @inlined
-def section_at(
-    torque: float, j: int, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats
-) -> tuple[float, float]:
-    """Return a section's ξ at a torque, and the place in the window that its transformation has reached.
-
-    A transformation only advances: ξ and place stay unless the place exceeds the furthest so far.
-    """
-    heating = c[HEATING] > 0.0
-    place, follows = window_place(heating, section_temp(j, c, p, sections), torque, p, tables)
-    if not place > w[2, j]:
-        return w[0, j], w[2, j]
-    if p["latent"] > 0.0:
-        place, _ = held_back(heating, place, follows, j, c, w, p)
-    return transformed(heating, w[1, j], share_done(heating, place, p), p), place
-
-
-@inlined
-def wire_fraction(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats) -> float:
-    """Return the wire's ξ at this torque: the weighted mean of the sections' ξ."""
-    total = 0.0
-    for j in range(w.shape[1]):
-        total += sections[0, j] * section_at(torque, j, c, p, tables, sections, w)[0]
-    return total
-
-
-@lending
-def advance(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats) -> float:
-    """Set every section's ξ and place to those at this torque and return the wire's ξ."""
-    total = 0.0
-    for j in range(w.shape[1]):
-        w[0, j], w[2, j] = section_at(torque, j, c, p, tables, sections, w)
-        total += sections[0, j] * w[0, j]
-    return total
-
-
-@inlined
 def disk_angle(x: float, c: Floats, p: Scalars) -> float:
     """Return the disk's angle for an angle of the active spring: θ^A without the slip of A's end."""
     return (x if c[SIGN] > 0.0 else p["theta_p"] - x) + p["slipped_a"]
 
 
 @inlined
-def passive_torque(x: float, c: Floats, o: Scalars, tables: Floats) -> float:
-    """Return the passive spring's torque at the active spring's angle ``x``."""
+def cold_and_slope(x: float, c: Floats, o: Scalars, tables: Floats) -> tuple[float, float]:
+    """Return the torque of the passive spring's cold martensite at the active spring's angle ``x``, and dτ/dx."""
     other = o["theta_p"] - x
-    return cold_torque(other, c[WOUND], o, tables) * c[FACTOR] + c[OTHER] + c[CROSS] + side_torque(other, o, tables)
+    slope = -loading_slope(other, o, tables) if other >= c[WOUND] else -o["k_m"]
+    return cold_torque(other, c[WOUND], o, tables), slope
 
 
 @inlined
-def speed_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats) -> float:
-    """Return the speed-dependent friction at a sample's end, from the mean speeds of this sample and the one before.
+def passive_and_slope(x: float, c: Floats, o: Scalars, tables: Floats) -> tuple[float, float]:
+    """Return the passive spring's torque at the active spring's angle ``x``, and its derivative by ``x``."""
+    torque, slope = cold_and_slope(x, c, o, tables)
+    torque, slope = torque * c[FACTOR] + c[OTHER] + c[CROSS], slope * c[FACTOR]
+    if o["side_row"] > 0.0:
+        side, side_slope = table_and_slope(o["theta_p"] - x, int(o["side_row"]), o, tables)
+        torque, slope = torque + side, slope - side_slope
+    return torque, slope
 
-    The speed comes from the second-order backward differentiation formula for steps of any length. The mean speed of a
-    single sample is that at its middle, which causes errors of several tenths of a degree with few rows per stroke.
+
+@inlined
+def bare_and_slope(x: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> tuple[float, float]:
+    """Return :func:`bare_load` and its derivative by ``x``."""
+    load, slope = passive_and_slope(x, c, o, tables)
+    if p["has_stray"] > 0.0:
+        stray, stray_slope = table_and_slope(disk_angle(x, c, p), STRAY, p, tables)
+        load, slope = load + c[SIGN] * stray, slope + stray_slope
+    return load, slope
+
+
+@inlined
+def speed_friction(x: float, sense: float, c: Floats, p: Scalars, tables: Floats) -> tuple[float, float]:
+    """Return the speed-dependent friction at a sample's end, and its derivative by ``x``.
+
+    The speed comes from the mean speeds of this sample and the one before, by the second-order backward differentiation
+    formula for steps of any length. The mean speed of a single sample is that at its middle, which causes errors of
+    several tenths of a degree with few rows per stroke.
     """
     speed = (x - c[X0]) * c[PER_S]
-    speed = max(0.0, sense * (speed + c[AHEAD] * (speed - c[BEFORE])))
-    friction = p["viscous"] * (speed if p["viscous_power"] == 1.0 else speed ** p["viscous_power"])
+    speed = sense * (speed + c[AHEAD] * (speed - c[BEFORE]))
+    friction, per_speed = 0.0, 0.0
+    if speed > 0.0:
+        friction = p["viscous"] * (speed if p["viscous_power"] == 1.0 else speed ** p["viscous_power"])
+        per_speed = p["viscous_power"] * friction / speed
     if p["speed_step"] > 0.0:
-        friction += held_table(speed, SPEED, p["speed_step"], tables)[0]
-    return friction
+        torque, rise = held_table(max(speed, 0.0), SPEED, p["speed_step"], tables)
+        friction, per_speed = friction + torque, per_speed + (rise if speed > 0.0 else 0.0)
+    return friction, per_speed * sense * c[PER_S] * (1.0 + c[AHEAD])
+
+
+@inlined
+def load_and_slope(
+    x: float, sense: float, scale: float, c: Floats, p: Scalars, o: Scalars, tables: Floats
+) -> tuple[float, float]:
+    """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls), and dτ/dx.
+
+    −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ; mirrored for B.
+    """
+    friction, slope = friction_and_slope(disk_angle(x, c, p), sense * c[SIGN] > 0.0, p, tables)
+    friction, slope = friction * scale, c[SIGN] * slope * scale
+    if p["viscous"] > 0.0 or p["speed_step"] > 0.0:
+        by_speed, speed_slope = speed_friction(x, sense, c, p, tables)
+        friction, slope = friction + by_speed, slope + speed_slope
+        if friction < 0.0:
+            friction, slope = 0.0, 0.0
+    load, load_slope = bare_and_slope(x, c, p, o, tables)
+    return load - sense * friction, load_slope - sense * slope
 
 
 @inlined
 def load_torque(x: float, sense: float, scale: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> float:
-    """Return the torque that the active spring carries while it slides with ``sense`` (−1: x falls).
-
-    −τ^A + τ^B + M − τ_f = 0 (19), M a stray torque along φ; mirrored for B.
-    """
-    friction = solid_friction(x, sense, c, p, tables) * scale
-    if p["viscous"] > 0.0 or p["speed_step"] > 0.0:
-        friction = max(0.0, friction + speed_friction(x, sense, c, p, tables))
-    return bare_load(x, c, p, o, tables) - sense * friction
+    """Return the torque that the active spring carries while it slides with ``sense``."""
+    return load_and_slope(x, sense, scale, c, p, o, tables)[0]
 
 
 @inlined
 def bare_load(x: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> float:
     """Return the torque that the active spring would carry without friction."""
-    torque = passive_torque(x, c, o, tables)
-    if p["has_stray"] > 0.0:
-        torque += c[SIGN] * from_table(disk_angle(x, c, p), STRAY, p, tables)
-    return torque
+    return bare_and_slope(x, c, p, o, tables)[0]
 
 
 @inlined
@@ -219,7 +218,9 @@ def seated_excess(
 ) -> float:
     """Return load minus own torque at a trial angle at which the friction's elastic elements hold the disk."""
     load = seated_load(x, hold, state, p, o, tables)
-    made = made_torque(x, wire_fraction(load, state.c, p, tables, sections, state.w), state.c, state.q, p, tables)
+    made = made_torque(
+        x, fraction_and_slope(load, state.c, p, tables, sections, state.w)[0], state.c, state.q, p, tables
+    )
     return load - made
 
 
@@ -265,65 +266,17 @@ def excess(x: float, sense: float, state: State, p: Scalars, o: Scalars, tables:
     """Return load minus own torque at a trial angle, signed so that it is positive while the spring must slide on."""
     c, q, w = state.c, state.q, state.w
     load = load_torque(x, sense, c[SCALE], c, p, o, tables)
-    return sense * (load - made_torque(x, wire_fraction(load, c, p, tables, sections, w), c, q, p, tables))
-
-
-@inlined
-def cold_and_slope(x: float, c: Floats, o: Scalars, tables: Floats) -> tuple[float, float]:
-    """Return the torque of the passive spring's cold martensite at the active spring's angle ``x``, and dτ/dx."""
-    other = o["theta_p"] - x
-    slope = -loading_slope(other, o, tables) if other >= c[WOUND] else -o["k_m"]
-    return cold_torque(other, c[WOUND], o, tables), slope
-
-
-@inlined
-def load_and_slope(x: float, sense: float, c: Floats, p: Scalars, o: Scalars, tables: Floats) -> tuple[float, float]:
-    """Return :func:`load_torque` and its derivative by ``x``."""
-    other = p["theta_p"] - x
-    load, slope = cold_and_slope(x, c, o, tables)
-    load, slope = load * c[FACTOR] + c[OTHER] + c[CROSS], slope * c[FACTOR]
-    if o["side_row"] > 0.0:
-        side, side_slope = table_and_slope(other, int(o["side_row"]), o, tables)
-        load, slope = load + side, slope - side_slope
-    theta_a = disk_angle(x, c, p)
-    friction, friction_slope = p["tau_c"], 0.0
-    if p["has_friction"] > 0.0:
-        friction, friction_slope = table_and_slope(
-            theta_a, FRICTION_UP if sense * c[SIGN] > 0.0 else FRICTION_DOWN, p, tables
-        )
-        if friction < 0.0:
-            friction, friction_slope = 0.0, 0.0
-    friction, friction_slope = friction * c[SCALE], c[SIGN] * friction_slope * c[SCALE]
-    if p["viscous"] > 0.0 or p["speed_step"] > 0.0:
-        per_angle = sense * c[PER_S] * (1.0 + c[AHEAD])
-        speed = sense * ((x - c[X0]) * c[PER_S] * (1.0 + c[AHEAD]) - c[AHEAD] * c[BEFORE])
-        if speed > 0.0:
-            torque = p["viscous"] * (speed if p["viscous_power"] == 1.0 else speed ** p["viscous_power"])
-            friction, friction_slope = (
-                friction + torque,
-                friction_slope + p["viscous_power"] * torque / speed * per_angle,
-            )
-        if p["speed_step"] > 0.0:
-            torque, per_speed = held_table(max(speed, 0.0), SPEED, p["speed_step"], tables)
-            friction += torque
-            if speed > 0.0:
-                friction_slope += per_speed * per_angle
-        if friction < 0.0:
-            friction, friction_slope = 0.0, 0.0
-    load, slope = load - sense * friction, slope - sense * friction_slope
-    if p["has_stray"] > 0.0:
-        stray, stray_slope = table_and_slope(theta_a, STRAY, p, tables)
-        load, slope = load + c[SIGN] * stray, slope + stray_slope
-    return load, slope
+    return sense * (load - made_torque(x, fraction_and_slope(load, c, p, tables, sections, w)[0], c, q, p, tables))
 
 
 @inlined
 def fraction_and_slope(
     torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats
 ) -> tuple[float, float, bool]:
-    """Return :func:`wire_fraction`, its derivative by the torque, and whether any section advances.
+    """Return the wire's ξ at this torque, its derivative by the torque, and whether any section advances.
 
-    Each section's ξ and place are stored as the trial's.
+    ξ is the weighted mean of the sections' ξ. A transformation only advances: a section's ξ and place stay unless the
+    place exceeds the furthest so far. Each section's ξ and place are stored as the trial's.
     """
     heating = c[HEATING] > 0.0
     # Derivative of the place in the window by the torque.
@@ -344,3 +297,18 @@ def fraction_and_slope(
         w[3, j], w[4, j] = xi, max(place, w[2, j])
         total += sections[0, j] * xi
     return total, slope, advances
+
+
+@inlined
+def keep_trial(w: Floats) -> None:
+    """Set every section's ξ and place to those of the last trial."""
+    for j in range(w.shape[1]):
+        w[0, j], w[2, j] = w[3, j], w[4, j]
+
+
+@lending
+def advance(torque: float, c: Floats, p: Scalars, tables: Floats, sections: Floats, w: Floats) -> float:
+    """Set every section's ξ and place to those at this torque and return the wire's ξ."""
+    total, _, _ = fraction_and_slope(torque, c, p, tables, sections, w)
+    keep_trial(w)
+    return total

@@ -249,8 +249,15 @@ def cold_torque(theta: float, theta_max: float, p: Scalars, tables: Floats) -> f
 
 
 @inlined
+def friction_and_slope(theta_a: float, up: bool, p: Scalars, tables: Floats) -> tuple[float, float]:
+    """Return :func:`friction_torque` and its derivative by the angle."""
+    if p["has_friction"] == 0.0:
+        return p["tau_c"], 0.0
+    friction, slope = table_and_slope(theta_a, FRICTION_UP if up else FRICTION_DOWN, p, tables)
+    return (friction, slope) if friction > 0.0 else (0.0, 0.0)
+
+
+@inlined
 def friction_torque(theta_a: float, up: bool, p: Scalars, tables: Floats) -> float:
     """Return the magnitude of the friction torque at θ^A = φ + θ_P/2 for a motion up (φ grows) or down."""
-    if p["has_friction"] > 0.0:
-        return max(0.0, from_table(theta_a, FRICTION_UP if up else FRICTION_DOWN, p, tables))
-    return p["tau_c"]
+    return friction_and_slope(theta_a, up, p, tables)[0]

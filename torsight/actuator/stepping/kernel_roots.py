@@ -21,6 +21,7 @@ from torsight.actuator.stepping.kernel_balance import (
     RATE,
     RATE_2,
     RATE_3,
+    SCALE,
     SLIDING,
     SPAN,
     SPAN_2,
@@ -43,6 +44,7 @@ from torsight.actuator.stepping.kernel_balance import (
     cold_and_slope,
     excess,
     fraction_and_slope,
+    keep_trial,
     load_and_slope,
     made_and_slopes,
     made_torque,
@@ -125,13 +127,6 @@ def keep_slide(way: float, c: Floats, g: Floats) -> None:
         g[SPAN], g[SPAN_2] = span, g[SPAN]
 
 
-@inlined
-def keep_trial(w: Floats) -> None:
-    """Set every section's ξ and place to those of the last trial."""
-    for j in range(w.shape[1]):
-        w[0, j], w[2, j] = w[3, j], w[4, j]
-
-
 @shared
 def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Continue the slide of the sample before by Newton steps; return False, with no change, if that fails.
@@ -149,7 +144,7 @@ def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, ta
             load, load_slope = cold_and_slope(x, c, o, tables)
             load -= sense * p["tau_c"]
         else:
-            load, load_slope = load_and_slope(x, sense, c, p, o, tables)
+            load, load_slope = load_and_slope(x, sense, c[SCALE], c, p, o, tables)
         xi, xi_slope, advances = fraction_and_slope(load, c, p, tables, sections, w)
         if not (advances or may_creep):
             return False

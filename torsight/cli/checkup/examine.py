@@ -63,12 +63,8 @@ class Inputs:
 def inputs_of(names: Sequence[str], *, fps: float | None) -> Inputs:
     """Return the inputs that the names on the command line refer to.
 
-    Raises
-    ------
-    ConfigError
-        When a TOML file is of no known kind, or the experiment is wrong.
-    InputError
-        When a file is missing.
+    Raises ConfigError when a TOML file is of no known kind, or the experiment is wrong; InputError when a file is
+    missing.
     """
     found = Inputs(fps=fps)
     for name in names:

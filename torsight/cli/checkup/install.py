@@ -45,10 +45,7 @@ def check_install(packages: Mapping[str, Sequence[str]] | None = None) -> list[F
 def own_packages() -> Iterator[None]:
     """Turn a failed import into an error that names the distribution whose package replaces Torsight's, if any.
 
-    Raises
-    ------
-    InputError
-        For an ``ImportError`` where another distribution has a package of the same name.
+    Raises InputError for an ``ImportError`` where another distribution has a package of the same name.
     """
     try:
         yield

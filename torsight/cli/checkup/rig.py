@@ -74,13 +74,10 @@ class HalfCycle:
 def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
     """Return the driven spring's temperatures and rates, half-cycle by half-cycle."""
     found = []
-    for number, spring in enumerate(drive.cycles.springs):
-        rows = drive.cycles.half == number
-        temp_c = (drive.temp_a_c if spring == 0 else drive.temp_b_c)[rows]
-        time_s = drive.time_s[rows]
+    for spring, rows, temp_c, _ in drive.half_cycles():
         top = int(np.argmax(temp_c))
         moving = (temp_c[:top] > limits.onset_c) & (temp_c[:top] < limits.full_c)
-        rate = np.gradient(temp_c, time_s)[:top] if top > 1 else np.zeros(top)
+        rate = np.gradient(temp_c, drive.time_s[rows])[:top] if top > 1 else np.zeros(top)
         rising = rate[moving & (rate > 0)] if (moving & (rate > 0)).any() else rate[rate > 0]
         found.append(
             HalfCycle(

@@ -36,9 +36,7 @@ def get_number(
     hint: str | None = None,
 ) -> float:
     """Return a finite number within [lower, upper]; ``hint`` tells the user what to do with any other value."""
-    value = table.get(key, default)
-    if value is None:
-        raise ConfigError(f"has no key '{key}'", where=where, do="add it")
+    value = _given(table, key, default, where=where)
     if not is_number(value):
         raise ConfigError(f"'{key}' is not a number", where=where, value=repr(value), limit="a finite number", do=hint)
     if not lower <= value <= upper:
@@ -46,6 +44,14 @@ def get_number(
             f"'{key}' is out of range", where=where, value=f"{value:g}", limit=f"{lower:g} to {upper:g}", do=hint
         )
     return float(value)
+
+
+def _given(table: Mapping[str, Any], key: str, default: Any, *, where: str) -> Any:
+    """Return a key's value or the default; without either the key is missing."""
+    value = table.get(key, default)
+    if value is None:
+        raise ConfigError(f"has no key '{key}'", where=where, do="add it")
+    return value
 
 
 def is_number(value: Any) -> bool:
@@ -121,9 +127,7 @@ def get_text(
     table: Mapping[str, Any], key: str, *, where: str, default: str | None = None, choices: tuple[str, ...] = ()
 ) -> str:
     """Return a string, one of ``choices`` where given."""
-    value = table.get(key, default)
-    if value is None:
-        raise ConfigError(f"has no key '{key}'", where=where, do="add it")
+    value = _given(table, key, default, where=where)
     if not isinstance(value, str):
         raise ConfigError(f"'{key}' is not a text", where=where, value=repr(value), limit="a text in quotes")
     if "\0" in value:

@@ -21,16 +21,9 @@ _INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortio
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Intrinsics:
-    """Pinhole camera with OpenCV's five distortion coefficients.
+    """Pinhole camera, for pictures of one size (width, height).
 
-    Attributes
-    ----------
-    size_px : (int, int)
-        Width and height of the pictures for which the values hold.
-    matrix : (3, 3) float64
-        fx, fy, cx, cy in pixels.
-    distortion : (5,) float64
-        k1, k2, p1, p2, k3.
+    The matrix (3, 3) holds fx, fy, cx and cy in pixels, ``distortion`` (5,) OpenCV's k1, k2, p1, p2 and k3.
     """
 
     size_px: tuple[int, int]
@@ -64,14 +57,7 @@ class Pose:
 class RightCamera:
     """The second camera of a stereo pair.
 
-    Attributes
-    ----------
-    intrinsics : Intrinsics
-        Intrinsics of the second camera.
-    rvec : (3,) float64
-        Rotation vector from left to right camera coordinates, rad.
-    tvec_mm : (3,) float64
-        Translation from left to right camera coordinates, mm.
+    Rotation vector (3,), rad, and translation (3,) lead from left to right camera coordinates.
     """
 
     intrinsics: Intrinsics

@@ -50,6 +50,12 @@ def usual_step(times: Floats) -> float:
     return float(np.median(step)) if len(step) else 0.0
 
 
+def known_median(values: NDArray[Any]) -> float:
+    """Return the median of the finite values; NaN where there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else math.nan
+
+
 def extent(values: Floats) -> tuple[float, float]:
     """Return the range of the central 99 % of the known values, which one wrong value in 200 does not widen.
 

@@ -82,23 +82,10 @@ EFFECT: Final = Effect(
 
 
 def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...]) -> None:
-    """Write the strongest measured law of a model as an effect; the file's name is the effect's id.
+    """Write the strongest of the measured laws, the first, as an effect; the file's name, ``<id>.py``, is its id.
 
-    Parameters
-    ----------
-    path : Path
-        ``<id>.py``.
-    model : FittedModel
-        Model fitted by ``discover``.
-    laws : tuple of MeasuredLaw
-        Measured laws as reported, strongest first.
-
-    Raises
-    ------
-    ConfigError
-        When the file's name is not a valid id, or is the id of an effect of the library.
-    NoResultError
-        When no law was measured.
+    Raises ConfigError when the file's name is not a valid id, or is the id of an effect of the library; NoResultError
+    when no law was measured.
     """
     name = path.stem
     if path.suffix != ".py" or not _ID.fullmatch(name) or name in load_effects():
@@ -127,7 +114,7 @@ def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...])
 def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sentence: str) -> str:
     """Return the source code of an effect that is a law with the given parameters."""
     family = FAMILIES[form.id]
-    law = form.values([values[key] for key in form.names])
+    law = form.values(values)
     words = _WORDS.format(
         driver=family.over or family.driver, unit=family.unit or "a share", sentence=capital(sentence)
     )

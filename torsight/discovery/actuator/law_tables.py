@@ -17,8 +17,7 @@ from torsight.core.law import Law
 from torsight.core.units import Flags, Floats
 from torsight.discovery.actuator.law_words import OnNodes, law_sentence
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.inference.explanation import Explanation, joint_covariance
-from torsight.discovery.inference.measure import Measured
+from torsight.discovery.inference.explanation import Explanation, joint_covariance, on_nodes
 from torsight.discovery.measured_law import MeasuredLaw, numbered
 
 _POINTS: Final = 121
@@ -44,22 +43,16 @@ def measured_laws(
 ) -> tuple[MeasuredLaw, ...]:
     """Return the laws of an explanation, strongest first.
 
-    Parameters
-    ----------
-    problem : ActuatorProblem
-        Problem of the record.
-    chosen : Explanation
-        Explanation that contains the laws.
-    shares : mapping of str to float
-        Share of the explained residual, by law.
-    names : mapping of str to str
-        Effect whose name a law carries, by law; laws without a name are missing.
+    ``shares`` are the shares of the explained residual, ``names`` the effects whose names laws carry, both by law; laws
+    without a name are missing.
     """
     spread = joint_covariance(chosen)
     found = []
     for item in chosen.laws:
-        known = _Known.of(chosen, item, spread, shares, names)
-        in_steps = FAMILIES[item.law.id].nodes is phase_nodes
+        law = item.law
+        share = float(shares.get(law.id, 1.0))
+        known = _Known(law, *on_nodes(chosen, item.form, spread), names.get(law.id), share)
+        in_steps = FAMILIES[law.id].nodes is phase_nodes
         found += _phase_laws(problem, chosen, known) if in_steps else [_law(problem, chosen, known)]
     found.sort(key=lambda one: -one[0].share)
     laws = numbered([law for law, _ in found])
@@ -78,22 +71,6 @@ class _Known:
     covariance: Floats
     name: str | None
     share: float
-
-    @classmethod
-    def of(
-        cls,
-        chosen: Explanation,
-        item: Measured,
-        spread: Floats,
-        shares: Mapping[str, float],
-        names: Mapping[str, str],
-    ) -> _Known:
-        """Return one of an explanation's laws on its nodes; ``spread`` is the explanation's joint covariance."""
-        form, law = item.form, item.law
-        places = [[p.name for p in chosen.fit.parameters].index(name) for name in form.names]
-        values = form.values([chosen.fit.values[name] for name in form.names])
-        covariance = form.basis @ spread[np.ix_(places, places)] @ form.basis.T
-        return cls(law, values, covariance, names.get(law.id), float(shares.get(law.id, 1.0)))
 
     @property
     def sigma(self) -> Floats:
@@ -137,7 +114,7 @@ def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     reached = np.flatnonzero((law.nodes >= law.covered[0]) & (law.nodes <= law.covered[1]))
     own_cycles = FAMILIES[law.id].nodes is cycle_nodes
-    on_nodes = OnNodes(
+    there = OnNodes(
         places=scales.driver(law.nodes[reached]),
         values=values[reached] * scales.factor,
         covariance=known.covariance[np.ix_(reached, reached)] * scales.factor**2,
@@ -146,22 +123,14 @@ def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[
     )
     factor = scales.factor
     written = known.written(scales.driver(driver), curve * factor, width * factor, covered, unit=scales.unit)
-    return written, on_nodes
+    return written, there
 
 
 class _Window(NamedTuple):
-    """Between which temperatures a wire without load transforms on heating or cooling.
+    """Between which temperatures a wire without load transforms on its ``way``, ``heating`` or ``cooling``.
 
-    Attributes
-    ----------
-    way : str
-        ``heating`` or ``cooling``.
-    branch : float
-        First step of the window on the nodes of the phase law.
-    start_c, end_c : float
-        The window.
-    reached_c : tuple of float
-        The lowest and the highest temperature in the record, minus the load's shift of the window.
+    ``branch`` is the first step of the window on the nodes of the phase law; ``reached_c`` are the lowest and the
+    highest temperature in the record, minus the load's shift of the window.
     """
 
     way: str
@@ -200,8 +169,8 @@ def _phase_laws(problem: ActuatorProblem, chosen: Explanation, known: _Known) ->
     sizes = [float(np.sum(law.value**2)) for law, _ in (heating, cooling)]
     whole = sum(sizes)
     return [
-        (replace(law, share=known.share * size / whole if whole > 0.0 else known.share), on_nodes)
-        for (law, on_nodes), size in zip((heating, cooling), sizes, strict=True)
+        (replace(law, share=known.share * size / whole if whole > 0.0 else known.share), there)
+        for (law, there), size in zip((heating, cooling), sizes, strict=True)
     ]
 
 
@@ -219,7 +188,7 @@ def _phase_law(known: _Known, window: _Window) -> tuple[MeasuredLaw, OnNodes]:
     kept = np.divide(sigma, node_sigma, out=np.zeros(len(own)), where=node_sigma > 0.0)
     covariance = known.covariance[np.ix_(own, own)] * np.outer(kept, kept) * width_c**2
     reached = window.reaches(nodes_c)
-    on_nodes = OnNodes(nodes_c[reached], lead[reached] * width_c, covariance[np.ix_(reached, reached)])
+    there = OnNodes(nodes_c[reached], lead[reached] * width_c, covariance[np.ix_(reached, reached)])
 
     steps = np.linspace(OWN_STEPS[0], OWN_STEPS[-1], _POINTS)[rising]
     at, driver_c = window.branch + steps, window.temperatures_c(steps)
@@ -227,7 +196,7 @@ def _phase_law(known: _Known, window: _Window) -> tuple[MeasuredLaw, OnNodes]:
     lead, sigma = _lead(steps, ahead, np.interp(at, law.nodes, known.sigma))
     covered = window.reaches(driver_c)
     written = known.written(driver_c, lead * width_c, sigma * width_c, covered, unit="°C", way=window.way)
-    return written, on_nodes
+    return written, there
 
 
 def _lead(steps: Floats, ahead: Floats, sigma: Floats) -> tuple[Floats, Floats]:

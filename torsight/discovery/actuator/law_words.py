@@ -38,20 +38,10 @@ _ROUNDING: Final = float(np.sqrt(np.finfo(np.float64).eps))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnNodes:
-    """A law on the nodes that the record reached, in the units of its file.
+    """A law on the nodes (k,) that the record reached, in the units of its file: ``places`` are the driver's values.
 
-    Attributes
-    ----------
-    places : (k,) float64
-        The nodes' values of the driver, increasing.
-    values : (k,) float64
-        The law on the nodes.
-    covariance : (k, k) float64
-        Covariance of the values.
-    counted : str
-        What a law over cycles counts: ``half-cycle``, or ``cycle`` for a spring's own.
-    springs : tuple of int
-        The driven spring of each half-cycle, 0 is A; for a law over half-cycles.
+    ``counted`` says what a law over cycles counts, ``half-cycle``, or ``cycle`` for a spring's own; a law over
+    half-cycles has in ``springs`` the driven spring of each, 0 for A.
     """
 
     places: Floats
@@ -93,14 +83,8 @@ class OnNodes:
 def law_sentence(law: MeasuredLaw, tau_c_mnm: float, known: OnNodes) -> str:
     """Return a law in one sentence, over what the record covered.
 
-    Parameters
-    ----------
-    law : MeasuredLaw
-        The law in the units of its file, with its number among the laws of its port.
-    tau_c_mnm : float
-        Friction torque without the law.
-    known : OnNodes
-        The law on the nodes that the record reached.
+    The law is in the units of its file, with its number among the laws of its port; ``tau_c_mnm`` is the friction
+    torque without the law.
     """
     if law.driver in {"spring", "direction"}:
         return _of_two(law)

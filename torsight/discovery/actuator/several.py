@@ -47,12 +47,8 @@ def own_name(name: str, record: int) -> str:
 class SeveralRecords(OptionalMembers):
     """Records of one rig with the plain model and every effect as a candidate.
 
-    Attributes
-    ----------
-    parts : tuple of ActuatorProblem
-        One per record, of one actuator, in the order in which they were made; see :meth:`of`.
-    forms : tuple of LawForm
-        Measured laws that are candidates, too.
+    ``parts`` are the problems of the records of one actuator, in the order in which they were made (see :meth:`of`);
+    ``forms`` are measured laws that are candidates, too.
     """
 
     in_copies: ClassVar[bool] = True

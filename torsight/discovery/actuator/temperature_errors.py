@@ -32,14 +32,10 @@ and twice this value, by 3 % with half and twice the time above (benchmarks/disc
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TemperatureErrors:
-    """One draw for both springs.
+    """One draw (n,) for either spring.
 
-    Attributes
-    ----------
-    smooth_c : two (n,) float64
-        Errors that remain after the conditioning, correlated over a few seconds.
-    with_tops_c : two (n,) float64
-        These, with an error of every half-cycle's top and one of the height of a ripple's peaks.
+    ``smooth_c`` remains after the conditioning, correlated over a few seconds; ``with_tops_c`` adds to it an error of
+    every half-cycle's top and one of the height of a ripple's peaks.
     """
 
     smooth_c: tuple[Floats, Floats]

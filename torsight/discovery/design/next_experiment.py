@@ -22,6 +22,7 @@ from torsight.actuator.drive import Drive
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
+from torsight.core.series import known_median
 from torsight.core.units import DEG, Floats
 from torsight.core.words.wording import capital, effect_name, listed
 from torsight.discovery.actuator_problem import ActuatorProblem
@@ -51,24 +52,11 @@ _FINALISTS: Final = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NextExperiment:
-    """The programme that best separates the rivals.
+    """The programme that best separates the rivals, in words, by segments and sample by sample.
 
-    Attributes
-    ----------
-    text : str
-        The programme and its worth, in words.
-    segments : tuple of mapping
-        Spring, action, temperatures, rate, hold and duration, in order.
-    duration_s : float
-        Duration of the whole programme.
-    gain, repeat_gain : float
-        Least gain over all pairs of rivals that the programme promises, and that of a plain repeat of the record.
-    needed_gain : float
-        Gain at which rivals cease to be rivals.
-    pairs : tuple of mapping
-        Each pair with its own gain.
-    columns : mapping of str to (n,) array
-        The programme sample by sample, and the angle that each rival predicts: ``next_experiment.csv``.
+    A segment holds spring, action, temperatures, rate, hold and duration. The programme promises ``gain``, the least
+    over all ``pairs`` of rivals, a plain repeat of the record ``repeat_gain``; at ``needed_gain`` rivals cease to be
+    rivals. ``columns`` (n,), with the angle that each rival predicts, are those of ``next_experiment.csv``.
     """
 
     text: str
@@ -229,7 +217,7 @@ class _Planner:
         own, first = self._problem.drive, self._rivals[0]
         values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
         angle_rad = self._problem.with_laws(first.forms).model(first.effects).angle_rad(drive, values)
-        sigma_rad = float(np.nanmedian(own.angle_sigma_rad)) if np.isfinite(own.angle_sigma_rad).any() else 0.0
+        sigma_rad = float(np.nan_to_num(known_median(own.angle_sigma_rad)))
         planned = ActuatorProblem(
             replace(
                 drive,

@@ -95,13 +95,10 @@ def _rounding_s(drive: Drive, to_room_per_s: float) -> float:
     from a tenth to half of that rate in τ ln (0.9 / 0.5).
     """
     found = []
-    for half, spring in enumerate(drive.cycles.springs):
-        rows = np.flatnonzero(drive.cycles.half == half)
-        temp = (drive.temp_a_c, drive.temp_b_c)[spring][rows]
+    for _, rows, temp, rate in drive.half_cycles():
         top = int(np.argmax(temp))
         time_s = drive.time_s[rows] - drive.time_s[rows][top]
         free = -to_room_per_s * (float(temp[top]) - drive.room_c)
-        rate = (drive.rate_a_c_s, drive.rate_b_c_s)[spring][rows]
         ends = np.flatnonzero((time_s > -30.0) & (time_s < 60.0) & (rate <= 0.5 * free))
         if top < 5 or free > -0.05 or not len(ends):
             continue

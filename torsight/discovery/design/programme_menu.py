@@ -33,14 +33,12 @@ class Habits:
         tops: list[float] = []
         onsets: list[float] = []
         middles: list[float] = []
-        for half, spring in enumerate(drive.cycles.springs):
-            rows = np.flatnonzero(drive.cycles.half == half)
-            temp = (drive.temp_a_c, drive.temp_b_c)[spring][rows]
+        for spring, rows, temp, slope in drive.half_cycles():
             top = int(np.argmax(temp))
             if top < 5:
                 continue
             window = (temp[: top + 1] > 40.0) & (temp[: top + 1] < temp[top] - 2.0)
-            rate = (drive.rate_a_c_s, drive.rate_b_c_s)[spring][rows][: top + 1][window]
+            rate = slope[: top + 1][window]
             rates.append(float(np.median(rate)) if len(rate) else 0.1)
             tops.append(float(temp[top]))
             fraction = fractions[spring][rows][: top + 1]

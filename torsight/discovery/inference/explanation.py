@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from torsight.core.law import LawForm
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
@@ -32,18 +33,9 @@ Places = frozenset[str]
 class Explanation:
     """A fitted set; :attr:`held_out`, its prediction of blocks that were left out, is computed when first used.
 
-    Attributes
-    ----------
-    fitter : Fitter
-        The problem with the set's laws among its candidates, and the weights at which it was fitted.
-    fit : Fit
-        The optimum.
-    laws : tuple of Measured
-        The laws of the set.
-    likelihood : Likelihood
-        Likelihood of the set's residual; it depends on the set, because the model propagates errors of the inputs.
-    log_evidence : float
-        Comparable among explanations of one field.
+    ``fitter`` is the problem with the set's laws among its candidates, and the weights at which it was fitted. The
+    likelihood depends on the set, because the model propagates errors of the inputs; ``log_evidence`` is comparable
+    among explanations of one field.
     """
 
     fitter: Fitter
@@ -87,7 +79,7 @@ class Explanation:
     @property
     def residual(self) -> Floats:
         """Measured less model (n,), zero where a sample does not count."""
-        return np.nan_to_num(self.fitter.residual(self.fit))
+        return residual_of(self.fitter.problem, self.fit.solution.prediction)
 
     @property
     def log_posterior(self) -> float:
@@ -108,19 +100,10 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """All explanations of one record under one likelihood.
+    """All explanations of one record under one likelihood, by their members.
 
-    Attributes
-    ----------
-    likelihood : Likelihood
-        Likelihood of the record.
-    stretches : Stretches
-        Motion and rests of the record.
-    explanations : dict
-        Members to explanation; under the empty set the plain model, which may have been fitted again from the optima of
-        other sets.
-    first : Explanation or None
-        The plain model as it was fitted alone; None where it is that of the empty set.
+    Under the empty set is the plain model, which may have been fitted again from the optima of other sets: ``first`` is
+    the one that was fitted alone, None where it is the same.
     """
 
     likelihood: Likelihood
@@ -188,6 +171,13 @@ def log_posterior(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
 def residual_of(problem: Problem, prediction: Floats) -> Floats:
     """Return measured less predicted (n,), zero where a sample does not count."""
     return np.where(problem.valid, problem.observed - prediction, 0.0)
+
+
+def on_nodes(one: Explanation, form: LawForm, spread: Floats) -> tuple[Floats, Floats]:
+    """Return a law of an explanation on its nodes (k,), and the covariance (k, k) by that of the values, ``spread``."""
+    names = [p.name for p in one.fit.parameters]
+    places = [names.index(name) for name in form.names]
+    return form.values(one.fit.values), form.basis @ spread[np.ix_(places, places)] @ form.basis.T
 
 
 def loss_at(one: Explanation, base: Mapping[str, float]) -> float:

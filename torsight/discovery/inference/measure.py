@@ -144,26 +144,11 @@ def measure_law(
     curve: Floats | None = None,
     least: float = -np.inf,
 ) -> Measured:
-    """Measure a law beside the plain model and a set of effects.
+    """Measure one of the problem's laws beside the plain model and effects (and laws that are known already).
 
-    Parameters
-    ----------
-    problem : Problem
-        Record and model.
-    law : Law
-        One of ``problem.laws``.
-    start : mapping of str to float
-        Start values of the model's parameters, and of those of the effects.
-    effects : tuple of str
-        Effects (and laws that are known already) that are part of the model.
-    likelihood : Likelihood
-        Likelihood of the record.
-    known : mapping of str to (n,) float64, optional
-        Derivatives at the start by some of the values, where a fit without the law has them.
-    curve : (k,) float64, optional
-        Start values of the law on its nodes; zero by default.
-    least : float
-        Logarithm of the posterior density below which the law does not matter.
+    ``start`` holds values of the model's parameters and of those of the effects, ``known`` derivatives (n,) there by
+    some of them, where a fit without the law has them, and ``curve`` (k,) the law on its nodes, zero by default. Below
+    ``least``, the logarithm of a posterior density, the law does not matter.
     """
     return _Measurement(problem, law, effects, likelihood, least).run(start, known or {}, curve)
 

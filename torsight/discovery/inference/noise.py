@@ -29,16 +29,9 @@ _FIRST_TIME_SHARE: Final = 1.0 / 40.0
 class Stretches:
     """The record cut where motion turns into rest, a block ends or samples are missing.
 
-    Attributes
-    ----------
-    start, stop : (k,) int64
-        Half-open ranges of samples.
-    rest : (k,) bool
-        Whether the stretch stands still.
-    opening : (k,) bool
-        Whether the stretch lies in a block before which the state is not known.
-    share : (n,) float64
-        Weight of every sample in motion, in samples; less than one where samples lie closer than usual.
+    Stretch k is the samples from ``start`` to before ``stop`` (k,); it stands still where ``rest``, and lies in a block
+    before which the state is not known where ``opening``. ``share`` (n,) is the weight of every sample in motion, in
+    samples: less than one where samples lie closer than usual.
     """
 
     start: Ints
@@ -83,12 +76,8 @@ class Stretches:
 class Scales:
     """Sizes of a residual beyond the floor, in units of the measurement.
 
-    Attributes
-    ----------
-    motion, rest : float
-        Standard deviation to be added (in squares) to the floor in motion, and to that of a rest's level.
-    correlation_samples : float
-        Integrated correlation time in motion.
+    ``motion`` and ``rest`` are the standard deviations to be added (in squares) to the floor in motion, and to that of
+    a rest's level; ``correlation_samples`` is the integrated correlation time in motion.
     """
 
     motion: float

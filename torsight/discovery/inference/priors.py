@@ -28,13 +28,16 @@ _WRONG_SIGMAS: Final = 10.0
 """Error of such a value in its standard deviations: as of a digit mistaken by one decimal place. A choice."""
 
 
-def outlier_cost(sigmas: Floats) -> Floats:
-    """Return minus twice the logarithm of the density at a distance, relative to that at the mean."""
+def _log_densities(sigmas: Floats | float) -> tuple[Floats, Floats]:
+    """Return the logarithms of the narrow and of the wide part of the mixture at a distance, up to one constant."""
     square = np.asarray(sigmas, np.float64) ** 2
     narrow = np.log1p(-_WRONG_SHARE) - 0.5 * square
-    wide = np.log(_WRONG_SHARE / _WRONG_SIGMAS) - 0.5 * square / _WRONG_SIGMAS**2
-    at_mean = np.logaddexp(np.log1p(-_WRONG_SHARE), np.log(_WRONG_SHARE / _WRONG_SIGMAS))
-    return np.asarray(2.0 * (at_mean - np.logaddexp(narrow, wide)))
+    return narrow, np.log(_WRONG_SHARE / _WRONG_SIGMAS) - 0.5 * square / _WRONG_SIGMAS**2
+
+
+def outlier_cost(sigmas: Floats) -> Floats:
+    """Return minus twice the logarithm of the density at a distance, relative to that at the mean."""
+    return np.asarray(2.0 * (np.logaddexp(*_log_densities(0.0)) - np.logaddexp(*_log_densities(sigmas))))
 
 
 def outlier_precision(sigmas: Floats) -> Floats:
@@ -42,9 +45,7 @@ def outlier_precision(sigmas: Floats) -> Floats:
 
     It is half the slope of :func:`outlier_cost` over the distance, as in iteratively reweighted least squares.
     """
-    square = np.asarray(sigmas, np.float64) ** 2
-    narrow = np.log1p(-_WRONG_SHARE) - 0.5 * square
-    wide = np.log(_WRONG_SHARE / _WRONG_SIGMAS) - 0.5 * square / _WRONG_SIGMAS**2
+    narrow, wide = _log_densities(sigmas)
     share = np.exp(wide - np.logaddexp(narrow, wide))
     return np.asarray((1.0 - share) + share / _WRONG_SIGMAS**2)
 

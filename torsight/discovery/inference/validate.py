@@ -32,16 +32,9 @@ _NOTHING: Final = 0.01
 class HeldOut:
     """Residuals of blocks that were each predicted from the others.
 
-    Attributes
-    ----------
-    residual : (n,) float64
-        Measured less predicted; NaN where a sample does not count.
-    rms : float
-        Root mean square over the samples that count.
-    folds : tuple of (int, mapping)
-        For each block its label and the parameters fitted without it.
-    unsure : (n, k) float64
-        Change of each block by one standard deviation of the values that were fitted without it, one column each.
+    ``residual`` (n,) is measured less predicted, NaN where a sample does not count, and ``rms`` its root mean square.
+    ``folds`` holds each block's label and the parameters fitted without it; ``unsure`` (n, k) is the change of each
+    block by one standard deviation of these values, one column each.
     """
 
     residual: Floats

@@ -65,16 +65,8 @@ class Decision:
 def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool) -> Decision:
     """Derive the answer from the posterior.
 
-    Parameters
-    ----------
-    field : Field
-        All explanations that were fitted.
-    settings : Settings
-        Probabilities.
-    choices : int
-        Number of effects and laws that share the prior.
-    can_hold_out : bool
-        Whether the record has more than one block.
+    ``choices`` is the number of effects and laws that share the prior; ``can_hold_out`` says whether the record has
+    more than one block.
     """
     judge = _Judge(field, settings, choices)
     probability = judge.probability

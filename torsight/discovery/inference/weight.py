@@ -25,12 +25,8 @@ from torsight.core.units import Flags, Floats
 class Weight:
     """Information in a residual.
 
-    Attributes
-    ----------
-    each : (n,) float64
-        Information per sample beside the shared errors; zero where a sample does not count.
-    shared : (n, k) float64
-        Change of the samples by one standard deviation of every shared error.
+    ``each`` (n,) is the information per sample beside the shared errors, zero where a sample does not count; ``shared``
+    (n, k) is the change of the samples by one standard deviation of every shared error.
     """
 
     each: Floats

@@ -52,7 +52,7 @@ class Stretched:
 
 def follows(problem: ModelProblem, fitter: Fitter, fit: Fit) -> bool:
     """Return whether a fit's residual is little more than noise."""
-    left = np.where(fitter.weight.each > 0.0, fitter.residual(fit), np.nan)
+    left = fitter.residual(fit)
     pieces = [left[place][np.isfinite(left[place])] for *_, place in problem.layout.places]
     return float(np.sqrt(np.nanmean(left**2))) <= OVER_GIVEN * scatter(*pieces)
 

@@ -20,6 +20,7 @@ from torsight.core.parallel.threads import in_parallel
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
 from torsight.core.words.wording import number
+from torsight.discovery.inference.explanation import residual_of
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
 from torsight.discovery.inference.solver import STEP_SHARE, linear_change
@@ -109,7 +110,7 @@ def _base(problem: ModelProblem, fitter: Fitter) -> tuple[Fit, list[str], Stretc
         return own, [], None
     start = {p.name: p.value for p in problem.parameters}
     points = [{**start, **point} for point in _spread(free, _POINTS)]
-    left = [_left(fitter, at) for at in problem.predict_many(points, ())]
+    left = [residual_of(fitter.problem, at) for at in problem.predict_many(points, ())]
     looked = np.argsort([fitter.weight.square(one) for one in left], kind="stable")[:_STARTS]
     begins = [*(points[i] for i in looked.tolist()), *_elsewhere(problem, fitter, own, free)]
     others = in_parallel(begins, lambda point: fitter.fit((), [point], keep=1))
@@ -137,7 +138,7 @@ def _elsewhere(problem: ModelProblem, fitter: Fitter, own: Fit, free: list[Param
     start, costs = {p.name: p.value for p in problem.parameters}, []
     for p in free:
         points, found = _along(problem, fitter, own, start, _spread([p], _POINTS), ())
-        each = (_relaxed_cost(fitter, own, _left(fitter, at), at[:, None]) for at in found)
+        each = (_relaxed_cost(fitter, own, residual_of(fitter.problem, at), at[:, None]) for at in found)
         costs += [(cost, p.name, point[p.name]) for cost, point in zip(each, points, strict=True)]
     better = sorted(one for one in costs if one[0] < _BETTER * own.cost)[:_STARTS]
     return [{**start, name: value} for _, name, value in better]
@@ -171,10 +172,6 @@ def _along(
         if not widest:
             return points, found
         points = [*points, *({name: 0.5 * (points[i][name] + points[k][name])} for _, i, k in widest)]
-
-
-def _left(fitter: Fitter, at: Floats) -> Floats:
-    return np.where(fitter.weight.each > 0.0, fitter.problem.observed - at, 0.0)
 
 
 def _spread(parameters: list[Parameter], count: int) -> list[dict[str, float]]:
@@ -273,7 +270,7 @@ def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]
     free = [j for j, p in enumerate(base.parameters) if p.sigma is None and p.name not in problem.once]
     if count < 2 or not free:
         return []
-    left, columns = _left(fitter, base.solution.prediction), base.solution.jacobian
+    left, columns = residual_of(fitter.problem, base.solution.prediction), base.solution.jacobian
     own = np.zeros((len(left), count))
     for record, _, place in problem.layout.places:
         own[place, record] = 1.0
@@ -312,7 +309,7 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
         points, found = _along(problem, fitter, base, base.values, points, (one.id,))
     else:
         found = problem.predict_many([{**base.values, **point} for point in points], (one.id,))
-    own, *costs = [_relaxed_cost(fitter, base, _left(fitter, at)) for at in found]
+    own, *costs = [_relaxed_cost(fitter, base, residual_of(fitter.problem, at)) for at in found]
     better = sorted((cost, i) for i, cost in enumerate(costs, start=1) if cost < _BETTER * own)[:_STARTS]
     starts: list[Mapping[str, float]] = [points[i] for _, i in better]
     if not follows(problem, fitter, base):

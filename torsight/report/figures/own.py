@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from torsight.core.parameter import estimates_to_json
 from torsight.core.series import rms
 from torsight.core.units import Floats
 from torsight.core.words.wording import capital
@@ -120,9 +121,7 @@ def unseen_blocks(found: Findings, output: int) -> Figure | None:
 def pulled(found: Findings) -> Figure | None:
     """Draw the distance of either fit from values that were measured beforehand, in their standard deviations."""
     known = {p.name: Prior(p.value, p.sigma) for p in found.problem.parameters}
-    plain, after = (
-        {name: one.to_json() for name, one in some.items()} for some in (found.plain_parameters, found.parameters)
-    )
+    plain, after = estimates_to_json(found.plain_parameters), estimates_to_json(found.parameters)
     return pulls(known, plain, after, extended=bool(found.decision.chosen.members))
 
 

@@ -13,16 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.law import Law
+from torsight.core.law import LawForm
 from torsight.core.series import rms
 from torsight.core.units import Flags, Floats
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
-from torsight.discovery.inference.explanation import Explanation, covariance
-from torsight.discovery.inference.fitting import AtPoint, Fit
+from torsight.discovery.inference.explanation import Explanation, covariance, on_nodes
+from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit
 from torsight.discovery.inference.measure import Measured, measure_law
-from torsight.discovery.interface import Candidate
+from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.linear_problem import LAW_SHARE
+from torsight.discovery.measured_law import law_columns
 from torsight.discovery.own.model.declare import MOST_NODES
 from torsight.discovery.own.model.evaluate import Called
 from torsight.discovery.own.model.law_ports import nodes_of, port_law
@@ -69,12 +70,7 @@ class MeasuredCurve(Shown):
 
     def table(self) -> dict[str, NDArray[np.generic]]:
         """Return the columns of the law's file."""
-        return {
-            "driver": self.nodes,
-            "value": self.values,
-            "sigma": self.sigma,
-            "covered": self.covered.astype(np.int64),
-        }
+        return law_columns(self.nodes, self.values, self.sigma, self.covered)
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of ``laws`` in ``discovery.json``."""
@@ -233,7 +229,11 @@ def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate
     valid = problem.valid
     own = base.solution.jacobian[valid]
     own = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
-    columns = {law.id: np.column_stack([own, _columns(problem, law, base.values)[valid]]) for law in problem.laws}
+    columns = {}
+    for law in problem.laws:
+        form = law.free()
+        moved = _columns(problem.with_laws((form,)), form, base.values, np.zeros(len(form.nodes)), (law.id,))
+        columns[law.id] = np.column_stack([own, moved[valid]])
     made = []
     for one in candidates:
         start = (*one.starts, *one.starting_points())[0]
@@ -257,12 +257,17 @@ def _left(columns: Floats, values: Floats) -> float:
     return float(left @ left)
 
 
-def _columns(problem: ModelProblem, law: Law, values: Mapping[str, float]) -> Floats:
-    """Return the change (n, k) of the prediction per law scale by a law's value on each of its k nodes."""
-    free = law.free()
-    at = AtPoint(problem.with_laws((free,)), (*values, *free.names), (law.id,))
-    middle = np.concatenate([list(values.values()), np.zeros(len(free.nodes))])
-    moved = at.many([middle + law.scale * (np.arange(len(middle)) == len(values) + i) for i in range(len(free.nodes))])
+def _columns(
+    problem: Problem, free: LawForm, others: Mapping[str, float], values: Floats, effects: EffectSet
+) -> Floats:
+    """Return the change (n, k) of the prediction per law scale by a law's value on each of its k nodes.
+
+    ``free`` is the law with its ``values`` (k,) on the nodes as parameters, and among the problem's laws; ``others``
+    are the values of all other parameters.
+    """
+    at = AtPoint(problem, (*others, *free.names), effects)
+    middle = np.concatenate([list(others.values()), values])
+    moved = at.many([middle + free.scale * (np.arange(len(middle)) == len(others) + i) for i in range(len(values))])
     return np.column_stack(moved) - at(middle)[:, None]
 
 
@@ -285,10 +290,8 @@ def measured_curves(
 def _curve(
     one: Explanation, item: Measured, effect: str | None, driver_unit: str, gain: float, *, chosen: bool
 ) -> MeasuredCurve:
-    form, names = item.form, [p.name for p in one.fit.parameters]
-    places = [names.index(name) for name in form.names]
-    spread = covariance(one)[np.ix_(places, places)]
-    information = _information(one, item)
+    form, information = item.form, _information(one, item)
+    values, spread = on_nodes(one, form, covariance(one))
     return MeasuredCurve(
         id=form.id,
         effect=effect,
@@ -296,8 +299,8 @@ def _curve(
         unit=item.law.unit,
         driver_unit=driver_unit,
         nodes=form.nodes,
-        values=form.values([one.fit.values[name] for name in form.names]),
-        sigma=np.sqrt(np.maximum(np.diag(form.basis @ spread @ form.basis.T), 0.0)),
+        values=values,
+        sigma=np.sqrt(np.maximum(np.diag(spread), 0.0)),
         covered=information > _COVERED * float(np.median(information)),
         gain=gain,
         chosen=chosen,
@@ -308,10 +311,6 @@ def _information(one: Explanation, item: Measured) -> Floats:
     """Return the record's information about a law's value on each node, all others fixed (k,), as a sum of weights."""
     free, form, problem = item.law.free(), item.form, one.fitter.problem
     made = problem.with_laws((*(other for other in problem.forms if other.id != form.id), free))
-    values = form.values([one.fit.values[name] for name in form.names])
-    rest = {name: value for name, value in one.fit.values.items() if name not in form.names}
-    at = AtPoint(made, (*rest, *free.names), one.fit.effects)
-    middle = np.concatenate([list(rest.values()), values])
-    moved = at.many([middle + form.scale * (np.arange(len(middle)) == len(rest) + i) for i in range(len(values))])
-    columns = (np.column_stack(moved) - at(middle)[:, None]) / form.scale
+    others = {name: value for name, value in one.fit.values.items() if name not in form.names}
+    columns = _columns(made, free, others, form.values(one.fit.values), one.fit.effects) / form.scale
     return np.asarray((columns**2).T @ one.fitter.weight.each)

@@ -62,17 +62,13 @@ class LawOn:
         output = None if one["output"] is None else str(one["output"])
         return cls(form, output, str(one["driver"]), bool(one["time_like"]))
 
-    def curve(self, values: Mapping[str, float]) -> Floats:
-        """Return the law's values on its nodes (k,)."""
-        return self.form.values([values[name] for name in self.form.names])
-
     def steep(self, values: Mapping[str, float]) -> float:
         """Return the law's root mean square slope."""
-        return rms(np.diff(self.curve(values)) / np.diff(self.form.nodes))
+        return rms(np.diff(self.form.values(values)) / np.diff(self.form.nodes))
 
     def further(self, values: Mapping[str, float], asked: tuple[float, float]) -> list[Curve]:
         """Return the law with possible continuations, up and down, beyond each end past which it is called."""
-        nodes, curve = self.form.nodes, self.curve(values)
+        nodes, curve = self.form.nodes, self.form.values(values)
         far = 10.0 * (nodes[-1] - nodes[0])  # the model may then call it still farther outside
         ends = [(0, nodes[0] - far, curve[0])] if asked[0] < nodes[0] else []
         ends += [(len(nodes), nodes[-1] + far, curve[-1])] if asked[1] > nodes[-1] else []
@@ -88,22 +84,10 @@ class LawOn:
 class SavedModel:
     """An extended model with its values.
 
-    Attributes
-    ----------
-    declared : Declared
-        The model.
-    effects, initial : tuple of str
-        Names of the effects that are on, and of the parameters that every record has for itself.
-    values : mapping of str to float
-        Fitted values; those of initial states are the first record's.
-    names, covariance : tuple of str, (m, m) float64
-        Names and covariance of the values that are uncertain.
-    noise : tuple of float
-        Error of each output on held-out blocks, root mean square.
-    ports : tuple of str
-        Names of the declared laws.
-    laws : tuple of LawOn
-        Laws that are on; the forms' parameters are among ``values``.
+    ``effects`` are those that are on, ``initial`` the parameters that every record has for itself. ``values`` are the
+    fitted ones, initial states those of the first record, the forms' parameters of the ``laws`` that are on among them;
+    ``names`` and ``covariance`` (m, m) are those of the uncertain ones. ``noise`` is the error of each output on
+    held-out blocks, root mean square; ``ports`` are the names of the declared laws.
     """
 
     declared: Declared
@@ -153,10 +137,7 @@ class SavedModel:
     def predict(self, record: Table, *, initial: Mapping[str, float] | None = None) -> PredictedOutputs:
         """Return time, outputs and their standard deviations for a record; see ``Findings.predict``.
 
-        Raises
-        ------
-        InputError
-            When the record cannot be read, or the model fails on it.
+        Raises InputError when the record cannot be read, or the model fails on it.
         """
         (own,) = read_records(record)
         model = Model(self.declared.predict, (own,), self.outputs, self.ports)
@@ -208,7 +189,7 @@ class SavedModel:
                     other = self._done(model, values, {**curves, law.form.id: further})
                     found += 0.5 * (self._with_added(model, values, other) - middle) ** 2
             elif law.time_like:
-                found[:, self.outputs.index(law.output)] += float(np.mean(law.curve(values) ** 2))
+                found[:, self.outputs.index(law.output)] += float(np.mean(law.form.values(values) ** 2))
             else:
                 at, nodes = column_of(model.records[0], law.driver), law.form.nodes
                 beyond_by = at - np.clip(at, nodes[0], nodes[-1])
@@ -221,7 +202,7 @@ class SavedModel:
         return Parameter(name, value, "") if found is None else found.at(value)
 
     def _curves(self, values: Mapping[str, float]) -> dict[str, Curve]:
-        return {law.form.id: Curve(law.form.nodes, law.curve(values)) for law in self.laws if law.output is None}
+        return {law.form.id: Curve(law.form.nodes, law.form.values(values)) for law in self.laws if law.output is None}
 
     def _done(self, model: Model, values: Mapping[str, float], curves: Mapping[str, Curve]) -> Called:
         numbers = {name: value for name, value in values.items() if RESERVED not in name}
@@ -241,7 +222,7 @@ class SavedModel:
         for law in self.laws:
             if law.output is not None and not law.time_like:
                 at = column_of(model.records[0], law.driver)
-                outputs[:, self.outputs.index(law.output)] += np.interp(at, law.form.nodes, law.curve(values))
+                outputs[:, self.outputs.index(law.output)] += np.interp(at, law.form.nodes, law.form.values(values))
         return outputs
 
     def _with_initial(

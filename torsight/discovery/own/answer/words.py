@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from torsight.core.parameter import estimates_to_json
 from torsight.core.series import rms
 from torsight.core.words.wording import estimate, number
 from torsight.discovery.inference.engine import law_shares
@@ -223,8 +224,8 @@ def to_json(found: Findings) -> dict[str, Any]:
         "noise_floor": _floor(found),
         "resolution": _resolution(found),
         "blocks": len(np.unique(problem.block[problem.valid])),
-        "parameters": {name: one.to_json() for name, one in found.parameters.items()},
-        "plain_parameters": {name: one.to_json() for name, one in found.plain_parameters.items()},
+        "parameters": estimates_to_json(found.parameters),
+        "plain_parameters": estimates_to_json(found.plain_parameters),
         "best_fits": [asdict(one) for one in found.best_fits],
         "predicts_better": [list(one.effects) for one in found.predicts_better],
         "evidence": {

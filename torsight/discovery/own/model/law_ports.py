@@ -12,15 +12,14 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.law import Kernel, Law, slope, smooth_kernels
+from torsight.core.law import LENGTHS, Kernel, Law, slope, smooth_kernels
 from torsight.core.units import Floats
 from torsight.discovery.linear_problem import law_over
 from torsight.discovery.own.model.declare import LawPort
 from torsight.discovery.own.model.layout import Layout
 
-_LENGTHS: Final = (0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
-"""Lengths of a law's smooth functions as shares of its range, each half the one before. Those below the distance of two
-nodes are not used, so that a law with more nodes may bend over shorter lengths."""
+_LENGTHS: Final = (*LENGTHS, 0.03, 0.015)
+"""Lengths of a law's smooth functions as shares of its range: a law with many nodes may bend over shorter lengths."""
 
 
 def nodes_of(port: LawPort, low: float = 0.0, high: float = 1.0) -> Floats:

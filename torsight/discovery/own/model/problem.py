@@ -126,7 +126,7 @@ class ModelProblem(GivenProblem):
         total = np.zeros(len(self.observed))
         for form in on:
             law, output = self.added[form.id]
-            curve = form.at(self.drivers[law.driver], [values[name] for name in form.names])
+            curve = np.interp(self.drivers[law.driver], form.nodes, form.values(values))
             for _, k, place in self.layout.places:
                 if k == output:
                     total[place] += curve[place] / self.layout.scale[k]
@@ -159,7 +159,7 @@ class ModelProblem(GivenProblem):
     def curves(self, values: Mapping[str, float], effects: Sequence[str]) -> dict[str, Curve]:
         """Return the declared laws that are on."""
         return {
-            form.id: Curve(form.nodes, form.values([values[name] for name in form.names]))
+            form.id: Curve(form.nodes, form.values(values))
             for form in self.forms
             if form.id in self.nodes and form.id in effects
         }
@@ -174,10 +174,7 @@ class ModelProblem(GivenProblem):
     def outputs(self, values: Mapping[str, float], effects: Sequence[str], *, where: str = "predict") -> list[Floats]:
         """Return the model's outputs (rows, outputs) for every record, in their own units.
 
-        Raises
-        ------
-        InputError
-            If the model fails; the error's place is ``where``, or the line that failed.
+        Raises InputError if the model fails; the error's place is ``where``, or the line that failed.
         """
         called = self.evaluator(self.given(values, effects), self.curves(values, effects))
         for one in called:

@@ -59,15 +59,8 @@ class Values(ByName[Any]):
 class Curve:
     """A law as ``predict`` calls it: linear between nodes, constant beyond the ends; it records its arguments' range.
 
-    Parameters
-    ----------
-    nodes, values : (k,) float64
-        Nodes and the law's values there; without them the law is off, and zero.
-
-    Attributes
-    ----------
-    asked : (2,) float64
-        The smallest and the largest argument so far; (∞, −∞) before the first call.
+    ``nodes`` and ``values`` (k,) are those of the law; without them it is off, and zero. ``asked`` (2,) is the smallest
+    and the largest argument so far, (∞, −∞) before the first call.
     """
 
     def __init__(self, nodes: Floats | None = None, values: Floats | None = None) -> None:

@@ -138,10 +138,9 @@ def model_of(
 
 
 def _begins(drive: Drive) -> tuple[HalfCycleBegin, ...]:
-    rows = np.searchsorted(drive.cycles.half, np.arange(len(drive.cycles.springs)))
     return tuple(
         HalfCycleBegin(float(drive.time_s[row]), float(drive.angle_rad[row] / DEG), "AB"[spring])
-        for row, spring in zip(rows.tolist(), drive.cycles.springs, strict=True)
+        for row, spring in zip(drive.cycles.begins.tolist(), drive.cycles.springs, strict=True)
     )
 
 
