@@ -119,7 +119,7 @@ def read_board(path: AnyPath) -> Board:
     The keys are at the top level or in a table ``[board]``.
     """
     path = Path(path)
-    content = read_toml(path)
+    content = read_toml(path, kind="board")
     where = str(path)
     if "board" in content:
         check_keys(content, ("board",), where=where)

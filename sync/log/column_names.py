@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from sync.log.column_units import AMPERE, CELSIUS, SECONDS, Unit, split_unit, unit_of
 from torsight.core.errors import ConfigError, InputError
+from torsight.core.files.kinds import TABLE_KINDS, other_kind, table_kind
 from torsight.core.files.storage import check_keys
 from torsight.core.frozen import Frozen
 
@@ -289,6 +290,9 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
         near = difflib.get_close_matches(_folded(name), folded, n=1)
         hint = f"did you mean '{folded[near[0]]}'?" if near else "name a column of the header"
         return InputError(f"has no column '{name}'", where=where, value=shown, do=f"it is named for {role}: {hint}")
+    other = table_kind(header)
+    if other is not None and not chosen.names:
+        return other_kind(InputError, other, TABLE_KINDS["log"], where=where)
     near = difflib.get_close_matches(name, list(header), n=1, cutoff=0.8)
     example = ",".join(f"{one}=NAME" for one in NEEDED)
     hint = f"rename '{near[0]}', or " if near else ""

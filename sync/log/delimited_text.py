@@ -19,7 +19,7 @@ from sync.log.header import BLANKS, fields_of, find_header, require_columns, spl
 from sync.log.labview import labview_header
 from sync.log.repairs import Repair
 from torsight.core.errors import InputError
-from torsight.core.files.storage import empty_table, read_bytes, table_without_rows
+from torsight.core.files.storage import DECIMAL_COMMA, empty_table, read_bytes, table_without_rows
 from torsight.core.frozen import Frozen
 from torsight.core.words.wording import counted
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 _COMMA_NUMBER: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,\d+(?![\d.,])")
 _SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
-_DECIMAL_COMMA: Final = re.compile(r"(?<=\d),(?=\d)")
 _QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
 _BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
 _NO_TEXT: Final = {
@@ -243,7 +242,7 @@ def _with_points(frame: pd.DataFrame, columns: Sequence[int]) -> None:
     for index in columns:
         column = frame.iloc[:, index]
         if not pd.api.types.is_numeric_dtype(column):
-            frame[frame.columns[index]] = column.astype("string").str.replace(_DECIMAL_COMMA, ".", regex=True)
+            frame[frame.columns[index]] = column.astype("string").str.replace(DECIMAL_COMMA, ".", regex=True)
 
 
 def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> dict[int, str]:

@@ -24,7 +24,8 @@ from sync.log.delimited_text import TextTable, read_text_table
 from sync.log.header import require_columns
 from sync.log.wall_clock import read_timestamps
 from torsight.core.errors import InputError
-from torsight.core.files.storage import is_parquet, read_table, refuse_folder, table_without_rows
+from torsight.core.files.kinds import TABLE_KINDS
+from torsight.core.files.storage import is_parquet, read_table, require_table, table_without_rows
 from torsight.core.units import Floats
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def read_log_table(path: Path, chosen: ChosenColumns) -> LogTable:
     Raises InputError when the file cannot be read, lacks a column that is needed or named, has a unit in its header
     that the column cannot have, or timestamps that cannot be read.
     """
-    refuse_folder(path)
+    require_table(path, TABLE_KINDS["log"])
     table = _parquet(path, chosen) if is_parquet(path) else read_text_table(path, chosen)
     frame, first_line, columns = table.frame, table.first_line, table.columns
     if len(frame) == 0:

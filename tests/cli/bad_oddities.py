@@ -9,6 +9,7 @@ import numpy as np
 
 from tests.cli.bad_inputs import (
     ACTUATOR,
+    DISCOVER,
     EXPERIMENT,
     FIT,
     PREDICT,
@@ -123,9 +124,6 @@ ODD: dict[str, Bad] = {
     "view: no recording and pictures below a file": Bad(
         "view {gone} --pictures {temps.csv/p}", fine, 3, "cannot be written"
     ),
-    "markers: a preview over the markers": Bad(
-        "markers {film.avi} --out {m.png} --preview {m.png}", fine, 2, "--preview"
-    ),
     "markers: a preview of another kind": Bad(f"{MARKERS} --preview {{a.docx}}", fine, 2, "--preview"),
     "track: one frame": Bad(FILM, coded("film.mkv", (160, 120), frames=1), 4, "frames 0 to 0"),
     "track: a picture of two pixels": Bad(FILM, coded("film.mkv", (16, 2)), 4, "marker"),
@@ -170,7 +168,7 @@ ODD: dict[str, Bad] = {
     "run: a lamp at no place": Bad(
         RUN, written("experiment.toml", EXPERIMENT + "[sync]\nled = [nan, 3]\n"), 2, "no place in the picture"
     ),
-    "run: a light without times": Bad(RUN, written("experiment.toml", NO_LIGHT), 3, "time_s"),
+    "run: a light without times": Bad(RUN, written("experiment.toml", NO_LIGHT), 3, "is a board file"),
     "run: a seed between two numbers": Bad(
         RUN, written("experiment.toml", EXPERIMENT + "[discover]\nseed = 1.5\n"), 2, "no whole number"
     ),
@@ -206,4 +204,33 @@ ODD: dict[str, Bad] = {
     "calibrate: a table in the place of pictures": Bad(
         "calibrate {temps.csv} --board {board.toml} --out {c.toml}", fine, 3, "temps.csv"
     ),
+    "run: an actuator file": Bad("run {actuator.toml}", fine, 2, "is an actuator file; allowed an experiment file; "),
+    "track: a camera file as markers": Bad(TRACK + " --markers {camera.toml}", fine, 2, "allowed a marker file"),
+    "track: a marker file as camera": Bad(
+        TRACK + " --camera {markers.toml}", fine, 2, "is a marker file; allowed a camera"
+    ),
+    "fit: a table as actuator": Bad(
+        FIT.replace("actuator.toml", "merged.csv"), fine, 2, "is a merged table; allowed an"
+    ),
+    "fit: an actuator file as table": Bad(FIT.replace("merged.csv", "camera.toml"), fine, 3, "is a camera file"),
+    "sync: angle and log swapped": Bad(
+        "sync --angle {temps.csv} --temperature {angle.csv} --out {out}",
+        fine,
+        3,
+        "allowed a table of angles; 'torsight tr",
+    ),
+    "sync: angles as log": Bad(SYNC.replace("temps.csv", "angle.csv"), fine, 3, "allowed a temperature log"),
+    "discover: angles alone": Bad(DISCOVER.replace("merged.csv", "angle.csv"), fine, 3, "'torsight sync' makes one"),
+    "run: a folder without experiment": Bad("run {blank}", fine, 3, "holds no experiment.toml; 'torsight init"),
+    "predict: a folder": Bad(PREDICT.replace("model.json", "blank"), fine, 3, "is a folder, not a file"),
+    "start angle with a decimal comma": Bad(
+        SIMULATE.replace("178", "177,6"), fine, 2, "found 177,6; write a decimal point"
+    ),
+    "actuator with a decimal comma": Bad(
+        SIMULATE, replaced("actuator.toml", "36.0", "36,0"), 2, "found A_s_c = 36,0; wri"
+    ),
+    "simulate: a table of no kind": Bad(SIMULATE.replace("sim.csv", "sim.txt"), fine, 2, "--out: has another suffix"),
+    "sync: a table of no kind": Bad(f"{SYNC} --table {{t.xlsx}}", fine, 2, "--table: has another suffix"),
+    "fit: an effect spelt otherwise": Bad(f"{FIT} --effect sensorlag", fine, 2, "did you mean 'sensor_lag'?"),
+    "fit: nothing like it there": Bad(FIT.replace("merged.csv", "nofile.csv"), fine, 3, "no such file; check the path"),
 }

@@ -64,7 +64,7 @@ MORE: dict[str, Bad] = {
     "a key twice": Bad(
         SIMULATE, replaced("actuator.toml", "A_s_c = 36.0", "A_s_c = 36.0\nA_s_c = 36.0"), 2, "not TOML"
     ),
-    "actuator that is a folder": Bad(SIMULATE, is_a_folder("actuator.toml"), 3, "directory"),
+    "actuator that is a folder": Bad(SIMULATE, is_a_folder("actuator.toml"), 3, "is a folder"),
     "an option that is not known": Bad(SIMULATE + " --startangle 3", fine, 2, "startangle"),
     "an option without its value": Bad(SIMULATE + " --start-angle", fine, 2, "--start-angle"),
     "sync: log in milliseconds": Bad(SYNC, scaled("temps.csv", 0, 1000.0), 3, "give times in seconds"),
@@ -75,7 +75,7 @@ MORE: dict[str, Bad] = {
     "sync: frames without end": Bad(SYNC, column("angle.csv", 0, "1e18", row=9), 3, "is no frame number"),
     "sync: angle that is a folder": Bad(SYNC, is_a_folder("angle.csv"), 3, "is a folder"),
     "sync: angle with a column twice": Bad(SYNC, doubled("angle.csv", 2), 3, "has this column twice"),
-    "sync: light without times": Bad(SYNC + " --led-events {board.toml}", fine, 3, "time_s"),
+    "sync: light without times": Bad(SYNC + " --led-events {board.toml}", fine, 3, "is a board file"),
     "sync: light that is missing": Bad(SYNC + " --led-events {none.csv}", fine, 3, "no such file"),
     "track: frame times without end": Bad(
         TRACK + " --timestamps {angle.csv}", column("angle.csv", 0, "1e15", row=700), 3, "is no frame number"
@@ -91,7 +91,7 @@ MORE: dict[str, Bad] = {
         RUN, replaced("experiment.toml", '"temps.csv"', '"te\\u0000mps.csv"'), 2, "a character that no name has"
     ),
     "run: a name that is too long": Bad(RUN, replaced("experiment.toml", "temps.csv", "t" * 300), 3, "too long"),
-    "run: experiment that is a folder": Bad(RUN, is_a_folder("experiment.toml"), 3, "directory"),
+    "run: experiment that is a folder": Bad(RUN, is_a_folder("experiment.toml"), 3, "holds no experiment.toml"),
     "run: output where a file stands": Bad("run {experiment.toml} --out {board.toml}", fine, 3, "cannot be written"),
     "run: provenance that is missing": Bad("run --from {none.json}", fine, 3, "no such file"),
     "run: provenance of an input that is gone": Bad(
@@ -134,7 +134,7 @@ MORE: dict[str, Bad] = {
         PREDICT, model(lambda content: content["cycles"].update(a=0.5)), 3, "no whole number"
     ),
     "characterise: tests that are missing": Bad("characterise {none.toml} --out {out}", fine, 3, "no such file"),
-    "characterise: tests that are something else": Bad("characterise {board.toml} --out {out}", fine, 2, "unknown key"),
+    "characterise: another file": Bad("characterise {board.toml} --out {out}", fine, 2, "is a board file"),
     "board: output of another kind": Bad("board --out {board.xyz}", fine, 2, ".xyz"),
     "board: page that nobody prints": Bad("board --out {b.pdf} --page a99", fine, 2, "a99"),
     "batch: all experiments fail": Bad(

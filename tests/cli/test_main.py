@@ -31,7 +31,8 @@ def test_the_package_runs_as_the_command_does() -> None:
         [sys.executable, "-m", "torsight", "sync", "--angle", "a.csv"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
-    assert done.stderr.startswith("Usage: torsight sync")
+    assert done.stderr.startswith("torsight: torsight sync: Missing option")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -89,3 +90,21 @@ print([name for name in ("scipy.signal", "scipy.stats") if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_an_input_that_the_system_keeps_from_the_user_is_refused_by_its_reader(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "actuator.toml").write_text("[geometry]\n")
+    monkeypatch.setattr("os.access", lambda *_args, **_options: False)
+    read = Path.read_bytes
+
+    def refuse(path: Path) -> bytes:
+        if path.suffix == ".toml":
+            raise PermissionError(13, "Permission denied")
+        return read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    words = ("simulate", tmp_path / "actuator.toml", tmp_path / "t.csv", "--start-angle", "1", "--out")
+    assert leave(*words, tmp_path / "a.csv") == 3
+    assert "actuator.toml: cannot be read (Permission denied)" in capsys.readouterr().err

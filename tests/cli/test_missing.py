@@ -80,6 +80,19 @@ def test_a_record_that_is_given_twice_is_refused(tmp_path: Path, capsys: pytest.
     assert not (tmp_path / "out").exists()
 
 
+def test_a_word_among_the_numbers_of_a_column_that_is_needed_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pd.DataFrame(spring_record(1, 2.0)).assign(remark="warm")
+    (tmp_path / "model.py").write_text(MODEL, encoding="utf-8")
+    for name in ("u", "x_mm"):
+        table.astype({name: object}).assign(**{name: table[name].where(table.index != 17, "abc")}).to_csv(
+            tmp_path / "a.csv", index=False
+        )
+        assert leave("missing", tmp_path / "model.py", tmp_path / "a.csv", "--out", tmp_path / "out") == 3
+        assert f"a, row 18, column {name}: is not a number; found 'abc'" in capsys.readouterr().err
+
+
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("own")

@@ -55,6 +55,17 @@ def test_merged_round_trip_keeps_unknown_columns(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.extra["current_a_a"], table.extra["current_a_a"])
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_tables_are_read_as_a_spreadsheet_writes_them(tmp_path: Path, mark: str) -> None:
+    names = ["time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c", "note"]
+    rows = [f"{time},5 -7,25 0,1 20,5 21 fine".split() for time in range(4)]
+    (tmp_path / "merged.csv").write_text("\n".join(mark.join(row) for row in (names, *rows)))
+    table = read_merged(tmp_path / "merged.csv")
+    assert table.time_s.tolist() == [0.5, 1.5, 2.5, 3.5]
+    np.testing.assert_allclose(table.angle_rad, np.radians(-7.25))
+    assert table.extra["note"].tolist() == ["fine"] * 4
+
+
 @pytest.mark.parametrize("times", ["0\n1\n1\n", "0\n2\n1\n", "0\n\n2\n"])
 def test_times_that_do_not_increase_name_the_row(tmp_path: Path, times: str) -> None:
     path = tmp_path / "merged.csv"

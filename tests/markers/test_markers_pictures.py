@@ -118,7 +118,7 @@ def test_the_preview_shows_the_markers_where_they_are(tracked: Path, tmp_path: P
 
 def test_a_preview_without_markers_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cv2.imwrite(str(tmp_path / "plain.png"), np.full((120, 160), 128, np.uint8))
-    assert leave("markers", tmp_path / "plain.png", "--preview", tmp_path / "seen.png", "--json") == 0
+    assert leave("markers", tmp_path / "plain.png", "--preview", tmp_path / "seen.png", "--json") == 4
     told = capsys.readouterr()
     assert "0 of at least 4 dots" in told.err
     assert json.loads(told.out)["result"]["candidates"] == []

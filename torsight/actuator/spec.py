@@ -186,7 +186,7 @@ def read_actuator(path: AnyPath) -> ActuatorSpec:
         When the file cannot be read.
     """
     path = Path(path)
-    return actuator_from(read_toml(path), where=str(path))
+    return actuator_from(read_toml(path, kind="actuator"), where=str(path))
 
 
 def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:

@@ -17,11 +17,13 @@ from typing import Annotated, Any, Final
 import typer
 
 from torsight.cli.checkup.install import own_packages
-from torsight.core.errors import TorsightError
-from torsight.core.files.storage import SCHEMA, json_text, require_writable
+from torsight.core.errors import ConfigError, TorsightError
+from torsight.core.files.storage import PARQUET_SUFFIXES, SCHEMA, json_text, require_writable
 
-_WRITTEN: Final = ("out", "export_effect", "preview", "pictures")
+_WRITTEN: Final = ("out", "table", "export_effect", "preview", "pictures")
 """Parameters of commands that name an output."""
+_ALSO: Final = {".csv": PARQUET_SUFFIXES, ".svg": (".pdf", ".png")}
+"""Suffixes of outputs that an option takes beside the one in its metavar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,10 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
     The command ends before its work, which may take minutes, where its outputs cannot be written.
     """
     signature = inspect.signature(command, eval_str=True)
+    for parameter in signature.parameters.values():
+        for given in getattr(parameter.annotation, "__metadata__", ()):
+            # Its reader refuses an unreadable input, as it does any other that cannot be used (exit code 3).
+            given.readable = False
     run = _writable_first(own_packages()(command), signature)
     if signature.return_annotation is not Answer:
 
@@ -81,18 +87,26 @@ def answering(command: Callable[..., Answer | None], *, name: str) -> Callable[.
 def _writable_first(
     command: Callable[..., Answer | None], signature: inspect.Signature
 ) -> Callable[..., Answer | None]:
-    """Return the command preceded by a check that its outputs can be written: files where the metavar has a suffix."""
-    written = {
-        name: "." not in (parameter.annotation.__metadata__[0].metavar or "")
+    """Return the command preceded by a check that its outputs can be written: files where the metavar has a suffix.
+
+    A file's suffix decides its format: another one than the option takes is refused.
+    """
+    suffixes = {
+        name: Path(parameter.annotation.__metadata__[0].metavar or "").suffix.lower()
         for name, parameter in signature.parameters.items()
         if name in _WRITTEN
     }
 
     def checked(*arguments: Any, **options: Any) -> Answer | None:
         given = signature.bind(*arguments, **options).arguments
-        for name, folder in written.items():
-            if given.get(name) is not None:
-                require_writable(given[name], folder=folder)
+        for name, suffix in suffixes.items():
+            path, taken = given.get(name), (suffix, *_ALSO.get(suffix, ()))
+            if path is None:
+                continue
+            if suffix and path.suffix.lower() not in taken:
+                option, do = f"--{name.replace('_', '-')}", f"choose a name that ends in {suffix}"
+                raise ConfigError("has another suffix", where=option, value=str(path), limit=", ".join(taken), do=do)
+            require_writable(path, folder=not suffix)
         return command(*arguments, **options)
 
     return checked

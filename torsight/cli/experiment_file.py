@@ -116,7 +116,10 @@ def read_experiment(path: Path, *, absent: list[InputError] | None = None) -> Ex
     InputError when the file, or a file that it names, is missing.
     """
     path = experiment_file(path)
-    return experiment_from(read_toml(path), where=str(path), folder=path.parent, absent=absent)
+    if path.is_dir():
+        do = f"'torsight init {path}' writes one to fill in"
+        raise InputError("holds no experiment.toml", where=str(path), do=do)
+    return experiment_from(read_toml(path, kind="experiment"), where=str(path), folder=path.parent, absent=absent)
 
 
 def experiment_file(path: Path) -> Path:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 import sys
 import traceback
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 
 from torsight.cli.ends import Ended, asked_to_end
-from torsight.core.errors import InputError, TorsightError, refused_by_system
+from torsight.core.errors import ConfigError, InputError, TorsightError, refused_by_system
 from torsight.core.lazy import collect_seldom
 
 COMMANDS: Final = (
@@ -117,7 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         code = _interrupted(130)
     except Exception as error:  # noqa: BLE001 - the last resort: no traceback reaches a user
-        code = _other(error, debug=debug)
+        code = _other(error, words, debug=debug)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -132,12 +133,27 @@ def _tell(error: Exception, *, debug: bool) -> None:
     sys.stderr.write(f"torsight: {error}\n")
 
 
-def _other(error: Exception, *, debug: bool) -> int:
+def _wrong_usage(error: Any, words: Sequence[str]) -> ConfigError:
+    """Return the parser's error as one line, with the value that was given to the option, if any."""
+    from torsight.core.files.storage import DECIMAL_COMMA
+
+    command = getattr(getattr(error, "ctx", None), "command_path", "torsight")
+    missing = hasattr(error, "param_type")
+    options = () if missing else getattr(getattr(error, "param", None), "opts", ())
+    given = [word.split("=", 1)[1] for word in words if "=" in word and word.split("=", 1)[0] in options]
+    given += [after for word, after in itertools.pairwise(words) if word in options]
+    value = given[-1] if given else None
+    do = f"see '{command} --help'"
+    if value is not None and DECIMAL_COMMA.search(value):
+        do = f"write a decimal point: {DECIMAL_COMMA.sub('.', value)}"
+    return ConfigError(error.format_message().rstrip(".").replace("\n", " "), where=command, value=value, do=do)
+
+
+def _other(error: Exception, words: Sequence[str], *, debug: bool) -> int:
     """Report wrong usage (exit 2) in the words of typer's parser, anything else as a defect; return the exit code."""
-    # The class of typer's usage errors is private and differs between versions; its method ``show`` identifies them.
-    show = getattr(error, "show", None)
-    if callable(show):
-        show()
+    # The class of typer's usage errors is private and differs between versions; this method identifies them.
+    if callable(getattr(error, "format_message", None)):
+        _tell(_wrong_usage(error, words), debug=debug)
         return int(getattr(error, "exit_code", 2))
     if isinstance(error, typer.Abort):
         return _interrupted(130)

@@ -9,7 +9,7 @@ import typer
 
 from torsight.cli.answer import Answer
 from torsight.cli.console import say
-from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.tracks import MARKERS
 
@@ -45,14 +45,6 @@ def markers(
     """
     from tracker.frames.source import open_source
 
-    if preview is not None and (preview.suffix.lower() != ".png" or preview == out):
-        raise ConfigError(
-            "is not where a picture can be written",
-            where="--preview",
-            value=str(preview),
-            limit="a file that ends in .png, and another one than that of --out",
-            do="choose another name",
-        )
     require_apart([path for path in (out or _OUT, preview) if path is not None], [Path(video)])
     source = open_source(video)
     if preview is not None:
@@ -99,14 +91,13 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
     }  # fmt: skip
     found = named if named is not None or seen.sticks_px is None else seen.sticks_px.reshape(4, 2)
     if found is None:
-        if out is not None:
-            raise NoResultError(
-                f"the markers were not found: {seen.reason}",
-                where=source.name,
-                do=f"look at {picture}, and pick them without --preview or write their positions to a file by hand",
-            )
-        say(f"the markers were not found: {seen.reason}")
-        return Answer(result, files=(picture,))
+        lacking = NoResultError(
+            f"the markers were not found: {seen.reason}",
+            where=source.name,
+            do=f"look at {picture}, and pick them without --preview or write their positions to a file by hand",
+        )
+        say(f"torsight: {lacking}")
+        return Answer(result, files=(picture,), exit_code=lacking.exit_code)
     content = content_of({"points": dict(zip(MARKERS, found.tolist(), strict=True))}, {})
     if named is None:
         say("which stick moves is not seen in the first seconds: check whether base and moving are right")

@@ -31,7 +31,7 @@ def render(
 
     texts = ("experiment.toml", "actuator.toml", "camera.toml", "markers.toml", "truth.toml")
     require_apart([out / name for name in texts], [scene])
-    read = scene_from(read_toml(scene), where=str(scene), seed=seed)
+    read = scene_from(read_toml(scene, kind="scene"), where=str(scene), seed=seed)
     if record:
         merged = record_scene(read, out=out)
         actuator = out / "actuator.toml"

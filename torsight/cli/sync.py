@@ -61,7 +61,7 @@ def sync(
     timestamps: Annotated[Path | None, typer.Option(metavar="T.csv", help="The film's frame times.")] = None,
     fps: Fps = None,
     table: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the merged table here, too (.csv or .parquet).")
+        Path | None, typer.Option(metavar="FILE.csv", help="Write the merged table here, too (.csv or .parquet).")
     ] = None,
     columns: Columns = None,
     units: Units = None,

@@ -137,7 +137,7 @@ def read_earlier(path: Path) -> tuple[dict[str, Any], str]:
     if not path.exists():
         return {}, ""
     try:
-        content = read_toml(path)
+        content = read_toml(path, kind="markers")
         # The file may hold the keys in a table [markers], as an experiment does.
         content = dict(content["markers"]) if set(content) == {"markers"} else content
         read_markers(content)

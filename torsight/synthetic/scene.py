@@ -211,7 +211,7 @@ def read_scene(path: AnyPath) -> Scene:
         When the file cannot be read.
     """
     path = Path(path)
-    return scene_from(read_toml(path), where=str(path))
+    return scene_from(read_toml(path, kind="scene"), where=str(path))
 
 
 def scene_from(content: Mapping[str, Any], *, where: str = "scene", seed: int | None = None) -> Scene:

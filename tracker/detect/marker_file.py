@@ -116,7 +116,7 @@ def read_markers(source: AnyPath | Mapping[str, Any]) -> MarkerHints:
     """
     content: Mapping[str, Any]
     if not isinstance(source, Mapping):
-        content, where = read_toml(Path(source)), str(source)
+        content, where = read_toml(Path(source), kind="markers"), str(source)
         # The file may contain the table under its own name, as an experiment does.
         if set(content) == {"markers"} and isinstance(content["markers"], Mapping):
             content = content["markers"]

@@ -140,7 +140,7 @@ def read_tests(path: AnyPath) -> SpringTests:
         When a log is missing, lacks a column, or has too few rows.
     """
     path = Path(path)
-    content = read_toml(path)
+    content = read_toml(path, kind="tests")
     where = str(path)
     check_keys(content, ("spring", "free_recovery", "force_angle", "block", "assembly", "friction"), where=where)
     spring = get_table(content, "spring", where=where, required=True)

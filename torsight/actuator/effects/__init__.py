@@ -20,7 +20,7 @@ from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown
-from torsight.core.words.wording import number
+from torsight.core.words.wording import meant, number
 
 ActsOn = Literal["clock", "temperature", "phase", "torque", "friction", "reading"]
 Values = Mapping[str, float]
@@ -172,7 +172,8 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     known = load_effects()
     for name in ids:
         if name not in known:
-            raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(load_effects()))
+            do = meant(name, known) or None
+            raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(known), do=do)
     return tuple(sorted((known[name] for name in set(ids)), key=_order))
 
 

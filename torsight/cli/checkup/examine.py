@@ -18,6 +18,7 @@ from torsight.cli.checkup.finding import FEW, RESIDUAL_DEG, Finding, refusal
 from torsight.cli.checkup.log import LogCheck, check_log, check_programme
 from torsight.cli.experiment_file import experiment_file, read_experiment
 from torsight.core.errors import ConfigError, InputError, TorsightError
+from torsight.core.files.kinds import toml_kind
 from torsight.core.files.paths import is_glob, missing_file
 from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
 from torsight.core.files.tables import read_angles
@@ -27,14 +28,8 @@ from torsight.core.tracks import USUAL_SHARE, StickAngles
 from torsight.core.units import DEG
 from tracker.detect.marker_file import read_markers
 
-_TOML_KINDS: Final = {
-    "video": "experiment",
-    "angle": "experiment",
-    "material": "actuator",
-    "intrinsics": "camera",
-    "moving": "markers",
-}
-"""A table or key by which the kind of a TOML file is recognised."""
+_KINDS: Final = ("experiment", "actuator", "camera", "markers")
+"""Kinds of TOML files that are examined."""
 
 
 @dataclass(slots=True)
@@ -86,9 +81,9 @@ def inputs_of(names: Sequence[str], *, fps: float | None) -> Inputs:
 
 def _kind(path: Path) -> str:
     content = read_toml(path)
-    for key, kind in _TOML_KINDS.items():
-        if key in content:
-            return kind
+    kind = toml_kind(content)
+    if kind in _KINDS:
+        return str(kind)
     raise ConfigError(
         "is neither an experiment nor an actuator, a camera or markers",
         where=str(path),

@@ -61,7 +61,10 @@ def missing_file(path: Path) -> InputError:
     near: list[str] = []
     with contextlib.suppress(OSError):
         names = [item.name for item in path.parent.iterdir() if item.name != path.name]
-        near = difflib.get_close_matches(path.name, names, n=1)
+        # By stem, since equal suffixes are no likeness: one like it with the same suffix, or the same with another.
+        alike = [name for name in names if Path(name).suffix == path.suffix or Path(name).stem == path.stem]
+        stems = {Path(name).stem: name for name in alike}
+        near = [stems[stem] for stem in difflib.get_close_matches(path.stem, stems, n=1)]
     if path.is_symlink():
         return InputError("is a link that leads nowhere", where=str(path), do="mend the link, or name the file itself")
     hint = f"did you mean {near[0]}?" if near else "check the path"
@@ -73,6 +76,13 @@ def unreadable(path: Path, error: OSError) -> InputError:
     if not path.exists():
         return missing_file(path)
     return InputError(f"cannot be read ({reason_of(error)})", where=str(path))
+
+
+def require_file(path: Path) -> None:
+    """Refuse a folder, and what :func:`require_ordinary` refuses."""
+    if path.is_dir():
+        raise InputError("is a folder, not a file", where=str(path), do="name the file in it")
+    require_ordinary(path)
 
 
 def require_ordinary(path: Path) -> None:

@@ -12,6 +12,7 @@ import errno
 import json
 import math
 import os
+import re
 import sys
 import tempfile
 import tomllib
@@ -23,8 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
-from torsight.core.files.paths import missing_file, require_ordinary, unreadable
+from torsight.core.files.kinds import TABLE_KINDS, TOML_KINDS, Kind, kind_of, other_kind, table_kind, toml_kind
+from torsight.core.files.paths import missing_file, require_file, unreadable
 from torsight.core.units import Flags
+from torsight.core.words.wording import meant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +37,8 @@ SCHEMA: Final = 1
 
 CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
 PARQUET_SUFFIXES: Final = (".parquet", ".pq")
+DECIMAL_COMMA: Final = re.compile(r"(?<=\d),(?=\d)")
+"""A comma between two digits, where a number is meant."""
 _CSV_BLOCK: Final = 4096
 """Rows per block that is converted to text: lists are faster than single numbers, and memory stays small. Eight columns
 of 120,000 rows take a quarter of a second with 64 rows as with 65,536, which need 40 MB more."""
@@ -197,40 +202,43 @@ def read_text(path: Path) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a whole file; a missing, unreadable or special file is refused."""
-    require_ordinary(path)
+    """Read a whole file; a missing, unreadable or special file, or a folder, is refused."""
+    require_file(path)
     try:
         return path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from error
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file.
+def read_toml(path: Path, *, kind: str = "") -> dict[str, Any]:
+    """Read a TOML file of a ``kind`` (a key of :data:`~torsight.core.files.kinds.TOML_KINDS`; empty for any).
 
-    Raises InputError when the file is missing or unreadable; ConfigError when it is not TOML; the message carries line
-    and column.
+    Raises InputError when the file is missing or unreadable; ConfigError when it is not TOML, with line and column in
+    the message, or a file of another kind.
     """
     text = read_text(path)
     try:
-        return tomllib.loads(text)
+        content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
-        raise ConfigError(f"is not TOML ({error})", where=str(path), do="mend that line") from error
+        other = kind_of(path)
+        if other is not None and kind:
+            raise other_kind(ConfigError, other, TOML_KINDS[kind], where=path) from error
+        at = re.search(r"at line (\d+)", str(error))
+        line = text.splitlines()[int(at[1]) - 1].strip() if at else None
+        do = "write numbers with a decimal point" if line and DECIMAL_COMMA.search(line) else "mend that line"
+        raise ConfigError(f"is not TOML ({error})", where=str(path), value=line, do=do) from error
+    found = toml_kind(content)
+    if kind and found is not None and not set(TOML_KINDS[kind].signs) & set(content):
+        raise other_kind(ConfigError, TOML_KINDS[found], TOML_KINDS[kind], where=path)
+    return content
 
 
 def check_keys(table: Mapping[str, Any], allowed: Sequence[str], *, where: str) -> None:
     """Refuse an unknown key; the message gives the most similar known one."""
     for key in table:
         if key not in allowed:
-            spelled = {name.lower(): name for name in allowed}
-            begun = [name for lower, name in spelled.items() if lower.startswith(key.lower())]
-            alike = difflib.get_close_matches(key.lower(), spelled, n=1, cutoff=0.5)
-            near = begun or [spelled[name] for name in alike]
             raise ConfigError(
-                f"unknown key '{key}'",
-                where=where,
-                limit=", ".join(allowed),
-                do=f"did you mean '{near[0]}'?" if near else "remove it",
+                f"unknown key '{key}'", where=where, limit=", ".join(allowed), do=meant(key, allowed) or "remove it"
             )
 
 
@@ -317,12 +325,14 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
 
     if not path.exists():
         raise missing_file(path)
-    refuse_folder(path)
-    require_ordinary(path)
+    wanted = next((one for one in TABLE_KINDS.values() if one.signs == tuple(required)), None)
+    require_table(path, wanted)
     try:
         table = pd.read_parquet(path) if is_parquet(path) else _read_csv(path)
     except pd.errors.EmptyDataError as error:
         raise empty_table(path) from error
+    except PermissionError as error:
+        raise unreadable(path, error) from error
     except _damages_of(path) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise InputError(
@@ -333,13 +343,16 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     table.columns = [str(name).strip() for name in table.columns]
     for name in required:
         if name not in table.columns:
+            other = table_kind(table.columns, wanted)
+            if wanted is not None and other is not None:
+                raise other_kind(InputError, other, wanted, where=path)
             # Do not suggest renaming a column that is itself required.
             near = difflib.get_close_matches(name, [one for one in table.columns if one not in required], n=1)
             raise InputError(
                 f"has no column '{name}'",
                 where=str(path),
                 value=", ".join(table.columns[:12]),
-                do=f"rename '{near[0]}'" if near else "add the column",
+                do=f"rename '{near[0]}'" if near else "add the column" if wanted is None else wanted.source,
             )
         table[name] = number_column(table, name, where=str(path))
     if len(table) == 0:
@@ -347,10 +360,12 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
     return table
 
 
-def refuse_folder(path: Path) -> None:
-    """Refuse a folder in place of a table."""
-    if path.is_dir():
-        raise InputError("is a folder, not a table", where=str(path), do="name the file in it")
+def require_table(path: Path, wanted: Kind | None) -> None:
+    """Refuse a folder, a pipe or a TOML file in place of a table of the kind ``wanted``."""
+    require_file(path)
+    other = kind_of(path) if path.suffix.lower() == ".toml" else None
+    if other is not None and other not in TABLE_KINDS.values():
+        raise InputError(f"is {other.name}", where=str(path), limit="a table" if wanted is None else wanted.name)
 
 
 def empty_table(path: Path) -> InputError:
@@ -374,12 +389,18 @@ def _damages_of(path: Path) -> tuple[type[Exception], ...]:
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
+    """Return a text table; where semicolons or tabs separate the columns, numbers may have a decimal comma."""
     import pandas as pd
 
-    table = pd.read_csv(path, encoding="utf-8-sig")
+    with path.open(encoding="utf-8-sig") as file:
+        first = file.readline()
+    mark = next((one for one in ";\t" if one in first and "," not in first), ",")
+    points = "." if mark == "," else ".,"
+    read = [pd.read_csv(path, sep=mark, decimal=point, encoding="utf-8-sig") for point in points]
+    table = max(read, key=lambda one: one.select_dtypes("number").shape[1])
     # pandas reads equal names as "name" and "name.1". Restore the names, so that a required column that is there twice
     # is refused.
-    header = pd.read_csv(path, encoding="utf-8-sig", header=None, nrows=1, dtype=str).iloc[0]
+    header = pd.read_csv(path, sep=mark, encoding="utf-8-sig", header=None, nrows=1, dtype=str).iloc[0]
     if len(header) == len(table.columns) and header.notna().all():
         table.columns = pd.Index(header)
     return table

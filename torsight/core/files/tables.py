@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.errors import InputError
+from torsight.core.files.kinds import TABLE_KINDS
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import first_row, number_column, read_json, read_table, write_table
 from torsight.core.records import SyncedTable, clock_sigma_s, merged_columns
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 
 MOST_FRAMES: Final = 20_000_000
 """Largest plausible frame number: no film is that long."""
-_ANGLE = ("frame", "time_s", "angle_deg", "angle_sigma_deg", "valid")
-_MERGED = ("time_s", "angle_deg", "angle_sigma_deg", "temp_a_c", "temp_b_c")
+_ANGLE = TABLE_KINDS["angle"].signs
+_MERGED = TABLE_KINDS["merged"].signs
 
 
 def write_angles(path: AnyPath, angles: StickAngles) -> None:

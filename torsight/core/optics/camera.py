@@ -94,7 +94,7 @@ def read_camera(path: AnyPath) -> Camera:
         When the file cannot be read.
     """
     path = Path(path)
-    content = read_toml(path)
+    content = read_toml(path, kind="camera")
     check_keys(content, ("intrinsics", "pose", "planes", "right", "calibration"), where=str(path))
     if "intrinsics" not in content:
         raise ConfigError("has no table [intrinsics]", where=str(path), do="make it with 'torsight calibrate'")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
@@ -248,6 +249,14 @@ def named(discovery: Mapping[str, Any]) -> str:
     drivers = [variable_name(str(item["variable"])) for item in (discovery.get("drivers") or [])[:3]]
     depends = f" It depends on {listed(drivers)}." if drivers else ""
     return f"Something real is missing that no known effect explains.{depends}"
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Return the question whether a name that is not known means the most similar known one; empty without one."""
+    spelled = {one.lower(): one for one in known}
+    begun = [one for lower, one in spelled.items() if lower.startswith(name.lower())]
+    near = begun or [spelled[one] for one in difflib.get_close_matches(name.lower(), spelled, n=1, cutoff=0.5)]
+    return f"did you mean '{near[0]}'?" if near else ""
 
 
 def listed(words: Sequence[str], *, last: str = "and") -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.files.storage import is_parquet, read_table
+from torsight.core.files.storage import read_table
 from torsight.core.units import Floats
 from torsight.discovery.own.model.values import ByName
 
@@ -40,6 +39,9 @@ class Record(ByName[Floats]):
         Columns of one length; NaN where a value is not known.
     label : str
         Name of the record in messages and reports.
+    wrong : mapping of str to (int, str), optional
+        Columns of numbers in which a field holds something else: its row, from 0, and its text. They are refused where
+        they are asked for, because a record may have columns that nobody needs.
     """
 
     UNCHANGED = "a record cannot be changed; make a new array in place of '{}'"
@@ -48,16 +50,20 @@ class Record(ByName[Floats]):
     """Columns by name."""
     label_: str
     """Name of the record in messages and reports."""
+    wrong_: Mapping[str, tuple[int, str]]
+    """Columns that are refused where they are asked for."""
 
-    def __init__(self, columns: Mapping[str, Floats], label: str) -> None:
+    def __init__(
+        self, columns: Mapping[str, Floats], label: str, wrong: Mapping[str, tuple[int, str]] | None = None
+    ) -> None:
         copies = {name: np.array(values, np.float64) for name, values in columns.items()}
         for values in copies.values():
             values.setflags(write=False)
         super().__init__({name: values for name, values in copies.items() if not name.startswith("_")})
-        self.__dict__.update(_items=copies, columns_=copies, label_=label)
+        self.__dict__.update(_items=copies, columns_=copies, label_=label, wrong_=wrong or {})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (Record, (self.columns_, self.label_))
+        return (Record, (self.columns_, self.label_, self.wrong_))
 
     @property
     def rows_(self) -> int:
@@ -65,6 +71,11 @@ class Record(ByName[Floats]):
         return len(next(iter(self.columns_.values())))
 
     def _missing(self, name: str) -> str:
+        if name in self.wrong_:
+            row, text = self.wrong_[name]
+            where = f"{self.label_}, row {row + 1}, column {name}"
+            limit = "a number or an empty field"
+            raise InputError("is not a number", where=where, value=repr(text), limit=limit, do="mend that row")
         return f"the record '{self.label_}' has no column '{name}'; it has {', '.join(self)}"
 
 
@@ -76,7 +87,9 @@ def read_records(observed: Table | Sequence[Table]) -> tuple[Record, ...]:
     records = tuple(_read(table, number) for number, table in enumerate(tables, start=1))
     labels = [record.label_ for record in records]
     return tuple(
-        record if labels.count(record.label_) == 1 else Record(record.columns_, f"{record.label_} ({number})")
+        record
+        if labels.count(record.label_) == 1
+        else Record(record.columns_, f"{record.label_} ({number})", record.wrong_)
         for number, record in enumerate(records, start=1)
     )
 
@@ -85,7 +98,7 @@ def _read(table: Table, number: int) -> Record:
     if isinstance(table, Record):
         return table
     if isinstance(table, (str, Path)):
-        found = _table_of(Path(table))
+        found = read_table(Path(table))
         return _checked({str(name): found[name].to_numpy() for name in found.columns}, Path(table).stem, str(table))
     label = f"record {number}"
     if isinstance(table, Mapping):
@@ -105,22 +118,8 @@ def _read(table: Table, number: int) -> Record:
     )
 
 
-def _table_of(path: Path) -> pd.DataFrame:
-    """Return a file's table; where semicolons or tabs separate the columns, numbers may have a decimal comma."""
-    with contextlib.suppress(OSError, UnicodeDecodeError), path.open(encoding="utf-8-sig") as file:
-        header = file.readline()
-        mark = next((one for one in ";\t" if one in header and "," not in header), None)
-        if mark is not None and not is_parquet(path):
-            import pandas as pd
-
-            read = [pd.read_csv(path, sep=mark, decimal=point, encoding="utf-8-sig") for point in ".,"]
-            found = max(read, key=lambda one: one.select_dtypes("number").shape[1])
-            return found.rename(columns=lambda name: str(name).strip())
-    return read_table(path)
-
-
 def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Record:
-    """Return the numeric columns as a record; text (names, remarks) is left out."""
+    """Return the columns of numbers as a record; columns of text alone (names, remarks) are left out."""
     lengths = {name: np.shape(values) for name, values in columns.items()}
     wrong = [f"{name} {shape}" for name, shape in lengths.items() if len(shape) != 1]
     if wrong or len(set(lengths.values())) > 1:
@@ -140,7 +139,19 @@ def _checked(columns: Mapping[str, NDArray[Any]], label: str, where: str) -> Rec
             limit=f"{LEAST_ROWS} rows or more",
             do="record it again",
         )
-    return Record({name: np.asarray(values, np.float64) for name, values in numbers.items()}, label)
+    texts = {name: _text_among_numbers(values) for name, values in columns.items() if name not in numbers}
+    text_at = {name: found for name, found in texts.items() if found is not None}
+    return Record({name: np.asarray(values, np.float64) for name, values in numbers.items()}, label, text_at)
+
+
+def _text_among_numbers(values: NDArray[Any]) -> tuple[int, str] | None:
+    """Return row and text of the first field that is no number; None for a column without any number."""
+    import pandas as pd
+
+    fields = pd.Series(list(values), dtype=object)
+    numbers = pd.to_numeric(fields, errors="coerce")
+    rows = np.flatnonzero((numbers.isna() & fields.notna()).to_numpy())
+    return (int(rows[0]), str(fields.iloc[rows[0]])) if len(rows) and numbers.notna().any() else None
 
 
 def time_of(record: Record, name: str | None) -> Floats:
