@@ -15,7 +15,7 @@ from PIL import Image, UnidentifiedImageError
 from PIL.ExifTags import IFD, Base
 
 from torsight.core.errors import InputError
-from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, in_order, is_glob, matching, missing_file
+from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, is_glob, matching, missing_file, pictures_in
 from torsight.core.files.provenance import file_hash
 
 MOST_FILM_VIEWS: Final = 30
@@ -49,7 +49,7 @@ def expand(sources: Sequence[AnyPath]) -> list[Path]:
     files: list[Path] = []
     for source in map(Path, sources):
         if source.is_dir():
-            found = in_order(item for item in source.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+            found = pictures_in(source)
         elif source.exists():
             found = [source]
         elif is_glob(source):

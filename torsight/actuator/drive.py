@@ -132,6 +132,14 @@ class Drive:
         """The whole drive, which effects on clocks read at other times, and the indices (n,) of this drive's rows."""
         return self.part_of or (self, np.arange(float(len(self))))
 
+    def temps_by_role(self) -> tuple[Floats, Floats]:
+        """Return the temperature (n,) of the driven spring of each row, and that of the other spring, °C."""
+        return by_role(self.cycles.active, self.temp_a_c, self.temp_b_c)
+
+    def rates_by_role(self) -> tuple[Floats, Floats]:
+        """Return the slopes (n,) of these temperatures, °C/s."""
+        return by_role(self.cycles.active, self.rate_a_c_s, self.rate_b_c_s)
+
     def half_cycles(self) -> Iterator[tuple[int, Ints, Floats, Floats]]:
         """Yield each half-cycle's driven spring and rows (k,), and the temperature and slope (k,) of this spring."""
         series = ((self.temp_a_c, self.rate_a_c_s), (self.temp_b_c, self.rate_b_c_s))

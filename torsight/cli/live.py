@@ -127,10 +127,9 @@ def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
 def summary(outcome: Outcome, folder: Path) -> list[str]:
     """Return the summary of a live record, line by line."""
     share = 100.0 * outcome.measured / max(outcome.frames, 1)
-    lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
     lines = [
         "",
-        f"Frames            {outcome.frames}, {share:.1f} % of them measured, {outcome.dropped} dropped{lost}",
+        f"Frames            {outcome.frames}, {share:.1f} % of them measured, {outcome.dropped} dropped{outcome.lost}",
         f"Temperature rows  {outcome.log_rows or 'none: the log did not exist, or stayed empty'}",
     ]
     if outcome.measured:

@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 
 from torsight.core.optics.camera import Intrinsics
-from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
+from torsight.core.optics.geometry import carried, pixel_from_ray, ray_from_pixel
 from torsight.core.optics.hanging import USUAL_PX
-from torsight.core.series import BY_CHANCE, runs
+from torsight.core.series import BY_CHANCE, bridged, runs
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import LEAST_FRAMES, LengthWitness, by_direction, witness
@@ -109,8 +109,7 @@ def flattened(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect:
         stretch = np.array([pixel_aspect, 1.0])
         return tracks.position_px * stretch, tracks.covariance_px2 * np.outer(stretch, stretch), 1.0
     rays, slopes = ray_from_pixel(tracks.position_px, intrinsics)
-    covariance = np.asarray(slopes @ tracks.covariance_px2 @ np.swapaxes(slopes, -1, -2))
-    return rays, covariance, 1.0 / float(intrinsics.matrix[0, 0])
+    return rays, carried(tracks.covariance_px2, slopes), 1.0 / float(intrinsics.matrix[0, 0])
 
 
 def _in_picture(flat: Floats, intrinsics: Intrinsics | None, pixel_aspect: float) -> Floats:
@@ -142,10 +141,8 @@ def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple
         return position, nothing
     noise = 0.5 * np.trace(covariance[:, 0] + covariance[:, 1], axis1=1, axis2=2) / base.length**2
     size, variance = _followed(share * longer, noise)
-    middle, index = _middle(position[:, :2]), np.arange(len(position))
-    seen = np.flatnonzero(_seen(middle))
     # While the base is not seen its middle is interpolated.
-    about = np.stack([np.interp(index, seen, part[seen]) for part in middle.T], axis=1)[:, None]
+    about = np.stack([bridged(part) for part in _middle(position[:, :2]).T], axis=1)[:, None]
     return np.asarray(about + (position - about) / (1.0 + size)[:, None, None]), variance
 
 
@@ -230,8 +227,7 @@ def _middle(base: Floats) -> Floats:
     if not both.any():
         return np.full((len(base), 2), np.nan)
     # The offset is interpolated, not its median taken: camera roll turns the stick.
-    index = np.arange(len(base))
-    half = 0.5 * np.stack([np.interp(index, index[both], part[both]) for part in offset.T], axis=1)
+    half = 0.5 * np.stack([bridged(part) for part in offset.T], axis=1)
     one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
     return np.where(both[:, None], base.mean(axis=1), one)
 
@@ -282,5 +278,4 @@ def _bridged(values: Floats, variance: Floats) -> tuple[Floats, Floats]:
     before = np.clip(after - 1, 0, None)
     gap = ~np.isfinite(values)
     across = (values[known[after]] - values[known[before]]) ** 2
-    filled = np.where(gap, np.interp(index, known, values[known]), values)
-    return filled, np.where(gap, across + np.median(variance[known]), variance)
+    return bridged(values), np.where(gap, across + np.median(variance[known]), variance)

@@ -10,9 +10,9 @@ import numpy as np
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
-from torsight.core.optics.geometry import on_plane, rotation_matrix
+from torsight.core.optics.geometry import carried, on_plane, rotation_matrix
 from torsight.core.parallel.threads import one_thread
-from torsight.core.series import known_median
+from torsight.core.series import bridged, known_median
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.camera_motion import Unmoved, flattened, unmoved
@@ -102,7 +102,8 @@ def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> 
         plane, _ = in_planes(tracks, intrinsics, pose_from_axis(turned))
         return _against_still([points for points, _ in plane])
 
-    return _bridged(variance_by(angle, axis.direction, axis.direction_covariance))
+    # Interpolated over frames in which one of the moving markers is hidden.
+    return bridged(variance_by(angle, axis.direction, axis.direction_covariance))
 
 
 def _against_still(points: list[Floats]) -> Floats:
@@ -122,7 +123,7 @@ def _without_camera(
     inner, outer = (scaled(points, scale) for points in paths)
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.tracks.size_px[0])
     places, slopes = _from_above(flat, tilt.values, readout)
-    plane = [(at, _carried(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
+    plane = [(at, carried(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
     found = from_plane(
         still.tracks,
         plane,
@@ -200,18 +201,8 @@ def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> Floats:
     def angle(values: Floats) -> Floats:
         return _against_still(_from_above(flat, values, readout)[0])
 
-    return _bridged(variance_by(angle, tilt.values, tilt.covariance))
-
-
-def _bridged(variance: Floats) -> Floats:
-    """Return a variance (n,) of the angle, interpolated over frames in which one of the moving markers is hidden."""
-    known = np.flatnonzero(np.isfinite(variance))
-    return np.interp(np.arange(len(variance)), known, variance[known]) if len(known) else variance
-
-
-def _carried(covariance_px2: Floats, slopes: Floats) -> Floats:
-    """Return the covariances (n, 2, 2) of mapped positions, from the derivatives (n, 2, 2) of the map."""
-    return np.asarray(slopes @ covariance_px2 @ np.swapaxes(slopes, -1, -2), dtype=np.float64)
+    # Interpolated over frames in which one of the moving markers is hidden.
+    return bridged(variance_by(angle, tilt.values, tilt.covariance))
 
 
 def _check_pose(pose: Pose) -> None:
@@ -247,6 +238,6 @@ def in_planes(
     position_mm = np.full((len(tracks), 4, 3), np.nan)
     for marker, z_mm in enumerate(height_mm.tolist()):
         found, slopes = on_plane(tracks.position_px[:, marker], intrinsics, pose=pose, z_mm=z_mm)
-        plane.append((found[:, :2], _carried(tracks.covariance_px2[:, marker], slopes)))
+        plane.append((found[:, :2], carried(tracks.covariance_px2[:, marker], slopes)))
         position_mm[:, marker] = found
     return plane, position_mm

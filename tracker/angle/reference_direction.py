@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.series import BY_CHANCE, robust_sigma
+from torsight.core.series import BY_CHANCE, bridged, robust_sigma
 from torsight.core.units import Floats
 
 SIDE: Final = 8
@@ -138,7 +138,7 @@ def _running_mean(values: Floats, half: int) -> tuple[Floats, Floats]:
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = middle + (total[last] - total[first]) / count
     empty = count == 0
-    if empty.any() and (~empty).any():
-        mean[empty] = np.interp(index[empty], index[~empty], mean[~empty])
+    if not empty.all():
+        mean = bridged(mean)
         count[empty] = 1.0
     return mean, count

@@ -15,10 +15,10 @@ from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import (
     PICTURE_SUFFIXES,
     AnyPath,
-    in_order,
     is_glob,
     matching,
     missing_file,
+    pictures_in,
     require_content,
 )
 from torsight.core.units import Floats
@@ -54,7 +54,7 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
     times = None if timestamps is None else _read_times(timestamps)
     path = Path(source)
     if path.is_dir():
-        found = in_order(item for item in path.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+        found = pictures_in(path)
         return PictureSource(found, name=str(source), fps=fps, times_s=times)
     if not path.exists():
         if is_glob(source):

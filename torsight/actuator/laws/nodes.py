@@ -9,7 +9,6 @@ import numpy as np
 from torsight.actuator.drive import Drive
 from torsight.actuator.laws.acts import DIFFERING
 from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS
-from torsight.actuator.record.segments import by_role
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
@@ -60,7 +59,7 @@ def winding_nodes(drive: Drive) -> Nodes | None:
 
 def active_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the driven spring's temperature, °C."""
-    active_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[0]
+    active_c = drive.temps_by_role()[0]
     return _over(float(active_c.min()), float(active_c.max()), _NODES)
 
 
@@ -72,7 +71,7 @@ def phase_nodes(_drive: Drive) -> Nodes:
 
 def passive_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the other spring's temperature, °C; None where it hardly warms up."""
-    passive_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[1]
+    passive_c = drive.temps_by_role()[1]
     low, high = float(passive_c.min()), float(np.quantile(passive_c, 0.99))
     return _over(low, high, _NODES) if high - low > _LEAST_WARMING_C else None
 
@@ -84,7 +83,7 @@ def rate_nodes(drive: Drive) -> Nodes | None:
 
 def active_rate_nodes(drive: Drive) -> Nodes | None:
     """Return nodes over the rate of the driven spring's temperature, °C/s."""
-    return _over_rates(by_role(drive.cycles.active, drive.rate_a_c_s, drive.rate_b_c_s)[0])
+    return _over_rates(drive.rates_by_role()[0])
 
 
 def _over_rates(rate_c_s: Floats) -> Nodes | None:

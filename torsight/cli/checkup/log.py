@@ -14,7 +14,6 @@ from sync import LogReading, read_temperature_log
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.log_noise import last_digit, measure_noise
-from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import Check, Finding, refusal
@@ -137,7 +136,7 @@ def check_programme(
     if not any(cycle.peak_c > limits.onset_c for cycle in cycles):
         return findings, content
     angle_deg = ActuatorModel(spec).simulate(drive).angle_rad / DEG
-    active_c = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)[0]
+    active_c = drive.temps_by_role()[0]
     steepest = steepest_deg_per_c(angle_deg, active_c)
     content["steepest_deg_per_c"] = steepest
     content["expected_rate_deg_s"] = float(np.nanquantile(np.abs(np.gradient(angle_deg, drive.time_s)), 0.99))

@@ -45,6 +45,11 @@ def matching(pattern: Path) -> list[Path]:
     return in_order(Path(name) for name in glob.glob(str(pattern)))  # noqa: PTH207
 
 
+def pictures_in(folder: Path) -> list[Path]:
+    """Return the pictures in a folder, in the order of :func:`in_order`."""
+    return in_order(item for item in folder.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+
+
 def in_order(paths: Iterable[Path]) -> list[Path]:
     """Return paths sorted by name, with numbers in names sorted by value: ``img_2`` comes before ``img_10``."""
 

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.minimise import least_squares
-from torsight.core.optics.geometry import applied, cross_matrix
+from torsight.core.optics.geometry import applied, carried, cross_matrix
 from torsight.core.optics.hanging import whitening
 from torsight.core.optics.sights import Sight
 from torsight.core.series import BY_CHANCE, robust_sigma
@@ -152,7 +152,7 @@ class Circles:
             for marker, part in enumerate((slice(0, 2), slice(2, 4))):
                 turn[:, marker, part], turn[:, 2 + marker, part] = aside[:, marker], ahead[:, marker]
             both = np.stack((error.reshape(-1, 4), slope.reshape(-1, 4)), axis=-1)
-            factor = np.linalg.cholesky(turn @ sight.covariance @ np.swapaxes(turn, -1, -2))
+            factor = np.linalg.cholesky(carried(sight.covariance, turn))
             white = np.linalg.solve(factor, turn @ both)
             across.append(white[:, :2, 0])
             along.append(white[:, 2:, 0])

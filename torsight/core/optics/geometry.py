@@ -57,6 +57,11 @@ def applied(matrix: Floats, vector: Floats) -> Floats:
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
+def carried(covariance: Floats, slopes: Floats) -> Floats:
+    """Return the covariances (..., m, m) of mapped values, from the derivatives (..., m, n) of the map."""
+    return np.asarray(slopes @ covariance @ np.swapaxes(slopes, -1, -2))
+
+
 def distort(ray: Floats, distortion: Floats) -> tuple[Floats, Floats]:
     """Return rays X/Z, Y/Z (..., 2) distorted by the lens (k1, k2, p1, p2, k3), and the Jacobian (..., 2, 2)."""
     k1, k2, p1, p2, k3 = (float(value) for value in distortion)
@@ -181,9 +186,8 @@ def triangulate(
     ):
         ray, derivative = ray_from_pixel(position, intrinsics)
         rays.append(ray)
-        spread = derivative @ covariance @ np.swapaxes(derivative, -1, -2)
         with np.errstate(all="ignore"):
-            weights.append(_inverse_2x2(spread))
+            weights.append(_inverse_2x2(carried(covariance, derivative)))
     rotation, shift = rotation_matrix(right.rvec), right.tvec_mm
     point = meeting_point(rays[0], rays[1], rotation=rotation, shift=shift)
     for _ in range(_TRIANGULATION_STEPS):

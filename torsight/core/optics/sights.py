@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.optics.camera import Intrinsics
-from torsight.core.optics.geometry import homogeneous, ray_from_pixel
+from torsight.core.optics.geometry import carried, homogeneous, ray_from_pixel
 from torsight.core.units import Flags, Floats
 
 
@@ -46,7 +46,7 @@ class Sight:
         seen = np.asarray(np.isfinite(ray).all(axis=-1))
         ray = np.where(seen[..., None], ray, np.nan)
         slope = np.where(seen[..., None, None], slope, 0.0)
-        own = slope @ np.where(seen[..., None, None], covariance_px2, 1.0) @ np.swapaxes(slope, -1, -2)
+        own = carried(np.where(seen[..., None, None], covariance_px2, 1.0), slope)
         covariance = np.zeros((len(ray), 4, 4))
         for marker, part in enumerate((slice(0, 2), slice(2, 4))):
             # Where a marker is not seen, the variance is arbitrary: it is not used.

@@ -56,6 +56,25 @@ def known_median(values: NDArray[Any]) -> float:
     return float(np.median(known)) if len(known) else math.nan
 
 
+def bridged(values: Floats) -> Floats:
+    """Return a series (n,) with its gaps (NaN) bridged by lines over the rows, the ends held; all unknown as it is."""
+    known = np.flatnonzero(np.isfinite(values))
+    return np.interp(np.arange(len(values)), known, values[known]) if len(known) else values
+
+
+def means_beside(values: Floats, half: int) -> tuple[Floats, Floats, Ints]:
+    """Return the means (n,) of a finite series over ``half`` rows before each row and after it, both with the row.
+
+    Near the ends there are fewer rows; the third result is the number of rows (n,) from first to last.
+    """
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    index = np.arange(len(values))
+    low, high = np.maximum(index - half, 0), np.minimum(index + half, len(values) - 1)
+    before = (total[index + 1] - total[low]) / (index + 1 - low)
+    after = (total[high + 1] - total[index]) / (high + 1 - index)
+    return before, after, high - low
+
+
 def extent(values: Floats) -> tuple[float, float]:
     """Return the range of the central 99 % of the known values, which one wrong value in 200 does not widen.
 

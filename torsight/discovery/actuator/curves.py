@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.fitted import FittedModel
-from torsight.actuator.record.segments import by_role
 from torsight.core.units import DEG
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.fitting import Fit
@@ -26,7 +25,7 @@ def curve_columns(
     after = extended.model.simulate(drive, extended.values, history=problem.history)
     observed = drive.angle_rad / DEG
     ahead_deg = 360.0 * drive.turns
-    rate, _ = by_role(drive.cycles.active, drive.rate_a_c_s, drive.rate_b_c_s)
+    rate, _ = drive.rates_by_role()
     direction = np.where(np.abs(rate) < _STILL_C_S, "rest", np.where(rate > 0.0, "heating", "cooling"))
     return {
         "time_s": drive.time_s,

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from torsight.actuator.drive import Drive
+from torsight.core.series import bridged
 from torsight.core.units import Flags, Floats, Ints
 
 
@@ -18,18 +19,15 @@ def actuator_drivers(drive: Drive, rows: Ints, angle_deg: Floats, rest: Flags) -
     of earlier heatings of the driven spring.
     """
     time_s = drive.time_s[rows]
-    is_a = drive.cycles.active[rows] == 0
-    active = np.where(is_a, drive.temp_a_c[rows], drive.temp_b_c[rows])
-    passive = np.where(is_a, drive.temp_b_c[rows], drive.temp_a_c[rows])
-    temp_rate = np.where(is_a, drive.rate_a_c_s[rows], drive.rate_b_c_s[rows])
-    angle = np.interp(np.arange(len(rows)), np.flatnonzero(np.isfinite(angle_deg)), angle_deg[np.isfinite(angle_deg)])
+    active, passive = drive.temps_by_role()
+    angle = bridged(angle_deg)
     rate = np.where(rest, 0.0, _rate(time_s, angle))
     return {
         "angle_deg": angle,
         "angle_rate_deg_s": rate,
-        "temp_active_c": active,
-        "temp_passive_c": passive,
-        "temp_rate_c_s": temp_rate,
+        "temp_active_c": active[rows],
+        "temp_passive_c": passive[rows],
+        "temp_rate_c_s": drive.rates_by_role()[0][rows],
         "time_s": time_s - time_s[0],
         "cycle": drive.cycles.counts()[drive.cycles.half[rows]].astype(np.float64),
         "dwell_s": _since(time_s, moving=~rest),

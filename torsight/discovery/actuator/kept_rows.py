@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.turns import REVERSAL_C, turning_points
-from torsight.core.series import runs, scatter, usual_step
+from torsight.core.series import bridged, means_beside, runs, scatter, usual_step
 from torsight.core.units import DEG, Flags, Floats, Ints
 
 _REST_SPEED_DEG_S: Final = 0.02
@@ -29,7 +28,7 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
     starts from a rest: with friction over the speed, steps that contain a start are not exact. ``way`` (n,) is the
     distance covered (:func:`way_of`), ``at_rest`` (n,) the rows at rest.
     """
-    active, _ = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
+    active, _ = drive.temps_by_role()
     interval = usual_step(drive.time_s)
     smooth = _running_median(drive.angle_rad / DEG)
     keep = np.zeros(len(drive), bool)
@@ -57,7 +56,7 @@ def _starts(at_rest: Flags, angle_deg: Floats) -> list[int]:
 
 def way_of(drive: Drive) -> Floats:
     """Return the distance (n,) covered since the first row, in steps of angle, temperatures or time."""
-    active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
+    active, passive = drive.temps_by_role()
     angle_deg = _running_median(drive.angle_rad / DEG)
     steps = ((active, 1.0), (passive, 2.0), (angle_deg, 5.0), (drive.time_s, 30.0))
     each = [np.abs(np.diff(values, prepend=values[0])) / step for values, step in steps]
@@ -78,9 +77,7 @@ def _tops(active: Floats, angle_deg: Floats, half: Ints, turns: Ints) -> list[in
 
 def _running_median(values: Floats) -> Floats:
     """Return the running median over five rows, with gaps interpolated: the motion without the reading noise."""
-    good = np.isfinite(values)
-    filled = np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
-    padded = np.pad(filled, 2, mode="edge")
+    padded = np.pad(bridged(values), 2, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
 
 
@@ -90,17 +87,12 @@ def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
     A row is at rest if the averages of the angle over half a window before and after it differ by less than 0.02 °/s,
     or by less than the averages' own noise.
     """
-    n = len(time_s)
     interval = usual_step(time_s)
     half = max(2, round(0.5 * _REST_LEAST_S / interval))
     filled = np.interp(time_s, time_s[valid], observed[valid])
     noise = scatter(filled)
-    total = np.concatenate([[0.0], np.cumsum(filled)])
-    index = np.arange(n)
-    low, high = np.maximum(index - half, 0), np.minimum(index + half, n - 1)
-    before = (total[index + 1] - total[low]) / (index + 1 - low)
-    after = (total[high + 1] - total[index]) / (high + 1 - index)
-    span = 0.5 * (high - low) * interval + 1e-9
+    before, after, rows = means_beside(filled, half)
+    span = 0.5 * rows * interval + 1e-9
     limit = np.maximum(_REST_SPEED_DEG_S * span, 4.0 * noise * np.sqrt(2.0 / half))
     still = np.abs(after - before) < limit
     return _long_runs(still, least=2 * half)

@@ -11,6 +11,7 @@ import numpy as np
 from torsight.actuator.laws import FAMILIES, between_nodes
 from torsight.actuator.laws.nodes import cycle_nodes, phase_nodes
 from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, phase_places
+from torsight.actuator.record.segments import by_role
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.springs import Rig
 from torsight.core.law import Law
@@ -213,9 +214,9 @@ def _reached_c(problem: ActuatorProblem, simulation: Simulation, per_torque: flo
 
     ``per_torque`` is this shift in K per N·m.
     """
-    is_a = problem.drive.cycles.active == 0
-    torque = np.where(is_a, simulation.torque_a_nm, simulation.torque_b_nm)
-    temp_c = np.where(is_a, simulation.temp_a_c, simulation.temp_b_c)
+    active = problem.drive.cycles.active
+    torque, _ = by_role(active, simulation.torque_a_nm, simulation.torque_b_nm)
+    temp_c, _ = by_role(active, simulation.temp_a_c, simulation.temp_b_c)
     unloaded_c = temp_c - torque * per_torque
     return float(unloaded_c.min()), float(unloaded_c.max())
 

@@ -212,11 +212,14 @@ class _Planner:
     def _drive(self, programme: Programme) -> Drive:
         return programme.play(self._heat).drive(start_angle_rad=self._problem.drive.start_angle_rad)
 
+    def _angle_rad(self, rival: Rival, drive: Drive) -> Floats:
+        model = self._problem.with_laws(rival.forms).model(rival.effects)
+        return model.angle_rad(drive, rival.values(rival.x))
+
     def _planned(self, drive: Drive) -> tuple[ActuatorProblem, Weight]:
         """Return the planned record as a problem, and the weight of its samples."""
         own, first = self._problem.drive, self._rivals[0]
-        values = {p.name: float(v) for p, v in zip(first.parameters, first.x, strict=True)}
-        angle_rad = self._problem.with_laws(first.forms).model(first.effects).angle_rad(drive, values)
+        values, angle_rad = first.values(first.x), self._angle_rad(first, drive)
         sigma_rad = float(np.nan_to_num(known_median(own.angle_sigma_rad)))
         planned = ActuatorProblem(
             replace(
@@ -259,9 +262,7 @@ class _Planner:
         }
         turns_deg = 360.0 * self._problem.drive.turns
         for one in self._rivals:
-            values = {p.name: float(v) for p, v in zip(one.parameters, one.x, strict=True)}
-            angle_rad = self._problem.with_laws(one.forms).model(one.effects).angle_rad(drive, values)
-            columns[f"{'+'.join(one.name)}_deg"] = (angle_rad / DEG + turns_deg).round(3)
+            columns[f"{'+'.join(one.name)}_deg"] = (self._angle_rad(one, drive) / DEG + turns_deg).round(3)
         return columns
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.record.segments import HalfCycles, by_role, turn_of
+from torsight.actuator.record.segments import HalfCycles, turn_of
 from torsight.actuator.record.sensors import Pair, Sensors
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.record.turns import turns_of
@@ -70,8 +70,8 @@ class Heat:
     @classmethod
     def of(cls, drive: Drive) -> Heat:
         """Estimate the model: the loss from the driven spring's cooling, the exchange from the other spring's rate."""
-        active, passive = by_role(drive.cycles.active, drive.temp_a_c, drive.temp_b_c)
-        active_rate, passive_rate = by_role(drive.cycles.active, drive.rate_a_c_s, drive.rate_b_c_s)
+        active, passive = drive.temps_by_role()
+        active_rate, passive_rate = drive.rates_by_role()
         falling = (active_rate < -0.02) & (active > drive.room_c + 0.2 * np.ptp(active))
         above, apart = active - drive.room_c, active - passive
         to_room, between = 0.02, 0.0

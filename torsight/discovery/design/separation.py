@@ -40,10 +40,13 @@ class Rival:
     x: Floats
     forms: tuple[LawForm, ...] = ()
 
+    def values(self, x: Floats) -> dict[str, float]:
+        """Return values (m,) of the parameters by their names."""
+        return dict(zip([p.name for p in self.parameters], x.tolist(), strict=True))
+
     def model(self, predict: Predict) -> Callable[[Floats], Floats]:
         """Return the planned record's values as a function of the parameters."""
-        names = [p.name for p in self.parameters]
-        return lambda x: predict(dict(zip(names, x.tolist(), strict=True)), self)
+        return lambda x: predict(self.values(x), self)
 
     @property
     def prior_cost(self) -> float:

@@ -175,10 +175,9 @@ class _Measurement:
         )
         self._model = AtPoint(self._problem, (*self._names, *free.names), (*effects, law.id))
         self._bank = _Bank.of(law)
-        self._observed = np.where(likelihood.count > 0.0, problem.observed, 0.0)
 
     def _residual(self, at_u: Floats) -> Floats:
-        return np.where(self._likelihood.count > 0.0, self._observed - at_u, 0.0)
+        return _residual(self._problem, at_u, self._likelihood)
 
     def _prior(self, u: Floats, precision: Floats) -> float:
         """Return the logarithm of the priors at a point: of the parameters, and of the law under one member."""
@@ -221,7 +220,7 @@ class _Measurement:
         """Return the known derivatives as columns, NaN for the others; None where none is known."""
         if not known:
             return None
-        missing = np.full(len(self._observed), np.nan)
+        missing = np.full(len(self._problem.observed), np.nan)
         columns = [known.get(name, missing) for name in self._names]
         return np.column_stack([*columns, *(missing for _ in self._law.nodes)])
 
@@ -357,7 +356,7 @@ def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likeli
     n = len(names) - len(own)
     space, x = fitter.space(fit.effects), fit.solution.x
     information = prior_information(space, x, len(fitter.problem.parameters))[order[:n]]
-    residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
+    residual = _residual(fitter.problem, fit.solution.prediction, likelihood)
     derivative, bank = fit.solution.jacobian[:, order], _Bank.of(measured.law)
     picture = _Picture.of(derivative, residual, likelihood.weight(residual), u=x[order], space=space.at(order),
                           information=information, bank=bank.within(old))  # fmt: skip
@@ -378,7 +377,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     usual size as its width: it is known up to its order of magnitude.
     """
     space, x = fitter.space(fit.effects), fit.solution.x
-    residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
+    residual = _residual(fitter.problem, fit.solution.prediction, likelihood)
     derivative, weight = fit.solution.jacobian, likelihood.weight(residual)
     base = len(fitter.problem.parameters)
     information = prior_information(space, x, base)
@@ -399,7 +398,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
 def far_ahead(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     """Return an upper bound of the log posterior density that a fit may reach, from its linear model's prediction."""
     space, x, base = fitter.space(fit.effects), fit.solution.x, len(fitter.problem.parameters)
-    residual = np.where(likelihood.count > 0.0, fitter.problem.observed - fit.solution.prediction, 0.0)
+    residual = _residual(fitter.problem, fit.solution.prediction, likelihood)
     step = full_step(fit.solution, residual, weight=likelihood.weight(residual), space=space)
 
     def value(share: float) -> float:
@@ -420,6 +419,11 @@ def prior_information(space: Space, x: Floats, base: int) -> Floats:
     information = np.where(np.isfinite(space.prior_sigma), space.prior_information, weak / space.scale**2)
     information[:base] *= outlier_precision(space.prior_residual(x)[:base])
     return information
+
+
+def _residual(problem: Problem, prediction: Floats, likelihood: Likelihood) -> Floats:
+    """Return measured less predicted (n,), zero where a sample has no information."""
+    return np.where(likelihood.count > 0.0, problem.observed - prediction, 0.0)
 
 
 def _precision(basis: Floats) -> Floats:

@@ -20,7 +20,7 @@ from torsight.core.compiled import lending
 from torsight.core.units import Floats
 from torsight.synthetic.effects.rig_laws import SLOTS
 from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, law
-from torsight.synthetic.rig.spring_state import TORQUE_TOLERANCE_NM, Spring, past_onset, solve_spring
+from torsight.synthetic.rig.spring_state import TORQUE_TOLERANCE_NM, Spring, past_onset, solve_spring, tightened
 
 Pair: TypeAlias = NDArray[np.void]
 """The rig's constants twice, with spring A's values and with spring B's."""
@@ -130,12 +130,7 @@ def find_angle(
             break
         new = b - rb * (b - a) / (rb - ra)
         r = residual(pair, springs, motion, temps_c, step_s, new, kind)
-        if (r > 0.0) == (rb > 0.0):
-            # Illinois: halve the stale end's weight, so that the bracket closes from both sides.
-            ra *= 0.5
-        else:
-            a, ra = b, rb
-        b, rb = new, r
+        a, ra, b, rb = tightened(a, ra, b, rb, new, r)
         if abs(r) < _RESIDUAL_NM:
             break
     return b

@@ -209,6 +209,13 @@ def transforms(c: Constants, s: Floats) -> bool:
 
 
 @lending
+def tightened(a: float, ra: float, b: float, rb: float, new: float, r: float) -> tuple[float, float, float, float]:
+    """Return a bracket of a root and both residuals, with a new point as its second end."""
+    # Illinois: halve the stale end's weight, so that the bracket closes from both sides.
+    return (a, 0.5 * ra, new, r) if (r > 0.0) == (rb > 0.0) else (b, rb, new, r)
+
+
+@lending
 def solve_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> float:
     """Return the torque at which phase and stress agree, N·m; the state is not changed."""
     s = spring.s
@@ -226,12 +233,7 @@ def solve_spring(c: Constants, spring: Spring, theta: float, temp_c: float) -> f
             break
         new = b - gb * (b - a) / (gb - ga)
         g = new - torque(c, s, theta, fraction(c, spring, temp_c, new), temp_c)
-        if (g > 0.0) == (gb > 0.0):
-            # Illinois: halve the stale end's weight, so that the bracket closes from both sides.
-            ga *= 0.5
-        else:
-            a, ga = b, gb
-        b, gb = new, g
+        a, ga, b, gb = tightened(a, ga, b, gb, new, g)
     return b
 
 

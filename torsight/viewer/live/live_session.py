@@ -275,8 +275,7 @@ class Session:
         outcome = self.outcome
         if outcome.dropped + outcome.missed > self._told_dropped:
             self._told_dropped = outcome.dropped + outcome.missed
-            lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
-            self._tell(self.now_s, self._frame, "dropped", f"{outcome.dropped} frames dropped so far{lost}")
+            self._tell(self.now_s, self._frame, "dropped", f"{outcome.dropped} frames dropped so far{outcome.lost}")
 
     def _tell_the_end(self) -> None:
         self._tell_dropped()

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.series import runs, scatter
+from torsight.core.series import bridged, means_beside, runs, scatter
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.own.model import given
 from torsight.discovery.own.own_records import LEAST_ROWS, Record, column_of
@@ -250,16 +250,11 @@ def check_blocks(block: Ints, valid: Flags) -> list[str]:
 def still(observed: Floats, noise: float) -> Flags:
     """Return the rows (rows,) in which an output stands still over 16 rows or more, to within its noise."""
     half = _STILL_ROWS // 2
-    known = np.isfinite(observed)
     # Fewer rows cannot hold both a rest and a motion.
-    if known.sum() < 2 * _STILL_ROWS:
+    if np.isfinite(observed).sum() < 2 * _STILL_ROWS:
         return np.zeros(len(observed), bool)
-    filled = np.interp(np.arange(len(observed)), np.flatnonzero(known), observed[known])
-    total = np.concatenate([[0.0], np.cumsum(filled)])
-    index = np.arange(len(observed))
-    low, high = np.maximum(index - half, 0), np.minimum(index + half, len(observed) - 1)
-    before = (total[index + 1] - total[low]) / (index + 1 - low)
-    after = (total[high + 1] - total[index]) / (high + 1 - index)
+    filled = bridged(observed)
+    before, after, _ = means_beside(filled, half)
     flag = np.abs(after - before) <= _STILL_SIGMAS * noise * np.sqrt(2.0 / half)
     kept = np.zeros(len(observed), bool)
     for begin, end in runs(flag):

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from torsight.core.optics.camera import Camera
-from torsight.core.optics.geometry import on_plane
+from torsight.core.optics.geometry import carried, on_plane
 from torsight.core.units import Floats
 
 _BASE_WEIGHT = 0.05
@@ -43,7 +43,7 @@ class LiveAngle:
         plane = [onto(position_px[2 * stick : 2 * stick + 2]) for stick, onto in enumerate(self._maps)]
         points = np.concatenate([position for position, _ in plane])
         slopes = np.concatenate([slope for _, slope in plane])
-        spread = slopes @ covariance_px2 @ np.swapaxes(slopes, -1, -2)
+        spread = carried(covariance_px2, slopes)
         base_rad, base_variance = _direction(points[0], points[1], spread[0], spread[1])
         moving_rad, variance = _direction(points[2], points[3], spread[2], spread[3])
         self._learn_base(base_rad)

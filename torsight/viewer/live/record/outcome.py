@@ -37,6 +37,11 @@ class Outcome:
     latency_logged: dict[str, Any] = field(default_factory=dict)
     served_first: bool = False
 
+    @property
+    def lost(self) -> str:
+        """What the source lost, as the end of a list; empty where it lost nothing."""
+        return f", {self.missed} lost by the source" if self.missed else ""
+
     def settle(self, angles: StickAngles) -> None:
         """Take the finished record's angles, which are also known for the frames before the moving stick was."""
         known_deg = angles.angle_rad[angles.valid] / DEG
@@ -73,13 +78,12 @@ def standing(
     """
     plain_deg, residual_deg = model_deg
     open_ = [("Markers", markers)] if markers else []
-    lost = f", {outcome.missed} lost by the source" if outcome.missed else ""
     rows = [
         ("Angle", degrees(angle_deg) or "not known yet"),
         *open_,
         ("Temperatures", "  ".join(f"{name} {value:.1f} °C" for name, value in temperatures.items()) or "none yet"),
         ("Range of motion", degrees(outcome.high_deg - outcome.low_deg) or "none yet"),
-        ("Frames", f"{outcome.frames}, {outcome.measured} measured, {outcome.dropped} dropped{lost}"),
+        ("Frames", f"{outcome.frames}, {outcome.measured} measured, {outcome.dropped} dropped{outcome.lost}"),
         ("Latency", f"median {number(latency_ms, 2)} ms"),
     ]
     if math.isfinite(plain_deg):
