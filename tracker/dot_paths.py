@@ -103,16 +103,25 @@ class DotPaths:
         self, luma: Luma, missed: list[int], ahead: NDArray[np.complex128], now: NDArray[np.complex128], spread: Floats
     ) -> None:
         """Read dots at the positions to which pyramidal Lucas–Kanade follows their surroundings from the last frame."""
-        if not missed:
-            return
-        half = math.ceil(2.0 * max(self._markers[index].radius_px for index in missed))
-        before, guess = (
-            at[missed].astype(np.complex64).view(np.float32).reshape(-1, 1, 2) for at in (self._last, ahead)
-        )
-        side, flags = (2 * half + 1, 2 * half + 1), cv2.OPTFLOW_USE_INITIAL_FLOW
-        found, status, _ = cv2.calcOpticalFlowPyrLK(
-            self._before, luma, before, guess, winSize=side, maxLevel=_LEVELS, flags=flags
-        )
-        for index, (x, y), good in zip(missed, found.reshape(-1, 2).tolist(), status.ravel().tolist(), strict=True):
-            if good:
-                self._read(luma, index, (complex(x, y),), now, spread)
+        flags = cv2.OPTFLOW_USE_INITIAL_FLOW
+        for index in missed:
+            half = math.ceil(2.0 * self._markers[index].radius_px)
+            from_to = np.array([[at[index].real, at[index].imag] for at in (self._last, ahead)], np.float32)
+            # Only the part of the picture that the coarsest level looks at: a whole one takes a hundred times as long.
+            far = half << _LEVELS
+            left, top = np.maximum(from_to.min(axis=0).astype(int) - far, 0).tolist()
+            right, bottom = (from_to.max(axis=0).astype(int) + far).tolist()
+            part = np.s_[top:bottom, left:right]
+            before, guess = (from_to - np.array([left, top], np.float32)).reshape(2, 1, 1, 2)
+            found, status, _ = cv2.calcOpticalFlowPyrLK(
+                self._before[part],
+                luma[part],
+                before,
+                guess.copy(),
+                winSize=(2 * half + 1, 2 * half + 1),
+                maxLevel=_LEVELS,
+                flags=flags,
+            )
+            if status.item():
+                x, y = found.ravel().tolist()
+                self._read(luma, index, (complex(x + left, y + top),), now, spread)

@@ -29,7 +29,7 @@ As long as nothing turns, the couples are those from the picture alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
@@ -204,6 +204,10 @@ class Weighing:
         self._time_s.append(frame.time_s)
         self._paths.add(None if frame.damaged else frame.luma)
 
+    def places(self, later: int) -> Places:
+        """Return the positions of the dots a number of frames after the picture, none where they were not followed."""
+        return np.asarray(self._paths.places[later : later + 1].ravel())
+
     def weighed(self) -> list[Couple]:
         """Return the couples, the most probable first; none where picture and motion show none."""
         places = self._paths.places
@@ -356,30 +360,43 @@ class Weighing:
         return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
 
 
-def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable[Frame]) -> tuple[list[Couple], float]:
-    """Return the couples, the most probable first, and the share of the frames in which the first one is read.
+class Search:
+    """The choice among the couples of one picture ``luma``, from as many frames after it as it takes.
 
-    ``luma`` is the picture in which the dots were found, ``frames`` are those after it. They are read until a couple's
-    probability exceeds :data:`tracker.innovation.SURE` twice in succession, or to their end; if only the choice between
-    base and moving stick is open, at most up to the last of ``LOOKED_AT``.
+    It is settled once a couple's probability exceeds :data:`tracker.innovation.SURE` twice in succession, or, if only
+    the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise the film's end settles it.
     """
-    weighing = Weighing(luma, dots)
-    due, found = STALE, list[Couple]()
-    for number, frame in enumerate(frames, 1):
-        weighing.add(frame)
-        if number == due:
-            before, found = found, weighing.weighed()
-            # Probability that these two pairs are the sticks, whichever of them is the base.
-            alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
-            if number >= LOOKED_AT[-1] and alike > SURE:
-                break
-            # Twice, the second time with twice as many frames: a couple that fits a short stretch may not fit a longer.
-            if found and before and min(found[0].probability, before[0].probability) > SURE:
-                break
-            due *= 2
-    else:
-        found = weighing.weighed()
-    return found, weighing.read(found[0]) if found else 0.0
+
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
+        self.luma = luma
+        self._weighing = Weighing(luma, dots)
+        self._number, self._due, self._found = 0, STALE, list[Couple]()
+
+    def add(self, frame: Frame) -> bool:
+        """Follow all dots into the next frame; return whether the choice is settled."""
+        self._weighing.add(frame)
+        self._number += 1
+        if self._number < self._due:
+            return False
+        self._due *= 2
+        before, self._found = self._found, self._weighing.weighed()
+        found = self._found
+        # Probability that these two pairs are the sticks, whichever of them is the base.
+        alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
+        if self._number >= LOOKED_AT[-1] and alike > SURE:
+            return True
+        # Twice, the second time with twice as many frames: a couple that fits a short stretch may not fit a longer.
+        return bool(found and before) and min(found[0].probability, before[0].probability) > SURE
+
+    def result(self) -> tuple[list[Couple], float]:
+        """Return the couples, the most probable first, and the share of the frames in which the first one is read."""
+        if 2 * self._number != self._due:
+            self._found = self._weighing.weighed()
+        return self._found, self._weighing.read(self._found[0]) if self._found else 0.0
+
+    def places(self, later: int) -> Places:
+        """Return the positions of the dots a number of frames after the picture, none where they were not followed."""
+        return self._weighing.places(later)
 
 
 def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:
