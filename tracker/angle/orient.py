@@ -120,7 +120,7 @@ def _without_camera(
     scale = stick_witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
     inner, outer = (scaled(points, scale) for points in paths)
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.tracks.size_px[0])
-    places, slopes = _from_above(flat, tilt.values, tilt, readout)
+    places, slopes = _from_above(flat, tilt.values, readout)
     plane = [(at, _carried(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
     found = from_plane(
         still.tracks,
@@ -135,10 +135,10 @@ def _without_camera(
     return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
 
 
-def _from_above(flat: list[Points], values: Floats, tilt: Tilt, readout: Readout) -> tuple[list[Floats], list[Floats]]:
+def _from_above(flat: list[Points], values: Floats, readout: Readout) -> tuple[list[Floats], list[Floats]]:
     """Return the markers as seen along the axis, at their frames' timestamps; and the derivatives of the map."""
     places, slopes = zip(*(rectify(points, values) for points, _ in flat), strict=True)
-    return [*places[:2], *readout.at_timestamps(places[2:], values[5:], tilt.backwards)], list(slopes)
+    return [*places[:2], *readout.at_timestamps(places[2:], values[5:])], list(slopes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +167,7 @@ def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[l
     scale = stick_witness(flat[2:], moves).scale
     inner, outer = (scaled(points, scale) for points in flat[2:])
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * readout.size_px[0], known=True)
-    moving = readout.at_timestamps([plane[2][0], plane[3][0]], tilt.values[5:], tilt.backwards)
+    moving = readout.at_timestamps([plane[2][0], plane[3][0]], tilt.values[5:])
     found = [*plane[:2], *((at, own[1]) for at, own in zip(moving, plane[2:], strict=True))]
     return found, Rolling(_variance(flat, tilt, readout), _rolling_report(tilt, readout), tilt.across)
 
@@ -197,7 +197,7 @@ def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> Floats:
     """Return the variance (n,) of the angle by the uncertainty of tilt and read-out."""
 
     def angle(values: Floats) -> Floats:
-        return _against_still(_from_above(flat, values, tilt, readout)[0])
+        return _against_still(_from_above(flat, values, readout)[0])
 
     return _bridged(variance_by(angle, tilt.values, tilt.covariance))
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from torsight.core.parameter import REACH
 from torsight.core.tracks import MarkerTracks
-from torsight.core.units import Flags, Floats
+from torsight.core.units import Floats
 from tracker.innovation import SIGMAS
 
 Complex = NDArray[np.complex128]
@@ -52,13 +52,13 @@ class Readout:
         frame_s = float(np.median(np.diff(tracks.time_s))) if len(tracks) > 1 else 0.0
         return cls(tracks.time_s, frame_s, tracks.position_px[:, 2:] / np.array(tracks.size_px), tracks.size_px)
 
-    def delay_s(self, share: Floats, backwards: Flags) -> Floats:
+    def delay_s(self, share: Floats) -> Floats:
         """Return the delay (n, 2) from a frame's timestamp to the reading of each marker.
 
         ``share`` (2,) is the read-out time over the time between frames, along x and y, negative where rows are read
-        ``backwards`` (2,), from the side that is read first. For one order of the rows the delay is linear in it.
+        backwards.
         """
-        return np.asarray(self.frame_s * ((self.place - backwards) @ share))
+        return np.asarray(self.frame_s * ((self.place - (share < 0.0)) @ share))
 
     def lead_rad(self, direction_rad: Floats) -> Floats:
         """Return the angle (n, 2) by which the outer marker leads if a read-out along x, or along y, takes ``frame_s``.
@@ -68,15 +68,12 @@ class Readout:
         rate, _ = turning(self.time_s, direction_rad)
         return np.asarray(rate[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
 
-    def at_timestamps(self, points: Sequence[Floats], share: Floats, backwards: Flags) -> list[Floats]:
-        """Return the moving markers, each (n, 2) in a plane across the axis, moved back to their frames' timestamps.
-
-        For ``share`` and ``backwards`` see :meth:`delay_s`.
-        """
+    def at_timestamps(self, points: Sequence[Floats], share: Floats) -> list[Floats]:
+        """Return the moving markers, each (n, 2) in a plane across the axis, moved back to their frames' timestamps."""
         inner, outer = points
         if not share.any():
             return [inner, outer]
-        delay_s = self.delay_s(share, backwards)
+        delay_s = self.delay_s(share)
         stick = outer - inner
         # A marker that is seen alone moves as the stick does in the neighbouring frames.
         read_s = self.time_s + np.where(np.isfinite(stick[:, 0]), delay_s.mean(axis=1), 0.0)

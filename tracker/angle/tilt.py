@@ -84,15 +84,14 @@ class Tilt:
     along x, and along y, over the time between two frames, negative for backwards, one of them zero; ``covariance``
     includes the priors. ``arc_rad`` is the part of a turn that the paths cover, ``share`` the part of the best-fitting
     tilt that is in ``values`` (1 where the paths determine the tilt, 0 where they do not), ``rolling`` how clearly the
-    paths show a rolling shutter (0 to 1); ``backwards`` (2,) whether the rows are more likely read backwards, along x
-    and y; ``across`` is the ratio of the errors across the stick to those along it, which its length shows, at least 1.
+    paths show a rolling shutter (0 to 1); ``across`` is the ratio of the errors across the stick to those along it,
+    which its length shows, at least 1.
     """
 
     values: Floats
     covariance: Floats
     arc_rad: float
     share: float
-    backwards: Flags
     rolling: float = 0.0
     across: float = 1.0
 
@@ -433,7 +432,7 @@ def _blended(none: list[_Found], arc_rad: float, rolling: Sequence[list[_Found]]
     the covariance.
     """
     shown = np.maximum(0.0, (belief - _BELIEVED) / (1.0 - _BELIEVED))
-    values, covariance, unseen, likely = np.zeros(7), np.zeros((7, 7)), np.zeros(7), np.zeros(7)
+    values, covariance, unseen = np.zeros(7), np.zeros((7, 7)), np.zeros(7)
     for items, part, more, places in (
         (none, 1.0 - shown.sum(), 0.0, _STANDS),
         *zip(rolling, shown, belief - shown, ([*_STANDS, place] for place in _READ), strict=True),
@@ -444,12 +443,10 @@ def _blended(none: list[_Found], arc_rad: float, rolling: Sequence[list[_Found]]
             spread += np.outer(own, own)
             values, covariance = values + part * w * own, covariance + part * w * spread
             unseen[places[-1]] += more * w * spread[places[-1], places[-1]]
-            likely += w * own
     covariance += np.diag(unseen) - np.outer(values, values)
     share = _told(values[:2], covariance[:2, :2])
     left = (1.0 - share) * np.append(values[:5], [0.0, 0.0])
-    back = likely[list(_READ)] < 0.0
-    return Tilt(values - left, covariance + np.outer(left, left), arc_rad, share, back, float(shown.sum()))
+    return Tilt(values - left, covariance + np.outer(left, left), arc_rad, share, float(shown.sum()))
 
 
 def _told(stretch: Floats, covariance: Floats) -> float:
