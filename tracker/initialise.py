@@ -150,10 +150,11 @@ class _Dots:
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
         # Dots that failed before, where they were then or have been followed to, fail now, too.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-        before = [place for first, search in self._asked for place in (search.places(0), search.places(number - first))]
-        if len(dots) < 4 or any(_are_all_in(at, places, dots) for places in before):
+        before = [(search.paths, number - first) for first, search in self._asked]
+        failed = [paths.places[row : row + 1].ravel() for paths, later in before for row in (0, later)]
+        if len(dots) < 4 or any(_are_all_in(at, places, dots) for places in failed):
             return False
-        search = Search(luma, dots)
+        search = Search(luma, dots, before)
         alone = not self._asked
         self._asked.append((number, search))
         if not alone:
