@@ -51,9 +51,9 @@ _RIM_PX, _RIM = 0.75, 4.0
 """Distance from the rim within which D changes: half a pixel's diagonal, plus this many widths of the edge."""
 _SHARP_PX: Final = 0.35
 """Edge width below which the mean over a pixel needs the finer quadrature. Above it, a dot with motion blur is treated
-as one above ``SOFT_PX``: blur lengths are rounded to whole pixels, which has a larger error. With edges of 0.36 to 0.9
+as one above ``_SOFT_PX``: blur lengths are rounded to whole pixels, which has a larger error. With edges of 0.36 to 0.9
 px and blur lengths of 3 to 30 px positions change by less than 5e-4 px, and reading takes a third of the time."""
-SOFT_PX: Final = 1.0
+_SOFT_PX: Final = 1.0
 """Edge width above which the mean over a pixel is approximated by additional blur of variance 1/12 px², and by a shift
 of the rim due to its curvature: correct to 4e-4, twice the error of the logistic curve."""
 _NODE_1, _WEIGHT_1 = np.polynomial.legendre.leggauss(1)
@@ -62,7 +62,7 @@ _NODE_4, _WEIGHT_4 = np.polynomial.legendre.leggauss(4)
 
 
 @shared
-def disc_point(x: float, y: float, shape: Record, soft_px: float = SOFT_PX) -> tuple[float, float, float, float]:
+def disc_point(x: float, y: float, shape: Record, soft_px: float = _SOFT_PX) -> tuple[float, float, float, float]:
     """Return D and its derivatives by x, y and the edge's width: means over the pixel at an offset from the centre.
 
     For edges wider than ``soft_px`` the mean over the pixel is approximated by additional blur.

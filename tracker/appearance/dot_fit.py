@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, copy_to, lending
 from torsight.core.units import Floats
-from tracker.appearance.disc import MOST_STRETCH, SHAPE, SOFT_PX, Record, disc_point
+from tracker.appearance.disc import MOST_STRETCH, SHAPE, Record, disc_point
 from tracker.appearance.lucas_kanade import eliminate, inner, take_away
 
 EDGE_PX: Final = 0.5
@@ -85,19 +85,17 @@ def fit_dot(
     """Fit position, shape, contrast and brightness of the dot of a known approximate radius near a position.
 
     ``luma`` is the picture (h, w). ``room_px`` is the distance from the dot's centre to the stick's edge, which the
-    window must not pass. With ``ellipse`` the stretch is fitted, too; without, the fit only shows whether there is a
-    dot, and approximates the pixels' width by blur. None where the fit diverges, or the window leaves the picture.
+    window must not pass; with ``ellipse`` the stretch is fitted, too. None where the fit diverges, or the window leaves
+    the picture.
     """
-    soft_px = SOFT_PX if ellipse else 0.0
     start = np.array([x_px, y_px, radius_px, max(EDGE_PX, 0.05 * radius_px), 0.0, 0.0])
     # First with a wide window, which contains the rim even from a poor start; then with the right one.
-    wide_px = min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5))
-    found = _fitted(luma, start, 4, wide_px, radius_px, soft_px=0.0)
+    found = _fitted(luma, start, 4, min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5)), radius_px)
     for _ in range(2):
         if found is None:
             return None
         window_px = window_for(found.values[2], found.values[3], room_px)
-        found = _fitted(luma, found.values, 6 if ellipse else 4, window_px, radius_px, soft_px=soft_px)
+        found = _fitted(luma, found.values, 6 if ellipse else 4, window_px, radius_px)
     if found is None:
         return None
     x, y, radius, edge, across, diagonal = found.values.tolist()
@@ -124,37 +122,31 @@ class _Fit:
     explained: float
 
 
-def _fitted(
-    luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float, *, soft_px: float
-) -> _Fit | None:
-    """Fit the first ``free`` values in one window; None where the fit fails, or the window leaves the picture.
-
-    For edges wider than ``soft_px`` the pixels' width is approximated, at a ninth of the cost.
-    """
+def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Fit | None:
+    """Fit the first ``free`` values in one window; None where the fit fails, or the window leaves the picture."""
     window = _cut(luma, start[0], start[1], window_px)
     if not window.size:
         return None
     pixels, values = window.shape[1], start.copy()
     spread = max(float(np.sum((window[2] - window[2].mean()) ** 2)), 1e-12 * pixels)
-    light, step, square = settle(window, values, np.zeros(1, SHAPE)[0], free, (radius_px, soft_px), spread)
+    light, step, square = settle(window, values, np.zeros(1, SHAPE)[0], free, radius_px, spread)
     return _Fit(values, light, step, square, pixels, 1.0 - square / spread) if math.isfinite(square) else None
 
 
 @compiled
 def settle(
-    window: Floats, values: Floats, shape: Record, free: int, limits: tuple[float, float], spread: float
+    window: Floats, values: Floats, shape: Record, free: int, radius_px: float, spread: float
 ) -> tuple[float, float, float]:
     """Fit the first ``free`` of a dot's six values, in place, by the Levenberg-Marquardt method.
 
-    ``limits`` are the dot's approximate radius, and the width above which edges are soft; see :func:`disc_point`.
     Return light, step, and the sum of squared residuals, infinite where the fit explains too little of ``spread``, the
     window's sum of squares.
     """
     rows, products, weights = np.empty((11, window.shape[1])), np.empty((4, 4)), np.empty((4, 1 + free))
     normal, damped = np.empty((free, free)), np.empty((free, free))
     gradient, delta = np.empty(free), np.empty((free, 1))
-    start, trial, damping, (radius_px, soft_px) = values.copy(), values.copy(), 1e-3, limits
-    square = misfit(window, values, shape, soft_px, rows, products, weights)
+    start, trial, damping = values.copy(), values.copy(), 1e-3
+    square = misfit(window, values, shape, rows, products, weights)
     light, step = weights[0, 0], weights[1, 0]
     fill_normal(rows, step, normal, gradient)
     for count in range(_ROUNDS):
@@ -174,7 +166,7 @@ def settle(
             largest_px = max(largest_px, abs(delta[i, 0]))
         trial[3] = max(trial[3], _SHARPEST_PX)
         if is_sane(trial, values, start, radius_px):
-            left = misfit(window, trial, shape, soft_px, rows, products, weights)
+            left = misfit(window, trial, shape, rows, products, weights)
             if left <= square:
                 copy_to(values, trial)
                 square, damping, light, step = left, 0.2 * damping, weights[0, 0], weights[1, 0]
@@ -187,16 +179,14 @@ def settle(
 
 
 @lending
-def misfit(
-    window: Floats, values: Floats, shape: Record, soft_px: float, rows: Floats, products: Floats, weights: Floats
-) -> float:
+def misfit(window: Floats, values: Floats, shape: Record, rows: Floats, products: Floats, weights: Floats) -> float:
     """Return the sum of squared residuals of a shape, with its linear part solved for (variable projection).
 
     ``rows`` (11, n) then hold, from the fifth, the residuals of the brightness and of the derivatives; the first column
     of ``weights`` holds light, step and gradient of the light.
     """
     shape.radius, shape.edge, shape.stretch[0], shape.stretch[1] = values[2], values[3], values[4], values[5]
-    fill_rows(window, values, shape, soft_px, rows)
+    fill_rows(window, values, shape, rows)
     for m in range(4):
         for k in range(4):
             products[m, k] = inner(rows[m], rows[k])
@@ -236,14 +226,14 @@ def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) ->
 
 
 @lending
-def fill_rows(window: Floats, found: Floats, shape: Record, soft_px: float, rows: Floats) -> None:
+def fill_rows(window: Floats, found: Floats, shape: Record, rows: Floats) -> None:
     """Fill ``rows`` (11, n): columns of the linear part (light, step, gradient), brightness, and derivatives of D.
 
     The derivatives are with respect to the six values.
     """
     for i in range(window.shape[1]):
         dx, dy = window[0, i] - found[0], window[1, i] - found[1]
-        inside, along_x, along_y, rows[8, i] = disc_point(dx, dy, shape, soft_px)
+        inside, along_x, along_y, rows[8, i] = disc_point(dx, dy, shape)
         rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, inside, dx * (1.0 - inside), dy * (1.0 - inside)
         rows[4, i] = window[2, i]
         rows[5, i], rows[6, i], rows[7, i] = -along_x, -along_y, -(dx * along_x + dy * along_y) / found[2]
