@@ -119,7 +119,7 @@ class DotPaths:
         for index in missed:
             half = math.ceil(2.0 * self._markers[index].radius_px)
             from_to = np.array([[at[index].real, at[index].imag] for at in (self._last, ahead)], np.float32)
-            # Only the part of the picture that the coarsest level looks at: a whole one takes a hundred times as long.
+            # Only the part of the picture that the coarsest level looks at, with a window of the dot's own size.
             far = half << _LEVELS
             left, top = np.maximum(from_to.min(axis=0).astype(int) - far, 0).tolist()
             right, bottom = (from_to.max(axis=0).astype(int) + far).tolist()
