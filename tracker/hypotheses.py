@@ -29,7 +29,7 @@ As long as nothing turns, the couples are those from the picture alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
@@ -190,23 +190,28 @@ def _median(values: Floats) -> Floats:
 
 
 class Weighing:
-    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them."""
+    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them.
 
-    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
+    For ``before`` see :class:`tracker.dot_paths.DotPaths`.
+    """
+
+    def __init__(
+        self, luma: NDArray[np.uint8], dots: Sequence[Dot], before: Sequence[tuple[DotPaths, int]] = ()
+    ) -> None:
         self._luma = luma
-        self._paths = DotPaths(luma, dots)
+        self.paths = DotPaths(luma, dots, before)
         self._time_s: list[float] = []
-        self._pairs = Pairs(self._paths.dots)
+        self._pairs = Pairs(self.paths.dots)
         self._strips: dict[tuple[int, int], float] = {}
 
     def add(self, frame: Frame) -> None:
         """Follow every dot into the next frame."""
         self._time_s.append(frame.time_s)
-        self._paths.add(None if frame.damaged else frame.luma)
+        self.paths.add(None if frame.damaged else frame.luma)
 
     def weighed(self) -> list[Couple]:
         """Return the couples, the most probable first; none where picture and motion show none."""
-        places = self._paths.places
+        places = self.paths.places
         places = places[_apart(places)]
         stands = _stands(places)
         turning = self._turning(places, stands)
@@ -226,7 +231,7 @@ class Weighing:
             # The lines to the axis only reduce a probability: all further couples are below rounding.
             if most < best + math.log(np.finfo(float).eps):
                 break
-            one, two = (stick_of(*(self._paths.dots[number] for number in pair)) for pair in (base, moving))
+            one, two = (stick_of(*(self.paths.dots[number] for number in pair)) for pair in (base, moving))
             score = most + self._goes_on(one, two, axis)
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
@@ -234,7 +239,7 @@ class Weighing:
 
     def _shown(self) -> list[Couple]:
         """Return the couples from the picture alone, with either pair as the base, the most probable first."""
-        both = [pair for one, two in couples_in(self._luma, dots=self._paths.dots) for pair in ((one, two), (two, one))]
+        both = [pair for one, two in couples_in(self._luma, dots=self.paths.dots) for pair in ((one, two), (two, one))]
         unlike = [self._pairs.unlike(self._numbers(one)[None], self._numbers(two))[0] for one, two in both]
         return _likeliest(
             [(-0.5 * off, Couple(*towards_axis(*two), 0.0)) for off, two in zip(unlike, both, strict=True)]
@@ -289,7 +294,7 @@ class Weighing:
     def _strip(self, pair: tuple[int, int]) -> float:
         """Return the log likelihood of two dots, by their numbers, as a stick's, from the line between them."""
         if pair not in self._strips:
-            one, two = (self._paths.dots[number] for number in pair)
+            one, two = (self.paths.dots[number] for number in pair)
             # The share is that of eight points at least.
             self._strips[pair] = CLEARNESS * math.log(max(strip_share(self._luma, one, two), 0.125))
         return self._strips[pair]
@@ -314,7 +319,7 @@ class Weighing:
         """
         base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
         height, width = self._luma.shape
-        every = self._paths.places
+        every = self.paths.places
         places = every[_apart(every)]
         turning = _circles(places, moving[None], (width, height))
         radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
@@ -336,7 +341,7 @@ class Weighing:
         Base dots are not valid in frames in which they may be dots of the moving stick.
         """
         base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
-        places, covariance = self._paths.places[1::every], self._paths.covariance[1::every]
+        places, covariance = self.paths.places[1::every], self.paths.covariance[1::every]
         places[:, base] = _beside(places, moving, self._pairs.radius_px)[:, base]
         own = np.concatenate([base, moving])
         places = places[:, own]
@@ -352,34 +357,48 @@ class Weighing:
 
     def _numbers(self, stick: Stick) -> Ints:
         """Return the indices of a stick's dots, the inner one first."""
-        dots = [id(dot) for dot in self._paths.dots]
+        dots = [id(dot) for dot in self.paths.dots]
         return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
 
 
-def weigh_couples(luma: NDArray[np.uint8], dots: Sequence[Dot], frames: Iterable[Frame]) -> tuple[list[Couple], float]:
-    """Return the couples, the most probable first, and the share of the frames in which the first one is read.
+class Search:
+    """The choice among the couples of one picture ``luma``, from as many frames after it as it takes.
 
-    ``luma`` is the picture in which the dots were found, ``frames`` are those after it. They are read until a couple's
-    probability exceeds :data:`tracker.innovation.SURE` twice in succession, or to their end; if only the choice between
-    base and moving stick is open, at most up to the last of ``LOOKED_AT``.
+    It is settled once a couple's probability exceeds :data:`tracker.innovation.SURE` twice in succession, or, if only
+    the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise the film's end settles it.
     """
-    weighing = Weighing(luma, dots)
-    due, found = STALE, list[Couple]()
-    for number, frame in enumerate(frames, 1):
-        weighing.add(frame)
-        if number == due:
-            before, found = found, weighing.weighed()
-            # Probability that these two pairs are the sticks, whichever of them is the base.
-            alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
-            if number >= LOOKED_AT[-1] and alike > SURE:
-                break
-            # Twice, the second time with twice as many frames: a couple that fits a short stretch may not fit a longer.
-            if found and before and min(found[0].probability, before[0].probability) > SURE:
-                break
-            due *= 2
-    else:
-        found = weighing.weighed()
-    return found, weighing.read(found[0]) if found else 0.0
+
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], before: Sequence[tuple[DotPaths, int]]) -> None:
+        self.luma = luma
+        self._weighing = Weighing(luma, dots, before)
+        self._number, self._due, self._found = 0, STALE, list[Couple]()
+
+    def add(self, frame: Frame) -> bool:
+        """Follow all dots into the next frame; return whether the choice is settled."""
+        self._weighing.add(frame)
+        self._number += 1
+        if self._number < self._due:
+            return False
+        self._due *= 2
+        before, self._found = self._found, self._weighing.weighed()
+        found = self._found
+        # Probability that these two pairs are the sticks, whichever of them is the base.
+        alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
+        if self._number >= LOOKED_AT[-1] and alike > SURE:
+            return True
+        # Twice, the second time with twice as many frames: a couple that fits a short stretch may not fit a longer.
+        return bool(found and before) and min(found[0].probability, before[0].probability) > SURE
+
+    def result(self) -> tuple[list[Couple], float]:
+        """Return the couples, the most probable first, and the share of the frames in which the first one is read."""
+        if 2 * self._number != self._due:
+            self._found = self._weighing.weighed()
+        return self._found, self._weighing.read(self._found[0]) if self._found else 0.0
+
+    @property
+    def paths(self) -> DotPaths:
+        """The paths of the picture's dots."""
+        return self._weighing.paths
 
 
 def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:

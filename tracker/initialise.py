@@ -15,7 +15,7 @@ from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
-from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, looked_at
+from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear
 from tracker.follow.followed_dots import DotState
@@ -23,7 +23,7 @@ from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
-from tracker.hypotheses import Choice, Couple, weigh_couples
+from tracker.hypotheses import Choice, Couple, Search
 from tracker.innovation import SURE
 
 
@@ -81,25 +81,27 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the start at the four dots that are clearest in one of the first frames, or else at two tags."""
     dots, tags = _Dots(source), TagsSeen()
-    last, by_tags = -1, True
-    for last, lent in looked_at(source, progress, what="the markers"):
-        luma = lent.copy()
-        settled = dots.settled_by(last, luma)
-        if dots.start is None or dots.start.doubtful:
-            by_tags = True
-        elif dots.start.frame == last:
-            # Four modules of tags may look like dots on sticks.
-            by_tags = all(_in_tag(luma, marker) for marker in dots.start.markers)
-        if by_tags:
-            tags.take(luma)
-        if (tags.pictures > 1 and tags.pair[1]) if by_tags else settled:
+    last = -1
+    for number, frame in enumerate(decoded(source)):
+        if frame.index > LOOKED_AT[-1] and not dots.undecided:
             break
+        settled = dots.followed(frame)
+        if not settled and frame.index in LOOKED_AT and frame.luma is not None:
+            last, luma = frame.index, frame.luma.copy()
+            progress("looking for the markers", last, LOOKED_AT[-1])
+            settled = dots.settled_by(last, luma, number)
+            if dots.leave_it_to_tags:
+                tags.take(luma)
+        if (tags.pictures > 1 and tags.pair[1]) if dots.leave_it_to_tags else settled:
+            break
+    else:
+        dots.end()
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if last < 0:
         raise InputError("holds no frame that can be decoded", where=source.name)
     where = f"{source.name}, frames 0 to {last}"
     family, numbers = tags.pair
-    if by_tags and numbers:
+    if dots.leave_it_to_tags and numbers:
         return _start_at_tags(family, numbers, where=where)
     if dots.start is None:
         raise NoResultError(
@@ -126,24 +128,54 @@ class _Dots:
     Dots of one picture may be the wrong ones: while the light comes on, while something else is before the camera, or
     where one stick lies over a dot of the other. Wrong dots are lost in the frames that follow, their base is not at
     rest, or nothing moves. So later pictures are tried, until the sticks of one are certain or are read in most of the
-    frames after it; otherwise the picture counts whose sticks are read in the largest share of them.
+    frames after it; otherwise the picture counts whose sticks are read in the largest share of them. The first picture
+    is tried alone, the later ones together, as the film is read once more.
     """
 
     def __init__(self, source: FrameSource) -> None:
         self.start: Start | None = None
+        self._in_tags = False
         self._source = source
         self._read, self._score = -1.0, -math.inf
-        self._asked: list[NDArray[np.complex128]] = []
+        self._asked: list[tuple[int, Search]] = []
+        self.undecided: list[tuple[int, Search]] = []
 
-    def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
-        """Evaluate a picture; return whether no later one is needed."""
+    @property
+    def leave_it_to_tags(self) -> bool:
+        """Whether tags count more than the dots so far: four modules of tags may look like dots on sticks."""
+        return self.start is None or self.start.doubtful or self._in_tags
+
+    def settled_by(self, index: int, luma: NDArray[np.uint8], number: int) -> bool:
+        """Search a picture, with its number among the decoded ones; return whether no later one is needed."""
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        # Dots that failed at the same positions in an earlier picture fail now, too.
+        # Dots that failed before, where they were then or have been followed to, fail now, too.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-        if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
+        before = [(search.paths, number - first) for first, search in self._asked]
+        failed = [paths.places[row : row + 1].ravel() for paths, later in before for row in (0, later)]
+        if len(dots) < 4 or any(_are_all_in(at, places, dots) for places in failed):
             return False
-        self._asked.append(at)
-        weighed, read = weigh_couples(luma, dots, (frame for frame in decoded(self._source) if frame.index > index))
+        search = Search(luma, dots, before)
+        alone = not self._asked
+        self._asked.append((number, search))
+        if not alone:
+            self.undecided.append((index, search))
+            return False
+        any(search.add(later) for later in decoded(self._source) if later.index > index)
+        return self._decide(index, search)
+
+    def followed(self, frame: Frame) -> bool:
+        """Follow the dots of all pictures into a frame; return whether the sticks of one are found."""
+        settled = [one for one in self.undecided if one[1].add(frame)]
+        self.undecided = [one for one in self.undecided if one not in settled]
+        return any(self._decide(*one) for one in settled)
+
+    def end(self) -> None:
+        """Decide what the film leaves open."""
+        any(self._decide(*one) for one in self.undecided)
+
+    def _decide(self, index: int, search: Search) -> bool:
+        """Take the sticks of a picture if they are the best; return whether no other ones are needed."""
+        weighed, read = search.result()
         if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
             return False
         score = min(weighed[0].base.score, weighed[0].moving.score)
@@ -154,7 +186,9 @@ class _Dots:
         elif self._read >= 0.0 or score <= self._score:
             return False
         self._score = score
-        self.start = Start(_markers(luma, weighed[0]), index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
+        markers = _markers(search.luma, weighed[0])
+        self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
+        self._in_tags = all(_in_tag(search.luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
         return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
 
@@ -162,7 +196,8 @@ class _Dots:
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
     """Return whether all dots are at positions of earlier dots, within their radii."""
     radius_px = np.array([dot.radius_px for dot in dots])
-    return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
+    known = before[np.isfinite(before)]
+    return bool((np.abs(at[:, None] - known).min(axis=1, initial=math.inf) < radius_px).all())
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:

@@ -125,7 +125,7 @@ class _Fit:
 def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Fit | None:
     """Fit the first ``free`` values in one window; None where the fit fails, or the window leaves the picture."""
     window = _cut(luma, start[0], start[1], window_px)
-    if window is None:
+    if not window.size:
         return None
     pixels, values = window.shape[1], start.copy()
     spread = max(float(np.sum((window[2] - window[2].mean()) ** 2)), 1e-12 * pixels)
@@ -209,15 +209,20 @@ def fill_normal(rows: Floats, step: float, normal: Floats, gradient: Floats) -> 
             normal[i, j] = normal[j, i] = step * step * inner(rows[5 + i], rows[5 + j])
 
 
-def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats | None:
-    """Return x, y and brightness (3, n) of the pixels in a disc around a position; None where it leaves the picture."""
+@compiled
+def _cut(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float) -> Floats:
+    """Return x, y and brightness (3, n) of the pixels in a disc around a position; none where it leaves the picture."""
     cx, cy, half = round(x_px), round(y_px), math.ceil(radius_px)
     height, width = luma.shape
     if cx - half < 0 or cy - half < 0 or cx + half >= width or cy + half >= height:
-        return None
-    y, x = np.mgrid[cy - half : cy + half + 1, cx - half : cx + half + 1].reshape(2, -1)
-    inside = (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2
-    return np.array([x[inside], y[inside], luma[y[inside], x[inside]]], dtype=np.float64)
+        return np.empty((3, 0))
+    window, count = np.empty((3, (2 * half + 1) ** 2)), 0
+    for y in range(cy - half, cy + half + 1):
+        for x in range(cx - half, cx + half + 1):
+            if (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2:
+                window[0, count], window[1, count], window[2, count] = x, y, luma[y, x]
+                count += 1
+    return window[:, :count].copy()
 
 
 @lending

@@ -15,7 +15,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.core.compiled import compiled, shared
 from tracker.appearance.dot_fit import Dot, fit_dot
+
+Levels = list[NDArray[np.uint8]]
+"""A picture and its successive halves."""
 
 SMALLEST_PX: Final = 2.6
 HUGE_PX: Final = 46.0
@@ -25,8 +29,8 @@ _RATIO: Final = 1.22
 _LIKELY: Final = 0.5
 """Correlation above which a dot is fitted at a position; the fit then decides."""
 _SMALL_PX: Final = 7.5
-"""Radius above which the picture is halved before correlation, whose time grows with the radius' square: a start within
-a pixel is close enough for the fit."""
+"""Radius above which the picture is halved before correlation and the first fit, whose time grows with the radius'
+square: a start within a pixel is close enough for the last fit."""
 EXPLAINED: Final = 0.75
 """Smallest share of the window's variance that a dot has to explain."""
 _MOST: Final = 120
@@ -47,10 +51,11 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
     """Return the dots in a picture (h, w), the clearest first, and the rejected positions, the most similar first."""
     dots: list[Dot] = []
     refused: list[Refused] = []
-    for _, x, y, radius, light_dot in _places(luma):
+    levels = _halved(luma)
+    for _, x, y, radius, light_dot in _places(levels):
         if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
             continue
-        dot = judge_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
+        dot = _judge_dot(levels, x, y, radius_px=radius, light_dot=light_dot)
         if isinstance(dot, str):
             refused.append(Refused(x, y, radius, dot))
             continue
@@ -64,18 +69,24 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
     return sorted(dots, key=lambda dot: -dot.explained), refused
 
 
-def judge_dot(luma: NDArray[np.uint8], x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
+def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
     """Return the dot near a position, fitted within the uniform background around it, or in words why there is none."""
-    radius_px = _rim(luma, x_px, y_px, radius_px, light_dot=light_dot)
-    room_px = 1.25 * radius_px + 1.5
-    close = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room_px, ellipse=False)
-    if close is None or close.explained < EXPLAINED:
-        return _unexplained(close)
-    room = _room(luma, close)
-    radius = close.radius_px
-    if room < radius + 0.5:
-        return f"the ground around it is plain only up to {room:.1f} px from its centre; {radius + 0.5:.1f} px needed"
-    fit = fit_dot(luma, close.x_px, close.y_px, radius_px=radius, light_dot=light_dot, room_px=room)
+    luma, (coarse, scale), sign = levels[0], _coarse(levels, radius_px), 1.0 if light_dot else -1.0
+    close = None
+    # First in the coarse picture: what is no dot there is none in the fine one, with up to 64 times the pixels.
+    for level, size in ((coarse, scale), (luma, 1.0))[scale == 1.0 :]:
+        x, y, radius = x_px * size, y_px * size, _rim(level, x_px * size, y_px * size, radius_px * size, sign)
+        close = fit_dot(level, x, y, radius_px=radius, light_dot=light_dot, room_px=1.25 * radius + 1.5, ellipse=False)
+        if close is None or close.explained < EXPLAINED:
+            return _unexplained(close)
+        x_px, y_px, radius_px = close.x_px / size, close.y_px / size, close.radius_px / size
+    assert close is not None  # noqa: S101 - for the type checker
+    room = _room(luma, x_px, y_px, radius_px, max(0.25 * close.step, 4.0 * close.residual))
+    if room < radius_px + 0.5:
+        return (
+            f"the ground around it is plain only up to {room:.1f} px from its centre; {radius_px + 0.5:.1f} px needed"
+        )
+    fit = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room)
     if fit is None or fit.explained < EXPLAINED:
         return _unexplained(fit)
     needed = max(3.0 * fit.residual, 6.0)
@@ -94,8 +105,9 @@ def _unexplained(fit: Dot | None) -> str:
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
     """Return the dot whose centre is nearest to a position, within ``reach_px`` or within its own radius."""
     best: tuple[float, Dot] | None = None
-    for _, x, y, radius, light_dot in _places(luma, near=(x_px, y_px, reach_px)):
-        dot = judge_dot(luma, x, y, radius_px=radius, light_dot=light_dot)
+    levels = _halved(luma)
+    for _, x, y, radius, light_dot in _places(levels, near=(x_px, y_px, reach_px)):
+        dot = _judge_dot(levels, x, y, radius_px=radius, light_dot=light_dot)
         if isinstance(dot, str):
             continue
         distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
@@ -107,44 +119,57 @@ def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: flo
     return None if best is None else best[1]
 
 
-def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, *, light_dot: bool) -> float:
-    """Return the radius, near a first guess, with the largest step in brightness."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
-    reach = np.linspace(0.7, 1.4, 15) * radius_px
-    x = np.rint(x_px + reach[:, None] * np.cos(angles)).astype(np.int64)
-    y = np.rint(y_px + reach[:, None] * np.sin(angles)).astype(np.int64)
-    if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
-        return radius_px
-    rings = luma[y, x].mean(axis=1)
-    steps = (rings[:-2] - rings[2:]) * (1.0 if light_dot else -1.0)
-    return float(reach[1 + int(np.argmax(steps))])
+@compiled
+def _rim(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, sign: float) -> float:
+    """Return the radius, near a first guess, with the largest step in brightness, falling outwards with ``sign`` 1."""
+    most, found = -math.inf, radius_px
+    before, last = 0.0, 0.0
+    for ring in range(15):
+        reach = radius_px * (0.7 + 0.05 * ring)
+        level = 0.0
+        for k in range(32):
+            x, y = _on_ring(x_px, y_px, reach, 2.0 * math.pi * k / 32)
+            if x < 0 or y < 0 or x >= luma.shape[1] or y >= luma.shape[0]:
+                return radius_px
+            level += luma[y, x]
+        step = sign * (before - level)
+        if ring > 1 and step > most:
+            most, found = step, radius_px * (0.65 + 0.05 * ring)
+        before, last = last, level
+    return found
 
 
-def _room(luma: NDArray[np.uint8], fit: Dot) -> float:
-    """Return the distance from the dot's centre up to which the brightness is that of the stick, px."""
-    radius = fit.radius_px
-    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
-    reach = radius + 1.5
-    level = None
-    while reach < 2.0 * radius + 8.0:
-        x = np.rint(fit.x_px + reach * np.cos(angles)).astype(np.int64)
-        y = np.rint(fit.y_px + reach * np.sin(angles)).astype(np.int64)
-        if x.min() < 0 or y.min() < 0 or x.max() >= luma.shape[1] or y.max() >= luma.shape[0]:
-            break
-        ring = luma[y, x].astype(np.float64)
-        level = float(np.median(ring)) if level is None else level
+@compiled
+def _room(luma: NDArray[np.uint8], x_px: float, y_px: float, radius_px: float, limit: float) -> float:
+    """Return the distance from a dot's centre up to which the brightness is that of the stick to within a limit, px."""
+    ring, level, reach = np.empty(48), math.nan, radius_px + 1.5
+    while reach < 2.0 * radius_px + 8.0:
+        for k in range(48):
+            x, y = _on_ring(x_px, y_px, reach, 2.0 * math.pi * k / 48)
+            if x < 0 or y < 0 or x >= luma.shape[1] or y >= luma.shape[0]:
+                return reach - 1.0
+            ring[k] = luma[y, x]
+        if math.isnan(level):
+            ordered = np.sort(ring)
+            level = 0.5 * (ordered[23] + ordered[24])
         # A quarter of the step, at three of the 48 points, which noise does not cause: the stick's blurred outer edge.
-        if np.sum(np.abs(ring - level) > max(0.25 * fit.step, 4.0 * fit.residual)) >= 3:
+        if np.sum(np.abs(ring - level) > limit) >= 3:
             break
         reach += 0.5
     return reach - 1.0
+
+
+@shared
+def _on_ring(x_px: float, y_px: float, reach_px: float, angle_rad: float) -> tuple[int, int]:
+    """Return the pixel at a distance and in a direction from a position."""
+    return round(x_px + reach_px * math.cos(angle_rad)), round(y_px + reach_px * math.sin(angle_rad))
 
 
 Place = tuple[float, float, float, float, bool]
 """Score, x, y, radius, and whether the dot is lighter than its surroundings."""
 
 
-def _places(luma: NDArray[np.uint8], *, near: tuple[float, float, float] | None = None) -> list[Place]:
+def _places(levels: Levels, *, near: tuple[float, float, float] | None = None) -> list[Place]:
     """Return the positions that look like a dot of some radius, the best first.
 
     ``near`` (x, y, reach) limits them to a distance of the reach or of the dot's own radius, plus the coarse steps.
@@ -153,26 +178,42 @@ def _places(luma: NDArray[np.uint8], *, near: tuple[float, float, float] | None 
     radius = SMALLEST_PX
     while radius < HUGE_PX:
         if near is None:
-            found += places_of(luma, radius)
+            found += _places_of(levels, radius)
         else:
             x, y, far = near[0], near[1], max(near[2], 1.2 * radius) + 3.0
             box = (math.floor(x - far), math.floor(y - far), math.ceil(x + far), math.ceil(y + far))
-            found += [place for place in places_in(luma, radius, box) if math.hypot(place[1] - x, place[2] - y) <= far]
+            found += [
+                place for place in places_in(levels[0], radius, box) if math.hypot(place[1] - x, place[2] - y) <= far
+            ]
         radius *= _RATIO
     found.sort(key=lambda place: -place[0])
     kept: list[Place] = []
+    at, size = np.array([complex(*place[1:3]) for place in found]), np.array([place[3] for place in found])
+    left = np.ones(len(found), bool)
     # A dot of one radius also correlates with discs whose radius is up to three steps smaller or larger.
-    alike = 3.5 * math.log(_RATIO)
-    for place in found:
-        if all(
-            math.hypot(place[1] - other[1], place[2] - other[2]) > 0.6 * max(place[3], other[3])
-            or abs(math.log(place[3] / other[3])) > alike
-            for other in kept
-        ):
-            kept.append(place)
-            if len(kept) >= _MOST:
-                break
+    alike = _RATIO**3.5
+    while left.any() and len(kept) < _MOST:
+        best = int(np.argmax(left))
+        kept.append(found[best])
+        ratio = size / size[best]
+        close = np.abs(at - at[best]) <= 0.6 * np.maximum(size, size[best])
+        left &= ~(close & (ratio <= alike) & (ratio >= 1.0 / alike))
     return kept
+
+
+def _halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
+    """Return a picture, and its successive halves, as coarse as dots up to a radius need."""
+    levels = [luma]
+    while radius_px > _SMALL_PX and min(levels[-1].shape) > 4:
+        levels.append(np.asarray(cv2.pyrDown(np.ascontiguousarray(levels[-1])), dtype=np.uint8))
+        radius_px *= 0.5
+    return levels
+
+
+def _coarse(levels: Levels, radius_px: float) -> tuple[NDArray[np.uint8], float]:
+    """Return the picture in which dots of a radius are small, and its scale."""
+    number = min(max(math.ceil(math.log2(radius_px / _SMALL_PX)), 0), len(levels) - 1)
+    return levels[number], 0.5**number
 
 
 def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
@@ -195,14 +236,13 @@ def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, in
     more, (height, width) = math.ceil(2.0 * radius_px), luma.shape
     left, top = max(0, box[0] - more), max(0, box[1] - more)
     part = luma[top : min(height, box[3] + more), left : min(width, box[2] + more)]
-    return [(merit, x + left, y + top, radius, light) for merit, x, y, radius, light in places_of(part, radius_px)]
+    places = _places_of(_halved(part, radius_px), radius_px)
+    return [(merit, x + left, y + top, radius, light) for merit, x, y, radius, light in places]
 
 
-def places_of(luma: NDArray[np.uint8], radius_px: float) -> list[Place]:
+def _places_of(levels: Levels, radius_px: float) -> list[Place]:
     """Return the positions in a picture that look like a dot of a radius."""
-    level, scale = luma, 1.0
-    while radius_px * scale > _SMALL_PX and min(level.shape) > 4:
-        level, scale = np.asarray(cv2.pyrDown(np.ascontiguousarray(level)), dtype=np.uint8), 0.5 * scale
+    level, scale = _coarse(levels, radius_px)
     pattern = _disc_picture(radius_px * scale)
     half = pattern.shape[0] // 2
     if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
