@@ -17,7 +17,7 @@ from torsight.core.progress import silent
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import AtPoint, Fitter
-from torsight.discovery.inference.measure import measure_law
+from torsight.discovery.inference.measure import Bar, measure_law
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import Decision, decide
 from torsight.discovery.inference.weight import Weight
@@ -199,7 +199,7 @@ def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fi
 
     def extended(least: float) -> tuple[float, int]:
         asked.clear()
-        more = {"least": least}
+        more = {"bar": Bar(least, least - plain.log_posterior)}
         found = search._with_law(plain, laws[name], **more) if name in laws else search.with_effect(plain, name, **more)
         return found.log_evidence, len(asked)
 

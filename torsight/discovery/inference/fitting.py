@@ -223,6 +223,19 @@ class Fitter:
             return found
         return self.fit(effects, [self._switched_off(parent, name)], near=parent, follow=follow)
 
+    def promise(self, parent: Fit, name: str) -> float:
+        """Return the decrease of the objective that the linear models at one more effect's starts predict."""
+        effects = self.ordered((*parent.effects, name))
+        parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
+        given: dict[str, Any] = {"observed": self.problem.observed, "weight": self.weight, "space": space}
+        least = parent.cost
+        for start in self.candidates[name].starting_points(self.problem.time_s, self.residual(parent)):
+            values = {**parent.values, **start}
+            guess, point = _columns(parent, parameters), np.array([values[p.name] for p in parameters])
+            found = solve(model, point, max_iterations=0, guess=guess, rough=True, **given)
+            least = min(least, found.cost - looking_ahead(model, found, **given).promised)
+        return parent.cost - least
+
     def propose_again(self, found: Fit, name: str) -> Fit:
         """Propose starts for an effect again, from the residual of its own fit with the effect switched off."""
         candidate = self.candidates[name]
