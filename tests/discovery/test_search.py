@@ -212,6 +212,24 @@ def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fi
     assert less_work < work
 
 
+def test_a_law_gains_what_a_linear_model_promises_of_it_and_nothing_is_promised_where_all_is_explained() -> None:
+    search = Search(machine(0.3 * np.sign(signals()["speed"]), seed=5), settings=Settings(), progress=silent)
+    plain = search.plain()
+    search._keep([plain])
+    promised, columns = search._promised(((), "direction"))
+    found = search._with_law(plain, search._laws["direction"], columns=columns)
+    assert found.log_posterior - plain.log_posterior == pytest.approx(promised, rel=0.2)
+    search._keep([found])
+    for name in ("position", "warm"):
+        assert abs(search._promised((("direction",), name))[0]) < 3.0
+
+
+def test_a_set_s_cost_is_that_at_its_present_weights() -> None:
+    search = Search(hidden_pair(), settings=Settings(), progress=silent)
+    for one in search.run().explanations.values():
+        assert one.cost == pytest.approx(one.fitter.weighed(one.fit).cost, rel=1e-9)
+
+
 def test_what_errors_of_the_inputs_do_is_each_set_s_own() -> None:
     s = signals()
     made = machine(0.3 * np.sign(s["speed"]) + 0.1 * (s["warm"] - 20.0), seed=5, sigma=0.05)

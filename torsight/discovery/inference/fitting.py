@@ -184,6 +184,11 @@ class Fitter:
         observed = np.where(used.each > 0.0, self.problem.observed, 0.0)
         return lambda x, prediction: objective(observed - prediction, x, weight=used, space=space)
 
+    def weighed(self, fit: Fit) -> Fit:
+        """Return a fit that was made under other weights with its objective under these."""
+        cost = self._costs(fit.effects)(fit.solution.x, fit.solution.prediction)
+        return replace(fit, solution=replace(fit.solution, cost=cost))
+
     def base(self) -> Fit:
         """Fit the plain model alone, from the priors' means."""
         return self.fit((), [{p.name: p.value for p in self.problem.parameters}])

@@ -84,6 +84,9 @@ class Search:
         first = self.plain()
         self._keep([first])
         for size in range(1, self._settings.most + 1):
+            if size > 1:
+                # Floor and correlation have changed since these sets were fitted.
+                self._keep(self._at_once(self._parents(size - 1), self._again))
             parents = [parent for parent in self._parents(size - 1) if self._may_lead(parent)]
             if not parents:
                 break
@@ -242,7 +245,11 @@ class Search:
             likelihood, best_value = own, best_value + gained
         fitter = weighted_fitter(likelihood, problem, best.solution.prediction)
         evidence = log_evidence(fitter, best, likelihood) + family_evidence(laws)
-        return Explanation(fitter, best, laws, likelihood, evidence, self._progress)
+        return Explanation(fitter, fitter.weighed(best), laws, likelihood, evidence, self._progress)
+
+    def _again(self, one: Explanation) -> Explanation:
+        """Return a set fitted again from its own optimum."""
+        return self._settled(one.fitter.problem, one.fit, one.laws, one.likelihood)
 
     def _beside(
         self, parent: Explanation, problem: Problem, fit: Fit, laws: tuple[Measured, ...], own: Likelihood | None = None
@@ -371,21 +378,27 @@ class Search:
         """
         work = [item for item in work if item[0] in self._explanations and item not in self._grown]
         self._grown.update(work)
-        promised = dict(zip(work, self._at_once(work, self._promised, step=f"{step}, a first look"), strict=True))
-        forms = {one.id: one.laws for one in self._problem.candidates}
+        looks = dict(zip(work, self._at_once(work, self._promised, step=f"{step}, a first look"), strict=True))
+        candidates = {one.id: one for one in self._problem.candidates}
 
-        def hope(item: tuple[EffectSet, str]) -> float:
-            parent, name = item
-            # A law can represent its usual forms, whose own linear model may mean little where their starts are far.
-            same = (promised.get((parent, law), (0.0, {}))[0] for law in forms.get(name, ()))
-            return self._explanations[parent].log_evidence + max(promised[item][0], *same, 0.0)
+        def promise(item: tuple[EffectSet, str]) -> float:
+            # A law can represent its usual forms, whose own linear model means little where their starts are far.
+            laws = candidates[item[1]].laws if item[1] in candidates else ()
+            return max(looks[item][0], *(looks[item[0], law][0] for law in laws if (item[0], law) in looks), 0.0)
 
-        work, done = sorted(work, key=lambda item: (-hope(item), item)), 0
+        def hopeless(item: tuple[EffectSet, str]) -> bool:
+            # What each explains alone is reported; derivatives do not show jumps.
+            if not item[0] or (item[1] in candidates and candidates[item[1]].jumps):
+                return False
+            return not self._bar(self._explanations[item[0]], len(item[0]) + 1).cleared_by(promise(item))
+
+        work.sort(key=lambda item: (-self._explanations[item[0]].log_evidence - promise(item), item))
+        done = 0
         while done < len(work):
-            turn = [(item, promised[item][1]) for item in work[done : done + max(_TURN, done)]]
+            turn = work[done : done + max(_TURN, done)]
+            tried = [(item, looks[item][1]) for item in turn if not hopeless(item)]
             progress = partial(_counted, self._progress, done, len(work))
-            found = self._problem.at_once(turn, self._extended, step=step, progress=progress)
-            self._keep(found)
+            self._keep(self._problem.at_once(tried, self._extended, step=step, progress=progress))
             done += len(turn)
 
     def _promised(self, item: tuple[EffectSet, str]) -> tuple[float, dict[str, Floats]]:
@@ -547,6 +560,7 @@ class Search:
             self._explanations[members] = replace(
                 one,
                 fitter=weighted if members else one.fitter,
+                fit=weighted.weighed(one.fit) if members else one.fit,
                 likelihood=likelihood,
                 log_evidence=log_evidence(weighted, one.fit, likelihood) + family_evidence(one.laws),
             )
