@@ -204,7 +204,7 @@ class Fitter:
 
         The second start (``from_means``) matters where an effect has pulled the base parameters off along a valley in
         which the record is explained equally well: from the means the search leads to the minimum that agrees with the
-        priors. A fit without ``hopes`` of mattering is not continued.
+        priors. A fit without ``hopes`` of mattering is not continued, and beside others not tried from the means.
         """
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
@@ -215,7 +215,7 @@ class Fitter:
             return scout.ahead < parent.cost - WORTH and hopes(scout)
 
         found = self.fit(effects, starts, max_iterations=20, keep=1, near=parent, follow=follow)
-        if from_means:
+        if from_means and (hopes(found) or not parent.effects):
             starts = [{**start, **away} for start in starts]
             other = self.fit(effects, starts, max_iterations=20, keep=1, follow=follow)
             found = min(found, other, key=lambda fit: fit.cost)

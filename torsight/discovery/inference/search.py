@@ -387,8 +387,11 @@ class Search:
             return max(looks[item][0], *(looks[item[0], law][0] for law in laws if (item[0], law) in looks), 0.0)
 
         def hopeless(item: tuple[EffectSet, str]) -> bool:
-            # What each explains alone is reported; derivatives do not show jumps.
-            if not item[0] or (item[1] in candidates and candidates[item[1]].jumps):
+            # What each explains alone is reported. Derivatives do not show jumps; and what an effect promises says
+            # little where its starts are far, unless a law can represent it or they are read off the residual.
+            effect = candidates.get(item[1])
+            unclear = effect is not None and (effect.jumps or not (effect.laws or effect.propose))
+            if not item[0] or unclear:
                 return False
             return not self._bar(self._explanations[item[0]], len(item[0]) + 1).cleared_by(promise(item))
 
@@ -449,14 +452,14 @@ class Search:
         """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
 
         Where a missing effect has pulled the base values off, the second start leads to the minimum that agrees with
-        the priors. Where no value has a prior, the problem's other starts (``elsewhere``) are used, too. From a given
-        ``curve`` the law is measured from the set's optimum alone. ``columns`` are derivatives by the law's values at
-        the optimum, where they are known.
+        the priors; beside other members it is tried unless the first ends as hopeless. Where no value has a prior, the
+        problem's other starts (``elsewhere``) are used, too. From a given ``curve`` the law is measured from the set's
+        optimum alone. ``columns`` are derivatives by the law's values at the optimum, where they are known.
         """
         problem, fit = parent.fitter.problem, parent.fit
         measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood, bar=bar)
         found = [measure(fit.values, known=_columns_of(fit) | dict(columns or {}), curve=curve)]
-        if curve is None and parent.pulled > SETTLED:
+        if curve is None and parent.pulled > SETTLED and (found[0].hopes or not parent.members):
             nominal = parent.fitter.nominal
             known = {} if parent.members else _columns_of(nominal)
             found.append(measure({**fit.values, **nominal.values}, known=known))
