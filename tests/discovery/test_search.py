@@ -173,6 +173,26 @@ class _Warmed(LinearProblem):
         return np.full(len(self.observed), 0.3 * abs(values["warmth_n"]) if "warmth" in effects else 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class _Jumping(LinearProblem):
+    """A machine that jumps at one sample; with one effect it is expected to jump at the next."""
+
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        return np.where(np.arange(len(self.observed)) == (101 if "warmth" in effects else 100), 5.0, 0.0)
+
+
+def test_an_extended_set_is_no_less_probable_than_its_part_because_a_jump_is_expected_elsewhere() -> None:
+    s = signals()
+    jump = np.where(np.arange(len(s["speed"])) == 100, 5.0, 0.0)
+    made = machine(0.3 * np.sign(s["speed"]) + 0.02 * (s["warm"] - 20.0) + jump, seed=5, sigma=0.05)
+    jumping = _Jumping(**{field.name: getattr(made, field.name) for field in fields(made)})
+    search = Search(replace(jumping, drivers={}), settings=Settings(), progress=silent)
+    part = search.with_effect(search.plain(), "coulomb")
+    whole = search.with_effect(part, "warmth")
+    assert whole.members == ("coulomb", "warmth")
+    assert whole.log_evidence > part.log_evidence
+
+
 @pytest.mark.parametrize(("sigmas", "followed"), [(0.5, False), (3.0, True)])
 def test_a_start_where_a_set_would_lose_nothing_is_not_followed(
     monkeypatch: pytest.MonkeyPatch, *, sigmas: float, followed: bool
