@@ -178,6 +178,7 @@ class _Jumping(LinearProblem):
     """A machine that jumps at one sample; with one effect it is expected to jump at the next."""
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        del values
         return np.where(np.arange(len(self.observed)) == (101 if "warmth" in effects else 100), 5.0, 0.0)
 
 
