@@ -388,12 +388,12 @@ class Search:
 
         def hopeless(item: tuple[EffectSet, str]) -> bool:
             # What each explains alone is reported. Derivatives do not show jumps; and what an effect promises says
-            # little where its starts are far, unless a law can represent it or they are read off the residual.
-            effect = candidates.get(item[1])
-            unclear = effect is not None and (effect.jumps or not (effect.laws or effect.propose))
-            if not item[0] or unclear:
-                return False
-            return not self._bar(self._explanations[item[0]], len(item[0]) + 1).cleared_by(promise(item))
+            # little where its starts are far, unless a law can represent it or they are read off the residual. Beside
+            # two and more, such an effect promises what it gained beside some of them.
+            parent, effect, hope = item[0], candidates.get(item[1]), promise(item)
+            if effect is not None and (effect.jumps or not (effect.laws or effect.propose)):
+                hope = max(hope, self._gained(*item)) if len(parent) > 1 else np.inf
+            return bool(parent) and not self._bar(self._explanations[parent], len(parent) + 1).cleared_by(hope)
 
         work.sort(key=lambda item: (-self._explanations[item[0]].log_evidence - promise(item), item))
         done = 0
@@ -403,6 +403,17 @@ class Search:
             progress = partial(_counted, self._progress, done, len(work))
             self._keep(self._problem.at_once(tried, self._extended, step=step, progress=progress))
             done += len(turn)
+
+    def _gained(self, members: EffectSet, name: str) -> float:
+        """Return the most that a member gained alone, or beside a part of a set."""
+        parts = [part for part in self._explanations if set(part) < set(members)]
+        pairs = [(part, with_member(part, name)) for part in parts]
+        gains = (
+            self._explanations[whole].log_evidence - self._explanations[part].log_evidence
+            for part, whole in pairs
+            if whole in self._explanations
+        )
+        return max(gains, default=np.inf)
 
     def _promised(self, item: tuple[EffectSet, str]) -> tuple[float, dict[str, Floats]]:
         """Return what the linear model at a set promises of one more member, and the derivatives by a law's values."""
