@@ -17,7 +17,7 @@ from torsight.core.progress import silent
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import AtPoint, Fitter
-from torsight.discovery.inference.measure import measure_law
+from torsight.discovery.inference.measure import Bar, measure_law
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.verdict import Decision, decide
 from torsight.discovery.inference.weight import Weight
@@ -173,6 +173,27 @@ class _Warmed(LinearProblem):
         return np.full(len(self.observed), 0.3 * abs(values["warmth_n"]) if "warmth" in effects else 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class _Jumping(LinearProblem):
+    """A machine that jumps at one sample; with one effect it is expected to jump at the next."""
+
+    def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> np.ndarray:
+        del values
+        return np.where(np.arange(len(self.observed)) == (101 if "warmth" in effects else 100), 5.0, 0.0)
+
+
+def test_an_extended_set_is_no_less_probable_than_its_part_because_a_jump_is_expected_elsewhere() -> None:
+    s = signals()
+    jump = np.where(np.arange(len(s["speed"])) == 100, 5.0, 0.0)
+    made = machine(0.3 * np.sign(s["speed"]) + 0.02 * (s["warm"] - 20.0) + jump, seed=5, sigma=0.05)
+    jumping = _Jumping(**{field.name: getattr(made, field.name) for field in fields(made)})
+    search = Search(replace(jumping, drivers={}), settings=Settings(), progress=silent)
+    part = search.with_effect(search.plain(), "coulomb")
+    whole = search.with_effect(part, "warmth")
+    assert whole.members == ("coulomb", "warmth")
+    assert whole.log_evidence > part.log_evidence
+
+
 @pytest.mark.parametrize(("sigmas", "followed"), [(0.5, False), (3.0, True)])
 def test_a_start_where_a_set_would_lose_nothing_is_not_followed(
     monkeypatch: pytest.MonkeyPatch, *, sigmas: float, followed: bool
@@ -199,7 +220,7 @@ def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fi
 
     def extended(least: float) -> tuple[float, int]:
         asked.clear()
-        more = {"least": least}
+        more = {"bar": Bar(least, least - plain.log_posterior)}
         found = search._with_law(plain, laws[name], **more) if name in laws else search.with_effect(plain, name, **more)
         return found.log_evidence, len(asked)
 
@@ -210,6 +231,24 @@ def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fi
     left, less_work = extended(plain.log_posterior + 1e6)
     assert left <= whole + 1e-6
     assert less_work < work
+
+
+def test_a_law_gains_what_a_linear_model_promises_of_it_and_nothing_is_promised_where_all_is_explained() -> None:
+    search = Search(machine(0.3 * np.sign(signals()["speed"]), seed=5), settings=Settings(), progress=silent)
+    plain = search.plain()
+    search._keep([plain])
+    promised, columns = search._promised(((), "direction"))
+    found = search._with_law(plain, search._laws["direction"], columns=columns)
+    assert found.log_posterior - plain.log_posterior == pytest.approx(promised, rel=0.2)
+    search._keep([found])
+    for name in ("position", "warm"):
+        assert abs(search._promised((("direction",), name))[0]) < 3.0
+
+
+def test_a_set_s_cost_is_that_at_its_present_weights() -> None:
+    search = Search(hidden_pair(), settings=Settings(), progress=silent)
+    for one in search.run().explanations.values():
+        assert one.cost == pytest.approx(one.fitter.weighed(one.fit).cost, rel=1e-9)
 
 
 def test_what_errors_of_the_inputs_do_is_each_set_s_own() -> None:

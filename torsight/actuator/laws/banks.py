@@ -82,7 +82,7 @@ def from_zero(nodes: Floats) -> tuple[Kernel, ...]:
 def through_zero(nodes: Floats) -> tuple[Kernel, ...]:
     """Return functions of a signed variable: proportional, square with the variable's sign, and smooth."""
     forms = [("proportional", nodes), ("square", nodes * np.abs(nodes))]
-    return (*usual_kernels(forms), *smooth_kernels(nodes, shares=(0.5, 0.25)))
+    return (*usual_kernels(forms), *smooth_kernels(nodes))
 
 
 def counted(nodes: Floats) -> tuple[Kernel, ...]:

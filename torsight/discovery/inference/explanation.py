@@ -19,7 +19,7 @@ from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import Measured, far_ahead
+from torsight.discovery.inference.measure import FURTHER, Bar, Measured, ahead
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
@@ -158,9 +158,16 @@ def family_evidence(laws: Sequence[Measured]) -> float:
     return sum(law.bank for law in laws)
 
 
-def may_reach(beside: Explanation, least: float) -> Callable[[Fit], bool]:
-    """Return the test whether a fit may reach the log posterior density ``least`` under a set's likelihood."""
-    return lambda fit: least == -np.inf or far_ahead(beside.fitter, fit, beside.likelihood) > least
+def may_clear(beside: Explanation, bar: Bar) -> Callable[[Fit], bool]:
+    """Return the test whether a fit may gain enough beside a set, or instead of it, under the set's likelihood."""
+
+    def test(fit: Fit) -> bool:
+        if bar.least == -np.inf:
+            return True
+        now, then = ahead(beside.fitter, fit, beside.likelihood)
+        return bar.cleared_by(then - beside.log_posterior) if bar.known else now + FURTHER * (then - now) > bar.least
+
+    return test
 
 
 def log_posterior(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:

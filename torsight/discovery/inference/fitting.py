@@ -184,6 +184,11 @@ class Fitter:
         observed = np.where(used.each > 0.0, self.problem.observed, 0.0)
         return lambda x, prediction: objective(observed - prediction, x, weight=used, space=space)
 
+    def weighed(self, fit: Fit) -> Fit:
+        """Return a fit that was made under other weights with its objective under these."""
+        cost = self._costs(fit.effects)(fit.solution.x, fit.solution.prediction)
+        return replace(fit, solution=replace(fit.solution, cost=cost))
+
     def base(self) -> Fit:
         """Fit the plain model alone, from the priors' means."""
         return self.fit((), [{p.name: p.value for p in self.problem.parameters}])
@@ -199,7 +204,7 @@ class Fitter:
 
         The second start (``from_means``) matters where an effect has pulled the base parameters off along a valley in
         which the record is explained equally well: from the means the search leads to the minimum that agrees with the
-        priors. A fit without ``hopes`` of mattering is not continued.
+        priors. A fit without ``hopes`` of mattering is not continued, and beside others not tried from the means.
         """
         effects = self.ordered((*parent.effects, name))
         away = {p.name: p.value for p in self.problem.parameters}
@@ -210,7 +215,7 @@ class Fitter:
             return scout.ahead < parent.cost - WORTH and hopes(scout)
 
         found = self.fit(effects, starts, max_iterations=20, keep=1, near=parent, follow=follow)
-        if from_means:
+        if from_means and (hopes(found) or not parent.effects):
             starts = [{**start, **away} for start in starts]
             other = self.fit(effects, starts, max_iterations=20, keep=1, follow=follow)
             found = min(found, other, key=lambda fit: fit.cost)
@@ -222,6 +227,19 @@ class Fitter:
         if found.cost <= parent.cost:
             return found
         return self.fit(effects, [self._switched_off(parent, name)], near=parent, follow=follow)
+
+    def promise(self, parent: Fit, name: str) -> float:
+        """Return the decrease of the objective that the linear models at one more effect's starts predict."""
+        effects = self.ordered((*parent.effects, name))
+        parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
+        given: dict[str, Any] = {"observed": self.problem.observed, "weight": self.weight, "space": space}
+        least = parent.cost
+        for start in self.candidates[name].starting_points(self.problem.time_s, self.residual(parent)):
+            values = {**parent.values, **start}
+            guess, point = _columns(parent, parameters), np.array([values[p.name] for p in parameters])
+            found = solve(model, point, max_iterations=0, guess=guess, rough=True, **given)
+            least = min(least, found.cost - looking_ahead(model, found, **given).promised)
+        return parent.cost - least
 
     def propose_again(self, found: Fit, name: str) -> Fit:
         """Propose starts for an effect again, from the residual of its own fit with the effect switched off."""

@@ -25,7 +25,7 @@ from torsight.discovery.inference.explanation import (
     family_evidence,
     log_posterior,
     loss_at,
-    may_reach,
+    may_clear,
     part_fitter,
     places_of,
     residual_of,
@@ -33,7 +33,16 @@ from torsight.discovery.inference.explanation import (
 )
 from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less, with_member
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import SETTLED, Measured, better_form, log_evidence, measure_law
+from torsight.discovery.inference.measure import (
+    NO_BAR,
+    SETTLED,
+    Bar,
+    Measured,
+    better_form,
+    log_evidence,
+    measure_law,
+    promise_of,
+)
 from torsight.discovery.inference.noise import (
     Stretches,
     correlation_samples,
@@ -47,6 +56,8 @@ from torsight.discovery.settings import Settings
 
 _ROUNDS: Final = 6
 """Largest number of rounds of weights."""
+_TURN: Final = 4
+"""Number of extensions that are fitted before the bar is set anew, at first; then as many as before: a choice."""
 _FIRST_CORRELATION: Final = 4.0
 """Largest correlation time, in samples, that is assumed before a set explains a record that shows more than noise: the
 residual due to a missing effect is correlated over a whole stroke, which says nothing about the noise."""
@@ -73,6 +84,9 @@ class Search:
         first = self.plain()
         self._keep([first])
         for size in range(1, self._settings.most + 1):
+            if size > 1:
+                # Floor and correlation have changed since these sets were fitted.
+                self._keep(self._at_once(self._parents(size - 1), self._again))
             parents = [parent for parent in self._parents(size - 1) if self._may_lead(parent)]
             if not parents:
                 break
@@ -150,10 +164,6 @@ class Search:
         best = self._best()
         return best.log_evidence + self.needed * (size - len(best.members)) - 0.5 * self._settings.apart
 
-    def _least(self, one: Explanation, size: int) -> float:
-        """Return :meth:`_reach` as the logarithm of the posterior density under the likelihood of a set."""
-        return one.log_posterior + self._reach(size) - one.log_evidence
-
     def _promising(self, size: int) -> list[Explanation]:
         """Return the best sets of ``size`` members, as far as another fit of them could matter."""
         return [one for one in self._ranked(size)[: 2 * self._settings.beam] if self._within_reach(one)]
@@ -216,7 +226,8 @@ class Search:
     ) -> Explanation:
         """Return a fit at the weights of its own residual, with its evidence.
 
-        ``likelihood`` is that at the fit's values, where it is known already.
+        ``likelihood`` is that at the fit's values, where it is known already. The noise of the inputs changes with the
+        values, most where a disk jumps in another row: it is computed anew as long as the set gains by that.
         """
         likelihood = likelihood or self._likelihood_of(problem, fit)
         best, best_value = fit, log_posterior(likelihood, problem, fit)
@@ -225,11 +236,33 @@ class Search:
             gained = log_posterior(likelihood, problem, found) - best_value
             if gained >= 0.0:
                 best, best_value = found, best_value + gained
+            if gained > SETTLED:
+                continue
+            own = self._likelihood_of(problem, best)
+            gained = log_posterior(own, problem, best) - best_value
             if gained <= SETTLED:
                 break
+            likelihood, best_value = own, best_value + gained
         fitter = weighted_fitter(likelihood, problem, best.solution.prediction)
         evidence = log_evidence(fitter, best, likelihood) + family_evidence(laws)
-        return Explanation(fitter, best, laws, likelihood, evidence, self._progress)
+        return Explanation(fitter, fitter.weighed(best), laws, likelihood, evidence, self._progress)
+
+    def _again(self, one: Explanation) -> Explanation:
+        """Return a set fitted again from its own optimum."""
+        return self._settled(one.fitter.problem, one.fit, one.laws, one.likelihood)
+
+    def _beside(
+        self, parent: Explanation, problem: Problem, fit: Fit, laws: tuple[Measured, ...], own: Likelihood | None = None
+    ) -> Explanation:
+        """Return an extended set, settled under its own likelihood, or else under that of the set that it extends.
+
+        It contains that set, so a posterior density below that set's shows a missed optimum: a disk that jumps in
+        another row than the one where the noise at the start expected it.
+        """
+        found = self._settled(problem, fit, laws, own)
+        if found.log_posterior >= parent.log_posterior:
+            return found
+        return max(found, self._settled(problem, fit, laws, parent.likelihood), key=lambda one: one.log_evidence)
 
     def _take_better_forms(self, size: int) -> None:
         """Change the laws of the best sets to their most probable forms, one law after the other.
@@ -325,82 +358,144 @@ class Search:
         fitter, laws = part_fitter(best, members)
         fit = fitter.at(fitter.ordered(members), best.fit.values, near=best.fit)
         without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
-        law, least = self._laws.get(item[2]), self._least(best, len(best.members))
+        law, bar = self._laws.get(item[2]), self._bar_beside(members, best)
         if law is None:
-            return self.with_effect(without, item[2], least=least)
+            return self.with_effect(without, item[2], bar=Bar(bar.least))
         curve = best.fitter.problem.curve_of(item[1], law, best.fit.values)
-        return self._with_law(without, law, curve=curve, least=least)
+        return self._with_law(without, law, curve=curve, bar=bar)
+
+    def _bar_beside(self, members: EffectSet, one: Explanation) -> Bar:
+        """Return what a member has to gain beside a part of a set, under the likelihood of the set."""
+        reach, part = self._reach(len(one.members)), self._explanations.get(members)
+        least = one.log_posterior + reach - one.log_evidence
+        return Bar(least) if part is None else Bar(least, reach - part.log_evidence)
 
     def _grow(self, work: list[tuple[EffectSet, str]], *, step: str) -> None:
-        """Extend fitted sets, each by one member, unless that was done before, and keep the results."""
+        """Extend fitted sets, each by one member, unless that was done before, and keep the results.
+
+        Members of which the linear model promises most come first, in turns: what they gain raises the bar for the
+        others, and a fit that cannot clear it ends early.
+        """
         work = [item for item in work if item[0] in self._explanations and item not in self._grown]
         self._grown.update(work)
-        found: list[Explanation] = self._at_once(work, self._extended, step=step)
-        self._keep(found)
+        looks = dict(zip(work, self._at_once(work, self._promised, step=f"{step}, a first look"), strict=True))
+        candidates = {one.id: one for one in self._problem.candidates}
 
-    def _extended(self, item: tuple[EffectSet, str]) -> Explanation:
+        def promise(item: tuple[EffectSet, str]) -> float:
+            # A law can represent its usual forms, whose own linear model means little where their starts are far.
+            laws = candidates[item[1]].laws if item[1] in candidates else ()
+            return max(looks[item][0], *(looks[item[0], law][0] for law in laws if (item[0], law) in looks), 0.0)
+
+        def hopeless(item: tuple[EffectSet, str]) -> bool:
+            # What each explains alone is reported. Derivatives do not show jumps; and what an effect promises says
+            # little where its starts are far, unless a law can represent it or they are read off the residual. Beside
+            # two and more, such an effect promises what it gained beside some of them.
+            parent, effect, hope = item[0], candidates.get(item[1]), promise(item)
+            if effect is not None and (effect.jumps or not (effect.laws or effect.propose)):
+                hope = max(hope, self._gained(*item)) if len(parent) > 1 else np.inf
+            return bool(parent) and not self._bar(self._explanations[parent], len(parent) + 1).cleared_by(hope)
+
+        work.sort(key=lambda item: (-self._explanations[item[0]].log_evidence - promise(item), item))
+        done = 0
+        while done < len(work):
+            turn = work[done : done + max(_TURN, done)]
+            tried = [(item, looks[item][1]) for item in turn if not hopeless(item)]
+            progress = partial(_counted, self._progress, done, len(work))
+            self._keep(self._problem.at_once(tried, self._extended, step=step, progress=progress))
+            done += len(turn)
+
+    def _gained(self, members: EffectSet, name: str) -> float:
+        """Return the most that a member gained alone, or beside a part of a set."""
+        parts = [part for part in self._explanations if set(part) < set(members)]
+        pairs = [(part, with_member(part, name)) for part in parts]
+        gains = (
+            self._explanations[whole].log_evidence - self._explanations[part].log_evidence
+            for part, whole in pairs
+            if whole in self._explanations
+        )
+        return max(gains, default=np.inf)
+
+    def _promised(self, item: tuple[EffectSet, str]) -> tuple[float, dict[str, Floats]]:
+        """Return what the linear model at a set promises of one more member, and the derivatives by a law's values."""
         parent, name = self._explanations[item[0]], item[1]
-        # What each explains alone is reported; beside the best set, its own likelihood may add the little that lacks.
-        whole = not parent.members or parent is self._best()
-        least = -np.inf if whole else self._least(parent, len(parent.members) + 1)
-        if name in self._laws:
-            return self._with_law(parent, self._laws[name], least=least)
-        return self.with_effect(parent, name, least=least)
+        if name not in self._laws:
+            return 0.5 * parent.fitter.promise(parent.fit, name), {}
+        return promise_of(parent.fitter.problem, self._laws[name], parent.fit.values, effects=parent.members,
+                          likelihood=parent.likelihood, known=_columns_of(parent.fit))  # fmt: skip
 
-    def with_effect(self, parent: Explanation, name: str, *, least: float = -np.inf) -> Explanation:
-        """Fit one more effect beside a fitted set, as long as the log posterior density may reach ``least``."""
-        hopes = may_reach(parent, least)
+    def _extended(self, item: tuple[tuple[EffectSet, str], Mapping[str, Floats]]) -> Explanation:
+        (members, name), columns = item
+        parent = self._explanations[members]
+        bar = self._bar(parent, len(members) + 1)
+        if name in self._laws:
+            return self._with_law(parent, self._laws[name], bar=bar, columns=columns)
+        return self.with_effect(parent, name, bar=bar)
+
+    def _bar(self, parent: Explanation, size: int) -> Bar:
+        """Return what one more member has to gain beside a set, so that the new set is reported or extended."""
+        least = self._reach(size)
+        if size == 1:
+            sets = self._parents(1)
+            enough = len(sets) >= self._settings.beam
+            least = min(least, *(one.log_evidence for one in sets)) if enough else -np.inf
+        gain = least - parent.log_evidence
+        return Bar(parent.log_posterior + gain, gain)
+
+    def with_effect(self, parent: Explanation, name: str, *, bar: Bar = NO_BAR) -> Explanation:
+        """Fit one more effect beside a fitted set, as long as it may clear a bar."""
+        hopes = may_clear(parent, bar)
         fit = parent.fitter.extend(parent.fit, name, from_means=parent.pulled > SETTLED, hopes=hopes)
         if fit.cost > parent.cost - WORTH or not hopes(fit):
             # Where nothing is gained the residual is the parent's, and worth the same.
             evidence = log_evidence(parent.fitter, fit, parent.likelihood) + family_evidence(parent.laws)
             return replace(parent, fit=fit, log_evidence=evidence)
-        return self._settled(parent.fitter.problem, fit, parent.laws)
+        return self._beside(parent, parent.fitter.problem, fit, parent.laws)
 
     def _with_law(
-        self, parent: Explanation, law: Law, *, curve: Floats | None = None, least: float = -np.inf
+        self,
+        parent: Explanation,
+        law: Law,
+        *,
+        curve: Floats | None = None,
+        bar: Bar = NO_BAR,
+        columns: Mapping[str, Floats] | None = None,
     ) -> Explanation:
         """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
 
         Where a missing effect has pulled the base values off, the second start leads to the minimum that agrees with
-        the priors. Where no value has a prior, the problem's other starts (``elsewhere``) are used, too. From a given
-        ``curve`` the law is measured from the set's optimum alone.
+        the priors; beside other members it is tried unless the first ends as hopeless. Where no value has a prior, the
+        problem's other starts (``elsewhere``) are used, too. From a given ``curve`` the law is measured from the set's
+        optimum alone. ``columns`` are derivatives by the law's values at the optimum, where they are known.
         """
         problem, fit = parent.fitter.problem, parent.fit
-        known = dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
-        measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood, least=least)
-        found = [measure(fit.values, known=known, curve=curve)]
-        if curve is None and parent.pulled > SETTLED:
+        measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood, bar=bar)
+        found = [measure(fit.values, known=_columns_of(fit) | dict(columns or {}), curve=curve)]
+        if curve is None and parent.pulled > SETTLED and (found[0].hopes or not parent.members):
             nominal = parent.fitter.nominal
-            known = {} if parent.members else dict(zip(nominal.values, nominal.solution.jacobian.T, strict=True))
+            known = {} if parent.members else _columns_of(nominal)
             found.append(measure({**fit.values, **nominal.values}, known=known))
         elif curve is None and all(parameter.sigma is None for parameter in problem.parameters):
             found += [measure({**fit.values, **place}) for place in problem.elsewhere]
         best = max(found, key=lambda measured: measured.log_evidence)
-        return self._explained(problem, parent.laws, best, parent.members, None if best.hopes else parent.likelihood)
+        return self._explained(parent, best)
 
-    def _explained(
-        self,
-        problem: Problem,
-        laws: tuple[Measured, ...],
-        measured: Measured,
-        members: EffectSet,
-        under: Likelihood | None = None,
-    ) -> Explanation:
-        """Return a measured law as an explanation: its form is one more candidate.
+    def _explained(self, parent: Explanation, measured: Measured) -> Explanation:
+        """Return a law that was measured beside a set as an explanation: its form is one more candidate.
 
-        A law is measured under the weights of the set beside it, and then fitted under its own. A law that was given up
-        as hopeless is not fitted; ``under`` is the likelihood under which it was measured.
+        A law is measured under the likelihood of the set beside it, and then fitted under its own. A law that was given
+        up as hopeless is not fitted.
         """
-        extended = problem.with_laws((*problem.forms, measured.form))
-        likelihood = under or self._likelihood_at(extended, measured.values, (*members, measured.law.id))
-        fitter = weighted_fitter(likelihood, extended, measured.prediction)
-        fit = measured.as_fit(fitter, (*members, measured.law.id))
-        laws = (*laws, measured)
-        if under is not None:
-            evidence = log_evidence(fitter, fit, under) + family_evidence(laws)
-            return Explanation(fitter, fit, laws, under, evidence, self._progress)
-        return self._settled(extended, fit, laws, likelihood)
+        before, members = parent.fitter.problem, (*parent.members, measured.law.id)
+        extended, laws = before.with_laws((*before.forms, measured.form)), (*parent.laws, measured)
+        under = parent.likelihood
+        if measured.hopes:
+            under = self._likelihood_at(extended, measured.values, members)
+        fitter = weighted_fitter(under, extended, measured.prediction)
+        fit = measured.as_fit(fitter, members)
+        if measured.hopes:
+            return self._beside(parent, extended, fit, laws, under)
+        evidence = log_evidence(fitter, fit, under) + family_evidence(laws)
+        return Explanation(fitter, fit, laws, under, evidence, self._progress)
 
     def _look_again(self, size: int) -> None:
         """Fit the best sets, and the best smaller one, again from the base values of other sets.
@@ -441,17 +536,19 @@ class Search:
         one, base = item
         if loss_at(one, base) < SETTLED:
             return one
-        values, least = {**one.fit.values, **base}, self._least(one, len(one.members))
+        values = {**one.fit.values, **base}
         if one.laws and one.laws[-1].law.id in one.members:
             last = one.laws[-1]
-            without = one.fitter.problem.with_laws(
-                [form for form in one.fitter.problem.forms if form.id != last.law.id]
-            )
-            members = tuple(name for name in one.members if name != last.law.id)
+            members = less(one.members, last.law.id)
+            fitter, laws = part_fitter(one, members)
             start = {name: value for name, value in values.items() if name not in last.form.names}
-            again = measure_law(without, last.law, start, effects=members, likelihood=one.likelihood, least=least)
-            return self._explained(without, one.laws[:-1], again, members) if again.hopes else one
-        hopes = may_reach(one, least)
+            bar = self._bar_beside(members, one)
+            again = measure_law(fitter.problem, last.law, start, effects=members, likelihood=one.likelihood, bar=bar)
+            if not again.hopes:
+                return one
+            without = Explanation(fitter, one.fit, laws, one.likelihood, -np.inf, self._progress)
+            return self._explained(without, again)
+        hopes = may_clear(one, Bar(one.log_posterior + self._reach(len(one.members)) - one.log_evidence))
         fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1, follow=hopes)
         return self._settled(one.fitter.problem, fit, one.laws) if hopes(fit) else one
 
@@ -477,6 +574,7 @@ class Search:
             self._explanations[members] = replace(
                 one,
                 fitter=weighted if members else one.fitter,
+                fit=weighted.weighed(one.fit) if members else one.fit,
                 likelihood=likelihood,
                 log_evidence=log_evidence(weighted, one.fit, likelihood) + family_evidence(one.laws),
             )
@@ -498,6 +596,16 @@ class Search:
             self._explanations.values(),
             key=lambda one: (one.log_evidence - self.needed * len(one.members), one.members),
         )
+
+
+def _counted(progress: Progress, before: int, whole: int, step: str, done: int, _: int | None) -> None:
+    """Report the progress of a part of the work."""
+    progress(step, before + done, whole)
+
+
+def _columns_of(fit: Fit) -> dict[str, Floats]:
+    """Return a fit's derivatives (n,) by each of its values."""
+    return dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
 
 
 def _knows_reading(problem: Problem) -> bool:
