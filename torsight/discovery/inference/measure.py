@@ -176,8 +176,8 @@ def measure_law(
     """Measure one of the problem's laws beside the plain model and effects (and laws that are known already).
 
     ``start`` holds values of the model's parameters and of those of the effects, ``known`` derivatives (n,) there by
-    some of them, where a fit without the law has them, and ``curve`` (k,) the law on its nodes, zero by default; ``bar``
-    is what the law has to gain in order to matter.
+    some of them, where a fit without the law has them, and ``curve`` (k,) the law on its nodes, zero by default. The
+    ``bar`` is what the law has to gain in order to matter.
     """
     return _Measurement(problem, law, effects, likelihood).run(start, known or {}, curve, bar)
 
