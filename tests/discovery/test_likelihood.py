@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.weight import Weight
+from torsight.discovery.weight import Weight
 
 ROWS, SHARED = 60, 3
 

@@ -23,7 +23,7 @@ from torsight.discovery.inference.explanation import Explanation, Field
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Scales, Stretches, information
-from torsight.discovery.inference.weight import Weight
+from torsight.discovery.weight import Weight
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.rig_values import declared_from
 

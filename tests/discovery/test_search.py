@@ -19,11 +19,12 @@ from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import AtPoint, Fitter
 from torsight.discovery.inference.measure import Bar, measure_law
 from torsight.discovery.inference.search import Search
+from torsight.discovery.inference.set_fits import SetFits
 from torsight.discovery.inference.verdict import Decision, decide
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import LinearProblem
 from torsight.discovery.settings import Settings
+from torsight.discovery.weight import Weight
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.rig_values import declared_from
 
@@ -188,8 +189,8 @@ def test_an_extended_set_is_no_less_probable_than_its_part_because_a_jump_is_exp
     made = machine(0.3 * np.sign(s["speed"]) + 0.02 * (s["warm"] - 20.0) + jump, seed=5, sigma=0.05)
     jumping = _Jumping(**{field.name: getattr(made, field.name) for field in fields(made)})
     search = Search(replace(jumping, drivers={}), settings=Settings(), progress=silent)
-    part = search.with_effect(search.plain(), "coulomb")
-    whole = search.with_effect(part, "warmth")
+    part = search.fits.with_effect(search.fits.plain(), "coulomb")
+    whole = search.fits.with_effect(part, "warmth")
     assert whole.members == ("coulomb", "warmth")
     assert whole.log_evidence > part.log_evidence
 
@@ -199,7 +200,7 @@ def test_a_start_where_a_set_would_lose_nothing_is_not_followed(
     monkeypatch: pytest.MonkeyPatch, *, sigmas: float, followed: bool
 ) -> None:
     search = Search(machine(0.0), settings=Settings(), progress=silent)
-    plain, asked = search.plain(), []
+    plain, asked = search.fits.plain(), []
     search._keep([plain])
     name = plain.fit.parameters[0].name
     away = plain.fit.values[name] + sigmas * curvature_spread(plain)[0, 0] ** 0.5
@@ -214,14 +215,18 @@ def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fi
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search, asked = Search(machine(0.3 * np.sign(signals()["speed"]), seed=5), settings=Settings(), progress=silent), []
-    plain, laws = search.plain(), {law.id: law for law in search.plain().fitter.problem.laws}
+    plain, laws = search.fits.plain(), {law.id: law for law in search.fits.plain().fitter.problem.laws}
     predict = LinearProblem.predict
     monkeypatch.setattr(LinearProblem, "predict", lambda *given: asked.append(1) or predict(*given))
 
     def extended(least: float) -> tuple[float, int]:
         asked.clear()
         more = {"bar": Bar(least, least - plain.log_posterior)}
-        found = search._with_law(plain, laws[name], **more) if name in laws else search.with_effect(plain, name, **more)
+        found = (
+            search.fits.with_law(plain, laws[name], **more)
+            if name in laws
+            else search.fits.with_effect(plain, name, **more)
+        )
         return found.log_evidence, len(asked)
 
     # What is worked out once is not counted.
@@ -235,10 +240,10 @@ def test_what_cannot_come_within_reach_is_left_with_less_work_and_all_else_is_fi
 
 def test_a_law_gains_what_a_linear_model_promises_of_it_and_nothing_is_promised_where_all_is_explained() -> None:
     search = Search(machine(0.3 * np.sign(signals()["speed"]), seed=5), settings=Settings(), progress=silent)
-    plain = search.plain()
+    plain = search.fits.plain()
     search._keep([plain])
     promised, columns = search._promised(((), "direction"))
-    found = search._with_law(plain, search._laws["direction"], columns=columns)
+    found = search.fits.with_law(plain, search._laws["direction"], columns=columns)
     assert found.log_posterior - plain.log_posterior == pytest.approx(promised, rel=0.2)
     search._keep([found])
     for name in ("position", "warm"):
@@ -413,13 +418,13 @@ def test_what_a_set_is_worth_does_not_depend_on_which_of_its_laws_was_measured_f
     s = signals()
     made = machine(0.3 * s["position"] + 0.4 * np.sin(s["warm"] - 20.0), seed=5, candidates={}, sigma=0.05)
     search, laws = Search(made, settings=Settings(), progress=silent), {law.id: law for law in made.laws}
-    plain = search.plain()
+    plain = search.fits.plain()
     found = {}
     for first, second in (("position", "warm"), ("warm", "position")):
-        found[first] = search._with_law(search._with_law(plain, laws[first]), laws[second])
+        found[first] = search.fits.with_law(search.fits.with_law(plain, laws[first]), laws[second])
     # Alone the one of them made up for the other, as a function that is less smooth.
     assert found["position"].log_evidence < found["warm"].log_evidence - 10.0
-    better = search._in_better_form(found["position"])
+    better = search.fits.in_better_form(found["position"])
     assert better.log_evidence == pytest.approx(found["warm"].log_evidence, abs=1.0)
     assert better.laws[0].place == found["warm"].laws[1].place
 
@@ -431,7 +436,7 @@ def test_a_law_begins_as_its_usual_form_and_does_then_what_that_does() -> None:
     assert curve == pytest.approx(0.5 * (1.0 - np.exp(-(10.0**law.nodes - 1.0) / 60.0)), abs=1e-3)
     assert problem.curve_of("creep", law, values) is None
     assert problem.curve_of("friction_dwell_s", law, values) is None
-    likelihood = Search(problem, settings=Settings(), progress=silent).plain().likelihood
+    likelihood = SetFits(problem, progress=silent).plain().likelihood
     start = {p.name: p.value for p in problem.parameters}
     nothing, form = (measure_law(problem, law, start, likelihood=likelihood, curve=given) for given in (None, curve))
     # Without the jumps of 20° and more that derivatives at nothing do not see.

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares, lsq_linear
 
 from torsight.discovery.inference.solver import Space, jacobian, sharpened, solve
-from torsight.discovery.inference.weight import Weight
+from torsight.discovery.weight import Weight
 
 
 def _space(m: int, *, lower: float = -np.inf, upper: float = np.inf, sigma: float = np.inf) -> Space:

@@ -25,8 +25,8 @@ from torsight.cli.checkup.finding import RESIDUAL_DEG
 from torsight.core.progress import Progress
 from torsight.core.units import DEG, Floats
 from torsight.discovery.design.separation import Rival, linear_gains
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
+from torsight.discovery.weight import Weight
 
 _CORRELATION_S: Final = 10.0
 """Correlation time of the residual of a good record, s: a sample counts as its interval over this. A choice."""

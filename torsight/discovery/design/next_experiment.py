@@ -31,8 +31,8 @@ from torsight.discovery.design.programme_menu import Habits, in_words, menu
 from torsight.discovery.design.separation import Rival, least_gain, linear_gains, refitted_gains
 from torsight.discovery.inference.explanation import Explanation, Field
 from torsight.discovery.inference.noise import Scales, Stretches, information
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.settings import Settings
+from torsight.discovery.weight import Weight
 
 _ENOUGH: Final = 25.0
 """Multiple of the gain at which rivals cease to be rivals that is surely enough ..."""

@@ -22,7 +22,7 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import EffectSet, space_of
 from torsight.discovery.inference.solver import jacobian, solve
-from torsight.discovery.inference.weight import Weight
+from torsight.discovery.weight import Weight
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,8 +23,8 @@ from torsight.discovery.inference.measure import FURTHER, Bar, Measured, ahead
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
+from torsight.discovery.weight import Weight
 
 Places = frozenset[str]
 

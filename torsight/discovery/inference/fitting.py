@@ -18,8 +18,8 @@ from torsight.core.parallel.threads import go_on
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
 from torsight.discovery.inference.solver import Solution, Space, jacobian, looking_ahead, objective, sharpened, solve
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Candidate, Problem
+from torsight.discovery.weight import Weight
 
 EffectSet = tuple[str, ...]
 """Ids of the effects that are switched on, in the order of the problem's candidates."""

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from torsight.core.compiled import compiled, inlined
 from torsight.core.units import Flags, Floats
 from torsight.discovery.inference.noise import Stretches
-from torsight.discovery.inference.weight import Weight
+from torsight.discovery.weight import Weight
 
 MOTION: Final = 0
 REST: Final = 1

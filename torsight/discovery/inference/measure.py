@@ -26,8 +26,8 @@ from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.priors import outlier_precision, prior_cost_of
 from torsight.discovery.inference.solver import TRUSTED, Slopes, Space, full_step, linear_change
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
+from torsight.discovery.weight import Weight
 
 _Member = tuple[int, int]
 """A member of a bank: the indices of its kernel and of its size."""

@@ -15,8 +15,8 @@ import numpy as np
 
 from torsight.core.series import correlation_time, rms, scatter
 from torsight.core.units import Flags, Floats, Ints
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
+from torsight.discovery.weight import Weight
 
 _LEAST_PIECE: Final = 16
 """Fewest samples of a piece from which its noise is estimated: the median of 13 third differences gives it to a third,

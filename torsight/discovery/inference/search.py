@@ -9,58 +9,35 @@ under one likelihood, whose floor and correlation come from the best of them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Final
 
 import numpy as np
 
-from torsight.core.law import Law
 from torsight.core.progress import Progress
 from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import (
     Explanation,
     Field,
     Places,
-    family_evidence,
-    log_posterior,
     loss_at,
     may_clear,
     part_fitter,
     places_of,
-    residual_of,
-    weighted_fitter,
 )
-from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter, less, with_member
-from torsight.discovery.inference.likelihood import Likelihood
+from torsight.discovery.inference.fitting import EffectSet, less, with_member
 from torsight.discovery.inference.measure import (
-    NO_BAR,
     SETTLED,
     Bar,
-    Measured,
-    better_form,
-    log_evidence,
     measure_law,
     promise_of,
 )
-from torsight.discovery.inference.noise import (
-    Stretches,
-    correlation_samples,
-    first_scales,
-    information,
-    reading_noise,
-    residual_scales,
-)
+from torsight.discovery.inference.set_fits import FIRST_CORRELATION, SetFits, columns_of
 from torsight.discovery.interface import Problem
 from torsight.discovery.settings import Settings
 
-_ROUNDS: Final = 6
-"""Largest number of rounds of weights."""
 _TURN: Final = 4
 """Number of extensions that are fitted before the bar is set anew, at first; then as many as before: a choice."""
-_FIRST_CORRELATION: Final = 4.0
-"""Largest correlation time, in samples, that is assumed before a set explains a record that shows more than noise: the
-residual due to a missing effect is correlated over a whole stroke, which says nothing about the noise."""
 
 
 class Search:
@@ -70,23 +47,21 @@ class Search:
         self._problem = problem
         self._settings = settings
         self._progress = progress
-        self._stretches = Stretches.of(problem)
+        self.fits = SetFits(problem, progress=progress)
         self._explanations: dict[EffectSet, Explanation] = {}
         self._grown: set[tuple[EffectSet, str]] = set()
         self._exchanged: set[tuple[EffectSet, str, str]] = set()
         self._at_once = partial(problem.at_once, progress=progress)
         self._laws = {law.id: law for law in problem.laws}
-        self._reading = problem.sigma
-        self._correlation_samples = 1.0
 
     def run(self) -> Field:
         """Return the plain model and the sets that grew out of the best ones."""
-        first = self.plain()
+        first = self.fits.plain()
         self._keep([first])
         for size in range(1, self._settings.most + 1):
             if size > 1:
                 # Floor and correlation have changed since these sets were fitted.
-                self._keep(self._at_once(self._parents(size - 1), self._again))
+                self._keep(self._at_once(self._parents(size - 1), self.fits.again))
             parents = [parent for parent in self._parents(size - 1) if self._may_lead(parent)]
             if not parents:
                 break
@@ -97,25 +72,19 @@ class Search:
             self._look_again(size)
             self._fit_parts(self._best())
             # What a set that lacks something leaves is correlated by that, and says nothing of the noise yet.
-            self._follow_best(longest=_FIRST_CORRELATION)
+            self._follow_best(longest=FIRST_CORRELATION)
             smaller = max(one.log_evidence for one in self._explanations.values() if len(one.members) < size)
             if self._best().log_evidence < smaller + self.needed:
                 break
         self._follow_best(longest=np.inf)
-        found = self._at_once(self._in_reach(), self._sharpened, step="how well it is known")
+        found = self._at_once(self._in_reach(), self.fits.sharpened, step="how well it is known")
         self._explanations.update((one.members, one) for one in found)
-        return Field(self._best().likelihood, self._stretches, self._explanations, first)
+        return Field(self._best().likelihood, self.fits.stretches, self._explanations, first)
 
     def _in_reach(self) -> list[Explanation]:
         """Return the sets that could be reported, were they a little more probable."""
         sets = self._explanations.values()
         return [one for one in sets if one.log_evidence > self._reach(len(one.members)) - 0.5 * self._settings.apart]
-
-    def _sharpened(self, one: Explanation) -> Explanation:
-        """Return a set with derivatives that are accurate along directions of least information, and its evidence."""
-        fit = one.fitter.sharpened(one.fit)
-        evidence = log_evidence(one.fitter, fit, one.likelihood) + family_evidence(one.laws)
-        return replace(one, fit=fit, log_evidence=evidence)
 
     @property
     def needed(self) -> float:
@@ -168,102 +137,6 @@ class Search:
         """Return the best sets of ``size`` members, as far as another fit of them could matter."""
         return [one for one in self._ranked(size)[: 2 * self._settings.beam] if self._within_reach(one)]
 
-    def plain(self) -> Explanation:
-        """Fit the plain model from the priors' means and from the problem's other starts (``elsewhere``)."""
-        problem, stretches = self._problem, self._stretches
-        fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), problem.sigma))
-        fit = fitter.base()
-        for _ in range(2):
-            self._reading = self._reading_noise(problem, fit)
-            inputs = self._likelihood_of(problem, fit)
-            scales = residual_scales(residual_of(problem, fit.solution.prediction), stretches, inputs.noise)
-            fitter = Fitter(problem, information(stretches, scales, inputs.noise))
-            fit = fitter.from_elsewhere(fitter.refit(fit))
-        noise = self._is_noise(inputs, residual_of(problem, fit.solution.prediction))
-        self._correlation_samples = min(scales.correlation_samples, np.inf if noise else _FIRST_CORRELATION)
-        first = self._settled(problem, fit, ())
-        # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
-        again = (self.fit_from(start) for start in (first.fit.values, fitter.nominal.values))
-        return max(first, *again, key=lambda one: one.log_posterior)
-
-    def fit_from(self, start: Mapping[str, float], effects: EffectSet = ()) -> Explanation:
-        """Fit a set of effects from given values: under the likelihood there, then twice under that at the optimum."""
-        for _ in range(3):
-            prediction = self._problem.predict(start, effects)
-            likelihood = self._likelihood_at(self._problem, start, effects)
-            fitter = weighted_fitter(likelihood, self._problem, prediction)
-            fit = fitter.from_elsewhere(fitter.fit(effects, [start], max_iterations=40))
-            start = fit.values
-        return self._settled(self._problem, fit, ())
-
-    def has_settled(self, found: Explanation) -> bool:
-        """Return whether a further fit of a set of effects from its optimum gains nothing that matters."""
-        again = self.fit_from(found.fit.values, found.fit.effects)
-        return again.log_posterior <= found.log_posterior + SETTLED
-
-    def _is_noise(self, likelihood: Likelihood, residual: Floats) -> bool:
-        """Return whether a residual is no larger than the noise of the inputs, where the reading noise is known."""
-        return _knows_reading(self._problem) and likelihood.accounts_for(residual)
-
-    def _reading_noise(self, problem: Problem, fit: Fit) -> Floats:
-        """Return the reading noise (n,), estimated from a fit's residual where it is not given."""
-        if _knows_reading(problem):
-            return problem.sigma
-        left = residual_of(problem, fit.solution.prediction)
-        return np.full(len(left), reading_noise(problem, self._stretches, left))
-
-    def _likelihood_of(self, problem: Problem, fit: Fit) -> Likelihood:
-        return self._likelihood_at(problem, fit.values, fit.effects)
-
-    def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
-        """Return the likelihood with the inputs' noise at given values, and with the current correlation time."""
-        floor = np.hypot(self._reading, problem.input_noise(values, effects))
-        shared, tau = problem.shared_errors(values, effects), self._correlation_samples
-        return Likelihood.of(self._stretches, floor, tau, least=self._problem.resolution, shared=shared)
-
-    def _settled(
-        self, problem: Problem, fit: Fit, laws: tuple[Measured, ...], likelihood: Likelihood | None = None
-    ) -> Explanation:
-        """Return a fit at the weights of its own residual, with its evidence.
-
-        ``likelihood`` is that at the fit's values, where it is known already. The noise of the inputs changes with the
-        values, most where a disk jumps in another row: it is computed anew as long as the set gains by that.
-        """
-        likelihood = likelihood or self._likelihood_of(problem, fit)
-        best, best_value = fit, log_posterior(likelihood, problem, fit)
-        for _ in range(_ROUNDS):
-            found = weighted_fitter(likelihood, problem, best.solution.prediction).refit(best, max_iterations=8)
-            gained = log_posterior(likelihood, problem, found) - best_value
-            if gained >= 0.0:
-                best, best_value = found, best_value + gained
-            if gained > SETTLED:
-                continue
-            own = self._likelihood_of(problem, best)
-            gained = log_posterior(own, problem, best) - best_value
-            if gained <= SETTLED:
-                break
-            likelihood, best_value = own, best_value + gained
-        fitter = weighted_fitter(likelihood, problem, best.solution.prediction)
-        evidence = log_evidence(fitter, best, likelihood) + family_evidence(laws)
-        return Explanation(fitter, fitter.weighed(best), laws, likelihood, evidence, self._progress)
-
-    def _again(self, one: Explanation) -> Explanation:
-        """Return a set fitted again from its own optimum."""
-        return self._settled(one.fitter.problem, one.fit, one.laws, one.likelihood)
-
-    def _beside(
-        self, parent: Explanation, problem: Problem, fit: Fit, laws: tuple[Measured, ...], own: Likelihood | None = None
-    ) -> Explanation:
-        """Return an extended set, settled under its own likelihood, or else under that of the set that it extends.
-
-        It contains that set, so a posterior density below that set's shows a missed optimum: a disk that jumps in
-        another row than the one where the noise at the start expected it.
-        """
-        found = self._settled(problem, fit, laws, own)
-        if found.log_posterior >= parent.log_posterior:
-            return found
-        return max(found, self._settled(problem, fit, laws, parent.likelihood), key=lambda one: one.log_evidence)
-
     def _take_better_forms(self, size: int) -> None:
         """Change the laws of the best sets to their most probable forms, one law after the other.
 
@@ -271,32 +144,10 @@ class Search:
         beside it, and the set pays for freedom of which it makes no use.
         """
         ranked = self._ranked(size)
-        gain = {one.members: self._better_form(one)[0] for one in ranked}
+        gain = {one.members: self.fits.better_form(one)[0] for one in ranked}
         best = sorted(ranked, key=lambda one: -one.log_evidence - gain[one.members])[: 2 * self._settings.beam]
         work = [one for one in best if self._within_reach(one, gain=gain[one.members])]
-        self._keep(self._at_once(work, self._in_better_form, step="better forms"))
-
-    def _better_form(self, one: Explanation) -> tuple[float, Measured | None]:
-        """Return the gain in log units and the law, in its better form, that gains most in another form."""
-        found = [better_form(law, one.fitter, one.fit, one.likelihood) for law in one.laws]
-        return max(found, key=lambda item: item[0], default=(0.0, None))
-
-    def _in_better_form(self, one: Explanation) -> Explanation:
-        """Return a set with its laws in better forms, as long as each change increases the evidence."""
-        while True:
-            gain, law = self._better_form(one)
-            if law is None or gain <= SETTLED:
-                return one
-            members, before = one.fit.effects, one.fitter.problem
-            forms = [law.form if form.id == law.law.id else form for form in before.forms]
-            problem = before.with_laws(forms)
-            law = replace(law, prediction=problem.predict(law.values, members))
-            fit = law.as_fit(Fitter(problem, one.fitter.weight), members)
-            laws = tuple(law if item.law.id == law.law.id else item for item in one.laws)
-            found = self._settled(problem, fit, laws, one.likelihood)
-            if found.log_evidence <= one.log_evidence + SETTLED:
-                return one
-            one = found
+        self._keep(self._at_once(work, self.fits.in_better_form, step="better forms"))
 
     def _extend(self, parents: list[Explanation], size: int) -> None:
         """Fit every effect and measure every law beside each of the parents, and keep them."""
@@ -360,9 +211,9 @@ class Search:
         without = Explanation(fitter, fit, laws, best.likelihood, -np.inf, self._progress)
         law, bar = self._laws.get(item[2]), self._bar_beside(members, best)
         if law is None:
-            return self.with_effect(without, item[2], bar=Bar(bar.least))
+            return self.fits.with_effect(without, item[2], bar=Bar(bar.least))
         curve = best.fitter.problem.curve_of(item[1], law, best.fit.values)
-        return self._with_law(without, law, curve=curve, bar=bar)
+        return self.fits.with_law(without, law, curve=curve, bar=bar)
 
     def _bar_beside(self, members: EffectSet, one: Explanation) -> Bar:
         """Return what a member has to gain beside a part of a set, under the likelihood of the set."""
@@ -421,15 +272,15 @@ class Search:
         if name not in self._laws:
             return 0.5 * parent.fitter.promise(parent.fit, name), {}
         return promise_of(parent.fitter.problem, self._laws[name], parent.fit.values, effects=parent.members,
-                          likelihood=parent.likelihood, known=_columns_of(parent.fit))  # fmt: skip
+                          likelihood=parent.likelihood, known=columns_of(parent.fit))  # fmt: skip
 
     def _extended(self, item: tuple[tuple[EffectSet, str], Mapping[str, Floats]]) -> Explanation:
         (members, name), columns = item
         parent = self._explanations[members]
         bar = self._bar(parent, len(members) + 1)
         if name in self._laws:
-            return self._with_law(parent, self._laws[name], bar=bar, columns=columns)
-        return self.with_effect(parent, name, bar=bar)
+            return self.fits.with_law(parent, self._laws[name], bar=bar, columns=columns)
+        return self.fits.with_effect(parent, name, bar=bar)
 
     def _bar(self, parent: Explanation, size: int) -> Bar:
         """Return what one more member has to gain beside a set, so that the new set is reported or extended."""
@@ -440,62 +291,6 @@ class Search:
             least = min(least, *(one.log_evidence for one in sets)) if enough else -np.inf
         gain = least - parent.log_evidence
         return Bar(parent.log_posterior + gain, gain)
-
-    def with_effect(self, parent: Explanation, name: str, *, bar: Bar = NO_BAR) -> Explanation:
-        """Fit one more effect beside a fitted set, as long as it may clear a bar."""
-        hopes = may_clear(parent, bar)
-        fit = parent.fitter.extend(parent.fit, name, from_means=parent.pulled > SETTLED, hopes=hopes)
-        if fit.cost > parent.cost - WORTH or not hopes(fit):
-            # Where nothing is gained the residual is the parent's, and worth the same.
-            evidence = log_evidence(parent.fitter, fit, parent.likelihood) + family_evidence(parent.laws)
-            return replace(parent, fit=fit, log_evidence=evidence)
-        return self._beside(parent, parent.fitter.problem, fit, parent.laws)
-
-    def _with_law(
-        self,
-        parent: Explanation,
-        law: Law,
-        *,
-        curve: Floats | None = None,
-        bar: Bar = NO_BAR,
-        columns: Mapping[str, Floats] | None = None,
-    ) -> Explanation:
-        """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
-
-        Where a missing effect has pulled the base values off, the second start leads to the minimum that agrees with
-        the priors; beside other members it is tried unless the first ends as hopeless. Where no value has a prior, the
-        problem's other starts (``elsewhere``) are used, too. From a given ``curve`` the law is measured from the set's
-        optimum alone. ``columns`` are derivatives by the law's values at the optimum, where they are known.
-        """
-        problem, fit = parent.fitter.problem, parent.fit
-        measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood, bar=bar)
-        found = [measure(fit.values, known=_columns_of(fit) | dict(columns or {}), curve=curve)]
-        if curve is None and parent.pulled > SETTLED and (found[0].hopes or not parent.members):
-            nominal = parent.fitter.nominal
-            known = {} if parent.members else _columns_of(nominal)
-            found.append(measure({**fit.values, **nominal.values}, known=known))
-        elif curve is None and all(parameter.sigma is None for parameter in problem.parameters):
-            found += [measure({**fit.values, **place}) for place in problem.elsewhere]
-        best = max(found, key=lambda measured: measured.log_evidence)
-        return self._explained(parent, best)
-
-    def _explained(self, parent: Explanation, measured: Measured) -> Explanation:
-        """Return a law that was measured beside a set as an explanation: its form is one more candidate.
-
-        A law is measured under the likelihood of the set beside it, and then fitted under its own. A law that was given
-        up as hopeless is not fitted.
-        """
-        before, members = parent.fitter.problem, (*parent.members, measured.law.id)
-        extended, laws = before.with_laws((*before.forms, measured.form)), (*parent.laws, measured)
-        under = parent.likelihood
-        if measured.hopes:
-            under = self._likelihood_at(extended, measured.values, members)
-        fitter = weighted_fitter(under, extended, measured.prediction)
-        fit = measured.as_fit(fitter, members)
-        if measured.hopes:
-            return self._beside(parent, extended, fit, laws, under)
-        evidence = log_evidence(fitter, fit, under) + family_evidence(laws)
-        return Explanation(fitter, fit, laws, under, evidence, self._progress)
 
     def _look_again(self, size: int) -> None:
         """Fit the best sets, and the best smaller one, again from the base values of other sets.
@@ -521,16 +316,8 @@ class Search:
         Alone, one of two effects may explain less than a third one that resembles both.
         """
         parts = [part for part in (less(best.members, name) for name in best.members) if part]
-        found: list[Explanation] = self._at_once([(best, part) for part in parts], self._part)
+        found: list[Explanation] = self._at_once([(best, part) for part in parts], self.fits.part)
         self._keep(found)
-
-    def _part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
-        """Return a part of a set, fitted from the set's values; its laws keep their forms."""
-        best, members = item
-        fitter, laws = part_fitter(best, members)
-        effects = fitter.ordered(members)
-        start = {p.name: best.fit.values[p.name] for p in fitter.parameters(effects)}
-        return self._settled(fitter.problem, fitter.fit(effects, [start], keep=1), laws)
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
@@ -547,10 +334,10 @@ class Search:
             if not again.hopes:
                 return one
             without = Explanation(fitter, one.fit, laws, one.likelihood, -np.inf, self._progress)
-            return self._explained(without, again)
+            return self.fits.explained(without, again)
         hopes = may_clear(one, Bar(one.log_posterior + self._reach(len(one.members)) - one.log_evidence))
         fit = one.fitter.fit(one.fit.effects, [values], max_iterations=16, keep=1, follow=hopes)
-        return self._settled(one.fitter.problem, fit, one.laws) if hopes(fit) else one
+        return self.fits.settled(one.fitter.problem, fit, one.laws) if hopes(fit) else one
 
     def _follow_best(self, *, longest: float) -> None:
         """Estimate floor and correlation from the best set's residual, and compute every set's evidence under these.
@@ -559,25 +346,11 @@ class Search:
         larger than the noise of the inputs, it is noise and gives the correlation: a law would smooth it.
         """
         best = plain = self._explanations[()]
-        if self._is_noise(plain.likelihood, plain.residual):
+        if self.fits.is_noise(plain.likelihood, plain.residual):
             longest = np.inf
         else:
             best = self._best()
-        before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
-        scaled = best.likelihood.in_scales(best.residual)
-        self._correlation_samples = min(correlation_samples(scaled, self._stretches), longest)
-        for members, one in list(self._explanations.items()):
-            floor = np.sqrt(np.maximum(one.likelihood.floor**2 - before**2, 0.0) + self._reading**2)
-            likelihood = replace(one.likelihood, floor=floor).correlated(self._stretches, self._correlation_samples)
-            # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
-            weighted = weighted_fitter(likelihood, one.fitter.problem, one.fit.solution.prediction)
-            self._explanations[members] = replace(
-                one,
-                fitter=weighted if members else one.fitter,
-                fit=weighted.weighed(one.fit) if members else one.fit,
-                likelihood=likelihood,
-                log_evidence=log_evidence(weighted, one.fit, likelihood) + family_evidence(one.laws),
-            )
+        self._explanations = self.fits.followed(best, self._explanations, longest=longest)
 
     def _keep(self, found: list[Explanation]) -> None:
         """Keep sets that are new, or more probable than the same set was before."""
@@ -601,13 +374,3 @@ class Search:
 def _counted(progress: Progress, before: int, whole: int, step: str, done: int, _: int | None) -> None:
     """Report the progress of a part of the work."""
     progress(step, before + done, whole)
-
-
-def _columns_of(fit: Fit) -> dict[str, Floats]:
-    """Return a fit's derivatives (n,) by each of its values."""
-    return dict(zip(fit.values, fit.solution.jacobian.T, strict=True))
-
-
-def _knows_reading(problem: Problem) -> bool:
-    """Return whether a problem's reading noise is given."""
-    return bool(problem.sigma[problem.valid].any())

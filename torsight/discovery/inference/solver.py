@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from torsight.core.units import Flags, Floats
-from torsight.discovery.inference.weight import Weight
+from torsight.discovery.weight import Weight
 
 STEP_SHARE: Final = 0.02
 """Difference step as a share of a parameter's scale."""

@@ -21,8 +21,8 @@ from torsight.core.series import rms
 from torsight.core.units import Floats, Ints
 from torsight.discovery.inference.fitting import Fit, Fitter, space_of
 from torsight.discovery.inference.measure import prior_information
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import Problem
+from torsight.discovery.weight import Weight
 
 _NOTHING: Final = 0.01
 """Share of a record's information about a value below which the other blocks say nothing about it."""

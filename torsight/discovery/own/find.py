@@ -15,7 +15,7 @@ from torsight.core.units import Floats
 from torsight.discovery.inference import engine
 from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import Fit
-from torsight.discovery.inference.search import Search
+from torsight.discovery.inference.set_fits import SetFits
 from torsight.discovery.interface import Problem
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import bend_within, beyond, widened
@@ -109,17 +109,17 @@ def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -
     The plain model is fitted first; then the effects are added one by one, each beside all earlier ones.
     """
     check_problem(problem)
-    search, steps = Search(problem, settings=Settings(), progress=progress), 1 + len(members)
+    fits, steps = SetFits(problem, progress=progress), 1 + len(members)
     progress("fit", 0, steps)
-    found = search.plain()
+    found = fits.plain()
     for number, name in enumerate(members, 1):
         progress("fit", number, steps)
-        found = _proposed_at_means(search, search.with_effect(found, name), name)
+        found = _proposed_at_means(fits, fits.with_effect(found, name), name)
     progress("fit", steps, steps)
-    return KnownFit(found, search.has_settled(found))
+    return KnownFit(found, fits.has_settled(found))
 
 
-def _proposed_at_means(search: Search, found: Explanation, name: str) -> Explanation:
+def _proposed_at_means(fits: SetFits, found: Explanation, name: str) -> Explanation:
     """Return the better of a fit and one that starts where the residual at the priors' means shows the effect.
 
     The plain fit may have absorbed part of an event in the record: its residual then shows the event at another time.
@@ -130,7 +130,7 @@ def _proposed_at_means(search: Search, found: Explanation, name: str) -> Explana
         return found
     points = candidate.starting_points(fitter.problem.time_s, fitter.residual(means))
     scouted = fitter.fit(effects, [{**found.fit.values, **means.values, **point} for point in points])
-    return max(found, search.fit_from(scouted.values, effects), key=lambda one: one.log_posterior)
+    return max(found, fits.fit_from(scouted.values, effects), key=lambda one: one.log_posterior)
 
 
 def _added(notes: list[str], one: str | None) -> tuple[str, ...]:

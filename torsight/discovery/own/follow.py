@@ -19,7 +19,6 @@ from torsight.core.series import scatter
 from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import AtPoint, Fit, Fitter
 from torsight.discovery.inference.solver import STEP_SHARE, Solution, Space, solve
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.interface import OVER_GIVEN
 from torsight.discovery.own.model.evaluate import Evaluator, Model, call
 from torsight.discovery.own.model.layout import noise_of
@@ -27,6 +26,7 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Values
 from torsight.discovery.own.own_records import Record
+from torsight.discovery.weight import Weight
 
 _STRETCHES: Final = 64
 """Number of stretches of a record over which differential equations are fitted first ..."""

@@ -21,7 +21,6 @@ from torsight.core.units import Floats
 from torsight.discovery.inference.explanation import Explanation
 from torsight.discovery.inference.fitting import space_of
 from torsight.discovery.inference.solver import jacobian, solve
-from torsight.discovery.inference.weight import Weight
 from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.answer.own_prediction import PredictedOutputs
 from torsight.discovery.own.model.declare import RESERVED, name_in
@@ -31,6 +30,7 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
+from torsight.discovery.weight import Weight
 
 KIND: Final = "own model"
 """Value of ``kind`` that distinguishes the ``model.json`` of a model of one's own from the actuator's."""
