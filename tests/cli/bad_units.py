@@ -134,9 +134,7 @@ MORE: dict[str, Bad] = {
         PREDICT, model(lambda content: content["cycles"].update(a=0.5)), 3, "no whole number"
     ),
     "characterise: tests that are missing": Bad("characterise {none.toml} --out {out}", fine, 3, "no such file"),
-    "characterise: another file": Bad(
-        "characterise {board.toml} --out {out}", fine, 2, "is a board file"
-    ),
+    "characterise: another file": Bad("characterise {board.toml} --out {out}", fine, 2, "is a board file"),
     "board: output of another kind": Bad("board --out {board.xyz}", fine, 2, ".xyz"),
     "board: page that nobody prints": Bad("board --out {b.pdf} --page a99", fine, 2, "a99"),
     "batch: all experiments fail": Bad(

@@ -64,7 +64,9 @@ def live(
     ] = None,
     web_port: WebPort = None,
 ) -> Answer:
-    """Track a camera or a growing film, record to disk, show in Rerun; Ctrl-C ends and keeps the record.
+    """Track a camera or a growing film and show it in Rerun.
+
+    The record is written to disk; Ctrl-C ends it and keeps it.
 
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """

@@ -107,7 +107,7 @@ def not_written(path: Path, error: OSError) -> OutputError:
     return OutputError(
         f"cannot be written ({reason_of(error)})",
         where=str(path),
-        do="choose another --out folder, or free space and rights there; earlier files are untouched",
+        do="choose another folder, or free space and rights there; earlier files are untouched",
     )
 
 
