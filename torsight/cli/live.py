@@ -146,7 +146,9 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
             lines.append(f"Latency           {words}")
     if outcome.left_out:
         lines.append(f"Not shown         {outcome.left_out} entries that the viewer could not take in time")
-    lines.append(f"Record            {folder}; to the report: torsight run {folder / 'experiment.toml'}")
+    to_report = f"to the report: torsight run {folder / 'experiment.toml'}"
+    after = to_report if outcome.log_rows else "without temperatures there is no report"
+    lines.append(f"Record            {folder}; {after}")
     return lines
 
 
