@@ -194,5 +194,5 @@ def _not_kept(folder: Path, error: OSError) -> OutputError:
     return OutputError(
         f"checkpoints cannot be written ({reason_of(error)})",
         where=str(folder),
-        do="choose another --out folder, or free space and rights there",
+        do="choose another folder, or free space and rights there",
     )

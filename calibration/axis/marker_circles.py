@@ -12,7 +12,7 @@ import numpy as np
 from calibration.axis.axis_pose import AxisPose
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import AnyPath
-from torsight.core.files.provenance import file_hash, made_now
+from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_table
 from torsight.core.files.tables import marker_values
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
@@ -61,7 +61,6 @@ class CirclesPose(AxisPose):
             "turned_deg": float(np.degrees(self.axis.arc_rad)),
             "misfit": self.axis.misfit,
             "notes": list(self.notes),
-            "made": made_now(),
         }
 
 

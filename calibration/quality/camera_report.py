@@ -11,7 +11,7 @@ from calibration.cameras.stereo_pair import PairCalibration
 from calibration.quality.calibration_verdict import cells_covered
 from calibration.stage import Calibration, Side
 from calibration.views.board_views import Seen
-from torsight.core.files.provenance import made_now, versions
+from torsight.core.files.provenance import versions
 
 
 def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -24,7 +24,6 @@ def account(calibration: Calibration, *, earlier: dict[str, Any] | None = None) 
         content = {
             "verdict": calibration.verdict.word,
             "reasons": list(calibration.verdict.reasons),
-            "made": made_now(),
             "versions": versions(),
             "board": calibration.board.content(),
             "left": _lens(calibration.left),
@@ -170,5 +169,4 @@ def _axis(board: Board, disk: DiskPose, seen: Seen) -> dict[str, Any]:
         "error_px": disk.error_px,
         "turned_deg": list(disk.turned_deg),
         "board_off_plane_deg": disk.wobble_deg,
-        "made": made_now(),
     }

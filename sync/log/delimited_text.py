@@ -19,6 +19,7 @@ from sync.log.header import BLANKS, fields_of, find_header, require_columns, spl
 from sync.log.labview import labview_header
 from sync.log.repairs import Repair
 from torsight.core.errors import InputError
+from torsight.core.files.kinds import binary_kind
 from torsight.core.files.storage import DECIMAL_COMMA, empty_table, read_bytes, table_without_rows
 from torsight.core.frozen import Frozen
 from torsight.core.words.wording import counted
@@ -30,17 +31,6 @@ _COMMA_NUMBER: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,\d+(?![\d.,])")
 _SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
 _QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
 _BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
-_NO_TEXT: Final = {
-    b"\x1f\x8b": "a compressed file",
-    b"PK\x03\x04": "an archive or a spreadsheet's own format",
-    b"\xd0\xcf\x11\xe0": "an old spreadsheet's own format",
-    b"PAR1": "Parquet; its name must end in .parquet",
-    b"%PDF": "a document",
-    b"\x89PNG": "a picture",
-}
-"""First bytes of files that are no text, by kind."""
-
-
 _BLANKS: Final = re.compile(r"[ \t]+")
 _MARKED: Final = (
     *("****", "---", "--", "-", "?", "Inf", "-Inf", "inf", "-inf"),
@@ -136,9 +126,9 @@ def _decode(path: Path) -> tuple[str, list[Repair]]:
     raw = read_bytes(path)
     if not raw.strip(b"\0 \r\n\t"):
         raise empty_table(path)
-    for beginning, kind in _NO_TEXT.items():
-        if raw.startswith(beginning):
-            raise InputError("is not text", where=str(path), value=kind, do="export it as CSV")
+    binary = binary_kind(raw)
+    if binary is not None:
+        raise InputError("is not text", where=str(path), value=binary.name, do=binary.source)
     repairs: list[Repair] = []
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         repairs.append(Repair("encoding", 1, "the file is UTF-16; read as such"))

@@ -53,7 +53,7 @@ def test_camera_file_is_read_back_and_gives_an_account(camera_toml, folder):
         assert abs(camera.intrinsics.matrix[row, column] - true) < 4 * sigma[key]
     assert table["board"] == {"kind": "chessboard", "columns": 9, "rows": 6, "square_mm": 10.0}
     assert table["verdict"] in ("good", "usable")
-    assert table["made"].endswith("Z")
+    assert "made" not in table  # the same pictures give the same file on another day
     assert "numpy" in table["versions"]
     assert [row["name"] for row in table["left"]["pictures"]] == sorted(path.name for path in folder.iterdir())
     assert all(len(row["sha256"]) == 64 and row["error_px"] < 0.2 for row in table["left"]["pictures"])

@@ -233,4 +233,10 @@ ODD: dict[str, Bad] = {
     "sync: a table of no kind": Bad(f"{SYNC} --table {{t.xlsx}}", fine, 2, "--table: has another suffix"),
     "fit: an effect spelt otherwise": Bad(f"{FIT} --effect sensorlag", fine, 2, "did you mean 'sensor_lag'?"),
     "fit: nothing like it there": Bad(FIT.replace("merged.csv", "nofile.csv"), fine, 3, "no such file; check the path"),
+    "run: a film": Bad("run {film.avi}", fine, 3, "found a film; name the file that belongs here"),
+    "sync: a film as angles": Bad(SYNC.replace("angle.csv", "film.avi"), fine, 3, "found a film; name the file"),
+    "simulate: a film as log": Bad(SIMULATE.replace("temps.csv", "film.avi"), fine, 3, "found a film; name the file"),
+    "predict: an actuator file as model": Bad(
+        PREDICT.replace("model.json", "actuator.toml"), fine, 3, "an actuator file"
+    ),
 }

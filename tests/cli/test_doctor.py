@@ -262,6 +262,19 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path, capsys: pytest
     assert "marker" in err
 
 
+def test_a_camera_that_is_refused_is_told_before_any_film_is_tracked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_world(tmp_path / "world")
+    names = [str(tmp_path / "world" / name) for name in ("film.avi", "film.avi", "camera.toml")]
+    code, answer, _ = doctor(*names, capsys=capsys)
+    assert code == 2
+    assert "film" not in answer["result"]
+    texts = {item["about"]: item["text"] for item in answer["result"]["findings"]}
+    assert "two films need a camera file with a second camera" in texts["camera"]
+    assert texts["film"] == "was not examined: a run ends before it, at the camera."
+
+
 @pytest.mark.parametrize(
     ("name", "code", "words"),
     [("nothing.toml", 3, "no such file"), ("nothing.mp4", 3, "no such file"), ("board.toml", 2, "is neither")],

@@ -23,6 +23,7 @@ def test_every_command_is_listed(words: tuple[str, ...], capsys: pytest.CaptureF
     assert leave(*words) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in COMMANDS)
+    assert "..." not in text.partition("Commands:")[2]  # every summary fits beside the command's name
     assert len(command_line().registered_commands) == len(COMMANDS)
 
 

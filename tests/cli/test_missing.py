@@ -158,6 +158,9 @@ def test_how_a_planned_record_begins_is_given_or_its_absence_told(
     made = pd.read_csv(tmp_path / "predicted.csv")
     off = (made["x_mm"] - later["x_mm"]) / made["x_mm_sigma"]
     assert 0.7 < float(np.sqrt(np.mean(off**2))) < 1.3
+    for option in ("--start-angle", "--columns", "--units"):
+        assert leave(*words, option, "0") == 2
+        assert f"{option}: a model of one's own has no use for it" in capsys.readouterr().err
     assert leave(*words, "--initial", "x0_mm") == 2
     assert "write --initial x0=1.5" in capsys.readouterr().err
     assert leave(*words, "--initial", "x0_mm=1.5", "--initial", "x0_mm = 2") == 2
@@ -179,6 +182,7 @@ def test_a_model_file_that_has_changed_is_not_used(
     [
         ("x = 1 / 0\n", "model.py, line 1: cannot be imported: ZeroDivisionError"),
         ("def f(:\n", "model.py, line 1: cannot be imported: SyntaxError"),
+        (MODEL.replace("np.array(out)", "3"), "line 20, predict: a: predict gives a wrong shape"),
         ("import nowhere_to_be_found\n", "ModuleNotFoundError"),
         ("raise SystemExit(0)\n", "cannot be imported: SystemExit"),
         ("output = 'x_mm'\n", "does not define predict, parameters"),
@@ -197,6 +201,7 @@ def test_a_model_file_that_fails_says_where(
     told = capsys.readouterr().err
     assert words in told
     assert told.count("\n") == 1
+    assert told.count("model.py") == 1
     assert not (tmp_path / "out").exists()
     leave("--debug", "missing", tmp_path / "model.py", world / "a.csv", "--out", tmp_path / "out")
     assert "Traceback" in capsys.readouterr().err

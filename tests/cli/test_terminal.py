@@ -7,12 +7,14 @@ import pty
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from tests.tracker.films import Rig, write_film
-from torsight.cli.console import Lines
+from torsight.cli import console
+from torsight.cli.console import Lines, progress_bar
 
 TORSIGHT = [sys.executable, "-m", "torsight.cli.main"]
 ROOT = Path(__file__).parents[2]
@@ -102,3 +104,13 @@ def test_completion_is_installed_for_the_shell_that_asks(tmp_path: Path) -> None
     script = tmp_path / ".bash_completions" / "torsight.sh"
     assert "_TORSIGHT_COMPLETE=complete_bash" in script.read_text()
     assert str(script) in (tmp_path / ".bashrc").read_text()
+
+
+def test_a_start_that_compiles_says_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(console, "PATIENCE_S", 0.01)
+    names = {"__name__": "numba.at_work", "sleep": time.sleep}
+    exec("def compile(): sleep(0.2)", names)  # noqa: S102 - a function of a module of numba's name
+    for work, compiles in ((lambda: time.sleep(0.2), False), (names["compile"], True)):
+        with progress_bar():
+            work()
+        assert ("compiling: the first start" in capsys.readouterr().err) == compiles

@@ -103,10 +103,10 @@ def _writable_first(
             path, taken = given.get(name), (suffix, *_ALSO.get(suffix, ()))
             if path is None:
                 continue
+            require_writable(path, folder=not suffix)
             if suffix and path.suffix.lower() not in taken:
                 option, do = f"--{name.replace('_', '-')}", f"choose a name that ends in {suffix}"
                 raise ConfigError("has another suffix", where=option, value=str(path), limit=", ".join(taken), do=do)
-            require_writable(path, folder=not suffix)
         return command(*arguments, **options)
 
     return checked

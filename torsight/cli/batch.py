@@ -28,10 +28,11 @@ def batch(
         typer.Option(metavar="S", help="Longest time for one experiment; one that takes longer has failed."),
     ] = None,
 ) -> Answer:
-    """Run many experiments and put their results into one table and one page of small pictures.
+    """Run many experiments and make one table of their results.
 
-    A second call runs only experiments that are missing or have changed. Experiments of one actuator file that have
-    ``together = true`` in their table ``[discover]`` are also explained together, in the folder ``together``.
+    A page shows a small picture of each. A second call runs only experiments that are missing or have changed.
+    Experiments of one actuator file that have ``together = true`` in their table ``[discover]`` are also explained
+    together, in the folder ``together``.
 
     Example: torsight batch campaign/ --out results
     """

@@ -38,10 +38,11 @@ def board(
         float, typer.Option(help="With --tags: side of the black squares, mm.", min=3.0, max=500.0)
     ] = 20.0,
 ) -> Answer:
-    """Make a board to print for 'torsight calibrate', with a bar to check the printer's scale.
+    """Make a board to print for 'torsight calibrate'.
 
-    Without a BOARD.toml one is written beside the board: measure a square on the print and put its true size there.
-    With --tags a pair of tags is made, one for each stick, together with the file for 'torsight track --markers'.
+    A bar beside it checks the printer's scale. Without a BOARD.toml one is written beside the board: measure a
+    square on the print and put its true size there. With --tags a pair of tags is made, one for each stick,
+    together with the file for 'torsight track --markers'.
 
     Example: torsight board board.toml --out board.pdf
 

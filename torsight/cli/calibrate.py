@@ -89,11 +89,11 @@ def calibrate(
     base_z_mm: Annotated[float, typer.Option(help="Height of the base stick's markers above the board.")] = 0.0,
     moving_z_mm: Annotated[float, typer.Option(help="Height of the moving stick's markers above the board.")] = 0.0,
 ) -> Answer:
-    """Calibrate one camera or two from pictures of a board, and find the pose of the rotation axis.
+    """Calibrate one camera or two from pictures of a board.
 
-    Files in a row after --right and --pose belong to them: name IMAGES first. Beside the camera file a picture shows
-    which parts of the view the board has covered. The camera file keeps the board, the pictures' hashes, the errors
-    and a plain verdict.
+    With --pose or --tracks the pose of the rotation axis is found, too. Files in a row after --right and --pose
+    belong to them: name IMAGES first. Beside the camera file a picture shows which parts of the view the board has
+    covered. The camera file keeps the board, the pictures' hashes, the errors and a plain verdict.
 
     Example: torsight calibrate left*.jpg --board board.toml --right right*.jpg --out camera.toml
     """

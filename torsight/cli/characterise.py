@@ -18,11 +18,12 @@ def characterise(
     *,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
 ) -> Answer:
-    """Fit a spring's four tests: actuator.toml with uncertainties, characterisation.json, figures.
+    """Make an actuator.toml from a spring's four tests.
 
-    TESTS.toml: [spring] wire_diameter_mm, wire_length_mm, lever_mm; [[free_recovery]] file (temp_c, angle_deg),
-    pre_deformation_deg; [[force_angle]] file (angle_deg, force_n), range "small" or "large", from_deg, to_deg; [block]
-    file (temp_c, force_n), pre_deformation_deg; [assembly] theta_p_deg; [friction] tau_c_mnm.
+    Uncertainties, characterisation.json and figures are made, too. TESTS.toml: [spring] wire_diameter_mm,
+    wire_length_mm, lever_mm; [[free_recovery]] file (temp_c, angle_deg), pre_deformation_deg; [[force_angle]] file
+    (angle_deg, force_n), range "small" or "large", from_deg, to_deg; [block] file (temp_c, force_n),
+    pre_deformation_deg; [assembly] theta_p_deg; [friction] tau_c_mnm.
 
     Example: torsight characterise tests.toml --out spring
     """

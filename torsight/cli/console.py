@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Final
 
 from torsight.core.progress import ATTENTION_S, Progress
@@ -34,14 +36,40 @@ class Lines:
 @contextlib.contextmanager
 def progress_bar() -> Iterator[Progress]:
     """Give a progress callable that draws bars with the time left on a terminal, and writes lines elsewhere."""
-    if not sys.stderr.isatty():
-        yield Lines().report
-        return
-    from torsight.cli.bars import Bars
+    with _compiling_told():
+        if not sys.stderr.isatty():
+            yield Lines().report
+            return
+        from torsight.cli.bars import Bars
 
-    bars = Bars()
-    with bars.shown:
-        yield bars.report
+        bars = Bars()
+        with bars.shown:
+            yield bars.report
+
+
+@contextlib.contextmanager
+def _compiling_told() -> Iterator[None]:
+    """Tell the user where the block is compiling after :data:`PATIENCE_S`, when no step can report its progress."""
+    ended = threading.Event()
+
+    def watch() -> None:
+        while not ended.wait(PATIENCE_S):
+            if any(map(_compiles, sys._current_frames().values())):  # noqa: SLF001 - the documented way to see threads
+                say("compiling: the first start after an installation takes one or two minutes more than others")
+                return
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
+
+
+def _compiles(frame: FrameType | None) -> bool:
+    """Return whether numba is at work in a frame or a caller of it: compiled functions themselves have no frame."""
+    while frame is not None and not frame.f_globals.get("__name__", "").startswith("numba."):
+        frame = frame.f_back
+    return frame is not None
 
 
 def say(text: str) -> None:

@@ -18,7 +18,9 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for the film and the results.")] = Path("demo"),
     view: OpenView = False,
 ) -> Answer:
-    """Film a synthetic rig with a hidden effect and analyse the film as `torsight run` does.
+    """Film a synthetic rig with a hidden effect and analyse it.
+
+    The film is analysed as `torsight run` does.
 
     Example: torsight demo --out demo
     """

@@ -43,10 +43,11 @@ def discover(
         Path | None, typer.Option(metavar="FILE.py", help="Write the strongest measured law as an effect.")
     ] = None,
 ) -> Answer:
-    """Find what the quasi-static model lacks: the missing effect, the error before and after, a better model.
+    """Find what the quasi-static model lacks.
 
-    Several records of one rig get one joint answer: the springs' values, effects and laws are shared, while each record
-    has its own start, zero of the sticks, and clocks.
+    The result is the missing effect, the error before and after, and a better model. Several records of one rig get
+    one joint answer: the springs' values, effects and laws are shared, while each record has its own start, zero of
+    the sticks, and clocks.
 
     Example: torsight discover results/merged.csv --actuator actuator.toml --out results
     """

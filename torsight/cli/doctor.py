@@ -26,7 +26,7 @@ def doctor(
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
-    """Check film, log and configuration before the long run, and say what will limit the result.
+    """Check all inputs and say what will limit the result.
 
     A stretch of the film is tracked, and the log drives the model. The verdict is good, usable or do again, followed by
     the reasons, the strongest limitation first. With do again the exit code is that with which a run would end.

@@ -39,9 +39,10 @@ def fit(
         ),
     ] = None,
 ) -> Answer:
-    """Fit the friction torque, with the characterised values' uncertainties as priors.
+    """Fit friction torque and characterised values to a record.
 
-    Ends with exit code 4 where the fitted model is no better than a constant angle; its files are written all the same.
+    The uncertainties of the characterised values are priors. Ends with exit code 4 where the fitted model is no
+    better than a constant angle; its files are written all the same.
 
     Example: torsight fit out/merged.csv --actuator actuator.toml --out out
     """

@@ -18,7 +18,9 @@ def init(
     *,
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
 ) -> Answer:
-    """Write an experiment.toml and an actuator.toml with comments to start from.
+    """Write an experiment.toml and an actuator.toml to fill in.
+
+    Comments in both files explain every key.
 
     Example: torsight init my-rig
     """

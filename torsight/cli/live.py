@@ -64,7 +64,9 @@ def live(
     ] = None,
     web_port: WebPort = None,
 ) -> Answer:
-    """Track a camera or a growing film, record to disk, show in Rerun; Ctrl-C ends and keeps the record.
+    """Track a camera or a growing film and show it in Rerun.
+
+    The record is written to disk; Ctrl-C ends it and keeps it.
 
     Example: torsight live 0 --temperature temps.csv --actuator actuator.toml
     """
@@ -143,7 +145,9 @@ def summary(outcome: Outcome, folder: Path) -> list[str]:
             lines.append(f"Latency           {words}")
     if outcome.left_out:
         lines.append(f"Not shown         {outcome.left_out} entries that the viewer could not take in time")
-    lines.append(f"Record            {folder}; to the report: torsight run {folder / 'experiment.toml'}")
+    to_report = f"to the report: torsight run {folder / 'experiment.toml'}"
+    after = to_report if outcome.log_rows else "without temperatures there is no report"
+    lines.append(f"Record            {folder}; {after}")
     return lines
 
 

@@ -36,10 +36,11 @@ def markers(
     wait: Annotated[float, typer.Option(min=1.0, help="Seconds to wait for a browser to open the page.")] = 120.0,
     no_open: Annotated[bool, typer.Option("--no-open", help="Print the page's address, open no browser.")] = False,
 ) -> Answer:
-    """Pick the four markers on a page in the browser, check them, and write markers.toml.
+    """Pick the four markers on a page in the browser.
 
-    The page is served to this computer only; closing it ends the command. Markers that are found automatically are
-    already shown; others take four clicks. The check follows the markers through the first seconds of the film.
+    They are checked, and written to markers.toml. The page is served to this computer only; closing it ends the
+    command. Markers that are found automatically are already shown; others take four clicks. The check follows the
+    markers through the first seconds of the film.
 
     Example: torsight markers film.mp4 --out markers.toml
     """

@@ -26,11 +26,12 @@ def missing(
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     seed: Seed = 0,
 ) -> Answer:
-    """Find what a model of your own lacks: the missing effect, the error before and after, a better model.
+    """Find what a model of your own lacks.
 
-    MODEL.py defines predict(p, record), which gives the output for every row of a record; parameters, which the fit may
-    change; output, the measured column; and, optionally, candidates (effects that may be missing), laws, initial,
-    blocks, sigma, resolution, rest, drivers, time. Or it defines problem(records). A small model file:
+    The result is the missing effect, the error before and after, and a better model. MODEL.py defines
+    predict(p, record), which gives the output for every row of a record; parameters, which the fit may change; output,
+    the measured column; and, optionally, candidates (effects that may be missing), laws, initial, blocks, sigma,
+    resolution, rest, drivers, time. Or it defines problem(records). A small model file:
 
     \b
     import numpy as np
@@ -44,6 +45,9 @@ def missing(
 
     Example: torsight missing model.py a.csv b.csv --out found
     """  # noqa: D301 - \b keeps the lines of the example apart in the help
+    from torsight.discovery.own.model.syntax import parsed
+
+    parsed(model)  # before the imports, which take seconds
     from torsight.discovery.own.answer.saved import write_model
     from torsight.discovery.own.find import find_missing
     from torsight.discovery.own.model.model_file import problem_of

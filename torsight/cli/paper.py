@@ -16,7 +16,9 @@ def paper(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the figures.")],
     seed: Annotated[int, typer.Option(help="Seed of the scatter in figures 9 to 12.")] = 0,
 ) -> Answer:
-    """Draw every figure of the paper that the model can reproduce, with the paper's numbers beside the model's.
+    """Draw the figures of the paper with the model.
+
+    Every figure that the model can reproduce is drawn, with the paper's numbers beside the model's.
 
     Example: torsight paper --out paper
     """

@@ -43,19 +43,25 @@ def predict(
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
-    """Predict the angle and its standard deviation at every instant of a later temperature log, on the log's clock.
+    """Predict a fitted model's angles for a later temperature log.
 
-    The model of 'torsight missing' predicts its outputs for another record in the same way, without --start-angle. The
-    initial state of the record is fitted to its first rows where they hold the outputs; else give it with --initial.
+    Every instant of the log, on the log's clock, has an angle and its standard deviation. The model of 'torsight
+    missing' predicts its outputs for another record in the same way, without --start-angle. The initial state of
+    the record is fitted to its first rows where they hold the outputs; else give it with --initial.
 
     Example: torsight predict out/model.json later_temps.csv --start-angle 177.6 --out predicted.csv
     """
     from torsight.discovery.own.answer.saved import is_own_model
 
-    if is_own_model(model):
+    is_own = is_own_model(model)
+    useless = (
+        {"--start-angle": start_angle, "--columns": columns, "--units": units} if is_own else {"--initial": initial}
+    )
+    for option in (name for name, value in useless.items() if value is not None):
+        kind = "a model of one's own" if is_own else "the actuator's model"
+        raise ConfigError(f"{kind} has no use for it", where=f"{model}, {option}", do="leave it out")
+    if is_own:
         return _predict_own(model, temperature, initial=initial or [], out=out)
-    if initial:
-        raise ConfigError("the actuator's model has no such values", where="--initial", do="give --start-angle alone")
     if start_angle is None:
         raise ConfigError("the actuator's model needs it", where="--start-angle", do="give the angle at the first row")
     from torsight.actuator.fitted import read_model

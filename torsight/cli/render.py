@@ -22,7 +22,9 @@ def render(
         bool, typer.Option("--record", help="No film: merged.csv and actuator.toml, for fit and discover.")
     ] = False,
 ) -> Answer:
-    """Film a synthetic rig with known angles: film, temperature log, truth, and a ready experiment.
+    """Film a synthetic rig whose angles are known.
+
+    Film, temperature log, truth and a ready experiment are written.
 
     Example: torsight render fixtures/scenes/paper.toml --out paper
     """

@@ -40,7 +40,9 @@ def run(
         Path | None, typer.Option("--from", metavar="PROVENANCE.json", help="Repeat a finished run.")
     ] = None,
 ) -> Answer:
-    """Track, synchronise, fit, discover; write a report and a recording.
+    """Do everything: film and log to a report and a recording.
+
+    Track, synchronise, fit and discover; write a report and a recording.
 
     Example: torsight run experiment.toml --out results
     """

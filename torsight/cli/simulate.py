@@ -29,7 +29,9 @@ def simulate(
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
-    """Give the plain model's angle at every instant of a temperature log.
+    """Give the plain model's angles for a temperature log.
+
+    There is an angle at every instant of the log.
 
     Example: torsight simulate actuator.toml temps.csv --start-angle 177.6 --out angles.csv
     """

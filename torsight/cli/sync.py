@@ -66,7 +66,9 @@ def sync(
     columns: Columns = None,
     units: Units = None,
 ) -> Answer:
-    """Put angles and temperatures on one clock, with an interval for offset and drift.
+    """Put angles and temperatures on one clock.
+
+    Offset and drift of the log's clock are given with an interval.
 
     Example: torsight sync --angle angle.csv --temperature temps.csv --out out
     """

@@ -52,7 +52,7 @@ def track(
     fps: Fps = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted track.")] = False,
 ) -> Answer:
-    """Follow the markers through a film and give the angle of every frame.
+    """Follow the markers through a film: every frame's angle.
 
     Ends with exit code 4 where less than half of the frames have an angle, or where nothing shows which dots are the
     markers; the files are still written.

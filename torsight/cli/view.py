@@ -32,7 +32,9 @@ def view(
         float | None, typer.Option(metavar="SECONDS", help="Time on the film's clock that --pictures shows.")
     ] = None,
 ) -> None:
-    """Open the recording of a finished run in Rerun; it listens on this computer only.
+    """Open the recording of a finished run in Rerun.
+
+    The viewer listens on this computer only.
 
     Example: torsight view results
     """

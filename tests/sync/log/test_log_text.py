@@ -131,10 +131,13 @@ def test_an_ambiguous_number_is_told_with_its_line(tmp_path):
         read_temperature_log(tmp_path / "t.csv")
 
 
-@pytest.mark.parametrize("beginning", [b"\x1f\x8b\x08\x00", b"PK\x03\x04", b"PAR1", b"%PDF-1.7"])
-def test_a_file_of_another_kind_is_named(tmp_path, beginning):
+@pytest.mark.parametrize(
+    ("beginning", "do"),
+    [(b"\x1f\x8b\x08\x00", "unpack"), (b"PK\x03\x04", "export"), (b"PAR1", "rename"), (b"%PDF-1.7", "export")],
+)
+def test_a_file_of_another_kind_is_named(tmp_path, beginning, do):
     (tmp_path / "t.csv").write_bytes(beginning + bytes(range(1, 256)))
-    with pytest.raises(InputError, match=r"is not text; found .*export it as CSV"):
+    with pytest.raises(InputError, match=rf"is not text; found .*{do} it"):
         read_temperature_log(tmp_path / "t.csv")
 
 

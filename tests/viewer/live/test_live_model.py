@@ -129,6 +129,15 @@ def test_news_come_once_from_a_process_of_its_own(watch: ModelWatch, columns: tu
         watch.close()
 
 
+def test_a_record_without_a_fit_says_why(spec: ActuatorSpec) -> None:
+    one = ModelWatch(spec)
+    try:
+        assert one.last(1.0) == []
+        assert "of the record have both an angle and temperatures" in one.why_no_fit()
+    finally:
+        one.close()
+
+
 def test_a_model_whose_process_is_killed_only_ends_the_model(watch: ModelWatch) -> None:
     try:
         first_news(watch)

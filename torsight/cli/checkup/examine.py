@@ -22,7 +22,7 @@ from torsight.core.files.kinds import toml_kind
 from torsight.core.files.paths import is_glob, missing_file
 from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_toml
 from torsight.core.files.tables import read_angles
-from torsight.core.optics.camera import read_camera, require_second
+from torsight.core.optics.camera import Camera, read_camera, require_second
 from torsight.core.progress import Progress, silent
 from torsight.core.tracks import USUAL_SHARE, StickAngles
 from torsight.core.units import DEG
@@ -141,12 +141,7 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
         findings += _look_at_angles(angles)
         findings += _look_at_overlap(float(angles.time_s[-1] - angles.time_s[0]), log, inputs.settings)
     stereo = len(inputs.films) == 2
-    if stereo:
-        try:
-            require_second(camera, where=str(inputs.camera or "experiment"))
-        except ConfigError as error:
-            findings.append(refusal("camera", error))
-    for number, film in enumerate(inputs.films):
+    for number, film in enumerate(_films(inputs, camera, findings)):
         check = check_film(
             film,
             about="right film" if number else "film",
@@ -166,6 +161,23 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
         )
         findings += more
     return findings, content
+
+
+def _films(inputs: Inputs, camera: Camera | None, findings: list[Finding]) -> list[str]:
+    """Return the films to examine: none where camera or markers are refused, since tracking takes long.
+
+    A run would end there, too. Refusals are appended to the findings.
+    """
+    if len(inputs.films) == 2:
+        try:
+            require_second(camera, where=str(inputs.camera or "experiment"))
+        except ConfigError as error:
+            findings.append(refusal("camera", error))
+    refused = [item.about for item in findings if item.level == "stops" and item.about in ("camera", "markers")]
+    if refused and inputs.films:
+        text = f"was not examined: a run ends before it, at the {refused[0]}."
+        findings.append(Finding("film", "note", text, "mend that, and ask again"))
+    return [] if refused else inputs.films
 
 
 def _filming(film: Mapping[str, Any]) -> Filming:

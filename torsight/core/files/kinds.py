@@ -51,6 +51,25 @@ TABLE_KINDS: Final[Mapping[str, Kind]] = {
 """Kinds of tables, each recognised by all of its columns."""
 
 
+_EXPORT: Final = "export it as CSV"
+_ANOTHER: Final = "name the file that belongs here"
+_BINARY: Final[Mapping[re.Pattern[bytes], Kind]] = {
+    re.compile(rb"\x1f\x8b"): Kind("a compressed file", (), "unpack it"),
+    re.compile(rb"PK\x03\x04"): Kind("an archive or a spreadsheet's own format", (), _EXPORT),
+    re.compile(rb"\xd0\xcf\x11\xe0"): Kind("an old spreadsheet's own format", (), _EXPORT),
+    re.compile(rb"PAR1"): Kind("Parquet; its name must end in .parquet", (), "rename it"),
+    re.compile(rb"%PDF"): Kind("a document", (), _EXPORT),
+    re.compile(rb"\x89PNG|\xff\xd8\xff"): Kind("a picture", (), _ANOTHER),
+    re.compile(rb"....ftyp|RIFF....AVI |\x1a\x45\xdf\xa3", re.DOTALL): Kind("a film", (), _ANOTHER),
+}
+"""First bytes of files that are no text."""
+
+
+def binary_kind(content: bytes) -> Kind | None:
+    """Return the kind of a file that is no text, by its first bytes; None where they are of no known kind."""
+    return next((kind for beginning, kind in _BINARY.items() if beginning.match(content)), None)
+
+
 def toml_kind(content: Collection[str]) -> str | None:
     """Return the key in :data:`TOML_KINDS` of a TOML file with these tables and keys; None where it is not clear."""
     return next((kind for kind, one in TOML_KINDS.items() if not set(one.signs).isdisjoint(content)), None)

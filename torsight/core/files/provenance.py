@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Iterable, Mapping
-from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
@@ -48,11 +47,6 @@ def require_each_once(records: Iterable[Path]) -> None:
                 do="give every record once: the same one twice would count as two",
             )
         seen[found] = path
-
-
-def made_now() -> str:
-    """Return the current time in the form of the timestamps in files."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def versions() -> dict[str, str]:

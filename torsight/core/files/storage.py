@@ -24,7 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
-from torsight.core.files.kinds import TABLE_KINDS, TOML_KINDS, Kind, kind_of, other_kind, table_kind, toml_kind
+from torsight.core.files.kinds import (
+    TABLE_KINDS,
+    TOML_KINDS,
+    Kind,
+    binary_kind,
+    kind_of,
+    other_kind,
+    table_kind,
+    toml_kind,
+)
 from torsight.core.files.paths import missing_file, require_file, unreadable
 from torsight.core.units import Flags
 from torsight.core.words.wording import meant
@@ -107,7 +116,7 @@ def not_written(path: Path, error: OSError) -> OutputError:
     return OutputError(
         f"cannot be written ({reason_of(error)})",
         where=str(path),
-        do="choose another --out folder, or free space and rights there; earlier files are untouched",
+        do="choose another folder, or free space and rights there; earlier files are untouched",
     )
 
 
@@ -179,7 +188,10 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"is not JSON ({error})", where=str(path), do="make the file again") from error
+        kind = kind_of(path)
+        value = None if kind is None else kind.name
+        do = "make the file again" if kind is None else "name the JSON file that torsight wrote"
+        raise InputError(f"is not JSON ({error})", where=str(path), value=value, do=do) from error
     if not isinstance(content, dict):
         raise InputError("is not a JSON object", where=str(path), value=type(content).__name__, limit="an object")
     if content.get("schema") != SCHEMA:
@@ -195,10 +207,13 @@ def read_json(path: Path) -> dict[str, Any]:
 
 def read_text(path: Path) -> str:
     """Read a UTF-8 text file (with or without a byte order mark)."""
+    content = read_bytes(path)
     try:
-        return read_bytes(path).decode("utf-8-sig")
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", do="save it as UTF-8") from error
+        kind = binary_kind(content)
+        value, do = (None, "save it as UTF-8") if kind is None else (kind.name, kind.source)
+        raise InputError("is not UTF-8 text", where=f"{path}, byte {error.start}", value=value, do=do) from error
 
 
 def read_bytes(path: Path) -> bytes:
@@ -335,11 +350,11 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
         raise unreadable(path, error) from error
     except _damages_of(path) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise InputError(
-            f"is not a readable table ({first_line})",
-            where=str(path),
-            do=_WHOLE_PARQUET if is_parquet(path) else _PLAIN_CSV,
-        ) from error
+        kind = binary_kind(read_bytes(path))
+        value, do = (None, _PLAIN_CSV) if kind is None else (kind.name, kind.source)
+        if is_parquet(path):
+            do = _WHOLE_PARQUET
+        raise InputError(f"is not a readable table ({first_line})", where=str(path), value=value, do=do) from error
     table.columns = [str(name).strip() for name in table.columns]
     for name in required:
         if name not in table.columns:

@@ -1,8 +1,7 @@
 """The engine: from a record and a model to what the model lacks.
 
 Fit the plain model; fit every effect and measure every law beside it, then sets of the best (:mod:`.search` chooses
-them, :mod:`.set_fits` fits one); derive
-the answer from the posterior of these sets (:mod:`.verdict`).
+them, :mod:`.set_fits` fits one); derive the answer from the posterior of these sets (:mod:`.verdict`).
 """
 
 from __future__ import annotations

@@ -252,9 +252,12 @@ class Session:
 
     def _last_news(self, limit_s: float) -> None:
         if self._model is not None and self.outcome.measured:
-            self._say("fitting the friction of the whole record")
+            if self.outcome.log_rows:
+                self._say("fitting the friction of the whole record")
             for news in self._model.last(min(limit_s, self._model.last_fit_s)):
                 self._news(news)
+            if self.outcome.friction is None:
+                self._say(f"no friction torque: {self._trouble or self._model.why_no_fit()}")
         self._put("summary", self._words())
 
     def _news(self, news: ModelNews | None) -> None:

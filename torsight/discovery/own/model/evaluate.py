@@ -117,8 +117,8 @@ class Failure:
         # An InputError (without a kind) needs no introduction.
         fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
         what_failed = self.sentence()
-        if self.trace and self.place.partition(", line ")[0] in where:
-            # The line of the exception says more than that of the function; the file is named once.
+        if self.place.partition(", line ")[0] in where:
+            # The line of an exception says more than that of the function; the file is named once.
             what_failed, where = self._sentence(), self.place
         error = ModelError(f"{fails}{what_failed}{copy}", where=where, do=f"correct {what}")
         if self.trace:

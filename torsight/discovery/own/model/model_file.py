@@ -19,7 +19,6 @@ from types import CodeType, ModuleType
 from typing import Any, Final
 
 from torsight.core.errors import InputError
-from torsight.core.files.paths import missing_file, require_ordinary
 from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.model.declare import candidates_of, parameters_of
@@ -27,6 +26,7 @@ from torsight.discovery.own.model.evaluate import CompiledPredict, Predict
 from torsight.discovery.own.model.layout import Reading
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.own.model.quiet import heard
+from torsight.discovery.own.model.syntax import parsed
 from torsight.discovery.own.own_records import Record
 
 NEEDED: Final = ("predict", "parameters", "output")
@@ -66,13 +66,10 @@ def load_model_file(path: Path) -> ModuleType:
     Raises InputError when the file is missing, or fails: with the line that failed; the file's own traceback is a note
     of the error.
     """
-    if not path.is_file():
-        raise missing_file(path)
-    require_ordinary(path)
+    parsed(path)
     name = f"torsight_model_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path, loader=_AsItStands(name, str(path)))
-    if path.suffix != ".py" or spec is None or spec.loader is None:
-        raise InputError("is no Python file", where=str(path), limit="a name that ends in .py")
+    assert spec is not None and spec.loader is not None  # noqa: S101, PT018 - for the type checker: a loader is given
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     with _beside(path.parent):
@@ -110,11 +107,9 @@ def _beside(folder: Path) -> Iterator[None]:
 def _failed(path: Path, error: BaseException) -> InputError:
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path.resolve()]
     frames = frames or [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
-    line = line or (frames[-1].lineno if frames else None)
+    line = frames[-1].lineno if frames else None
     # An InputError says what failed; of other errors the type is named, too.
-    words = error.msg if isinstance(error, SyntaxError) else str(error)  # its text would name file and line once more
-    what = words if isinstance(error, InputError) else f"cannot be imported: {type(error).__name__}: {words}"
+    what = str(error) if isinstance(error, InputError) else f"cannot be imported: {type(error).__name__}: {error}"
     where = str(path) if line is None else f"{path}, line {line}"
     failed = InputError(what, where=where, do="correct the file; --debug shows its own traceback")
     own = "".join(traceback.format_list(frames) + traceback.format_exception_only(error))
@@ -186,8 +181,7 @@ def _options(module: ModuleType) -> dict[str, Any]:
 
 def _require_spelling(module: ModuleType, path: Path) -> None:
     """Refuse a variable that the file does not use and whose name is close to a setting's: it would have no effect."""
-    tree = ast.parse(path.read_bytes())
-    names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    names = [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Name)]
     read = {node.id for node in names if not isinstance(node.ctx, ast.Store)}
     for node in names:
         idle = node.id in vars(module) and node.id not in read and node.id not in (*NEEDED, *OPTIONS)

@@ -205,6 +205,14 @@ class ModelWatch:
             found += [news] if news is not None else []
         return found
 
+    def why_no_fit(self) -> str:
+        """Return why the record's end has brought no fit, where the model itself gave no reason."""
+        if self.broken:
+            return "the model's process ended"
+        if self._job is not None:
+            return f"the fit was not done within {self.last_fit_s:g} s; 'torsight run' makes it"
+        return f"less than {LEAST_ROWS * STEP_S:g} s of the record have both an angle and temperatures"
+
     def close(self) -> None:
         """End the process; a job that runs is given up."""
         for process in list((self._pool._processes or {}).values()):  # noqa: SLF001 - it has no other way not to wait
