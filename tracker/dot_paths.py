@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
@@ -14,7 +14,6 @@ from torsight.core.units import Floats
 from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import READING, Luma
 from tracker.appearance.motion_blur import smear_slack
-from tracker.detect.sticks import LIKE
 from tracker.follow.marker import Marker
 from tracker.follow.reading import glance_at
 from tracker.follow.state import RIG
@@ -30,14 +29,10 @@ class DotPaths:
     last step, and the result of pyramidal Lucas–Kanade from the last frame. A lost dot is found again at its first or
     its last position. ``dots`` are those that can be read: not at the border. ``places`` (n, d), complex, px, are their
     positions in the picture and in every frame after it, NaN where not seen, ``covariance`` (n, d, 3) xx, xy, yy, px².
-    Dots that are followed since earlier pictures (``before``, each with its row of this picture) keep those paths; of
-    the others, which come first, ``rows`` and ``spread`` hold positions and covariances.
     """
 
-    def __init__(self, luma: Luma, dots: Sequence[Dot], before: Sequence[tuple[DotPaths, int]] = ()) -> None:
-        known = {id(dot): lent for dot in dots for lent in [_lent(dot, before)] if lent is not None}
-        self._lent = list(known.values())
-        markers = [(dot, Marker(dot)) for dot in dots if id(dot) not in known]
+    def __init__(self, luma: Luma, dots: Sequence[Dot]) -> None:
+        markers = [(dot, Marker(dot)) for dot in dots]
         read = [(dot, marker, marker.read(luma, dot.x_px, dot.y_px)) for dot, marker in markers]
         self._markers: list[Marker] = []
         self.dots: list[Dot] = []
@@ -46,26 +41,23 @@ class DotPaths:
                 marker.begin(reading)
                 self.dots.append(dot)
                 self._markers.append(marker)
-        self.dots += [dot for dot in dots if id(dot) in known]
         self._first = np.array([complex(one.x_px, one.y_px) for one in self._markers], np.complex128)
         self._last, self._step, self._shift = self._first.copy(), np.zeros_like(self._first), 0.0j
         self._seen = np.ones(len(self._first), bool)
         self._before: Luma = luma.copy()
-        self.rows = [self._first.copy()]
-        self.spread = [np.zeros((len(self._first), 3))]
+        self._rows = [self._first.copy()]
+        self._spread = [np.zeros((len(self._first), 3))]
         self._out, self._rig = np.zeros(1, READING)[0], np.zeros(1, RIG)[0]
 
     @property
     def places(self) -> NDArray[np.complex128]:
         """Positions of the dots in every frame."""
-        lent = [_column(paths.rows[row:], index, like=self.rows) for paths, row, index in self._lent]
-        return np.column_stack([np.array(self.rows), *lent])
+        return np.array(self._rows)
 
     @property
     def covariance(self) -> Floats:
         """Covariances of the positions."""
-        lent = [_column(paths.spread[row:], index, like=self.spread)[:, None] for paths, row, index in self._lent]
-        return np.concatenate([np.array(self.spread), *lent], axis=1)
+        return np.array(self._spread)
 
     def add(self, luma: Luma | None) -> None:
         """Follow the dots into the next frame; None for one without a usable picture."""
@@ -82,16 +74,12 @@ class DotPaths:
             self._step = np.where(seen & self._seen, now - self._last, 0.0)
             self._last = np.where(seen, now, self._last)
             self._seen = seen
-            went = [
-                *(now - self._first),
-                *(_step(paths, row, len(self.rows), index) for paths, row, index in self._lent),
-            ]
-            known = np.array(went)[np.isfinite(went)]
-            if len(known):
-                self._shift = complex(np.median(known.real), np.median(known.imag))
+            if seen.any():
+                went = (now - self._first)[seen]
+                self._shift = complex(np.median(went.real), np.median(went.imag))
             np.copyto(self._before, luma)
-        self.rows.append(now)
-        self.spread.append(spread)
+        self._rows.append(now)
+        self._spread.append(spread)
 
     def _tried(self, index: int, home: complex, ahead: complex) -> tuple[complex, complex]:
         """Return the starting points in order: the first position last once the dot has left it to others."""
@@ -137,27 +125,3 @@ class DotPaths:
             if status.item():
                 x, y = found.ravel().tolist()
                 self._read(luma, index, (complex(x + left, y + top),), now, spread)
-
-
-def _lent(dot: Dot, before: Sequence[tuple[DotPaths, int]]) -> tuple[DotPaths, int, int] | None:
-    """Return the paths that follow a dot already, with their row of the dot's picture, and its index; or None."""
-    place = complex(dot.x_px, dot.y_px)
-    for paths, row in before:
-        at = paths.rows[row] if row < len(paths.rows) else np.empty(0)
-        for index in np.flatnonzero(np.abs(at - place) < dot.radius_px).tolist():
-            if 1.0 / LIKE < paths.dots[index].radius_px / dot.radius_px < LIKE:
-                return paths, row, index
-    return None
-
-
-def _step(paths: DotPaths, row: int, later: int, index: int) -> complex:
-    """Return how far a dot moved since a row; NaN where it is not seen."""
-    return complex(
-        paths.rows[row + later][index] - paths.rows[row][index] if row + later < len(paths.rows) else math.nan
-    )
-
-
-def _column(rows: Sequence[NDArray[Any]], index: int, *, like: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return one dot's values in as many rows as another list has, NaN where they end earlier."""
-    column = [row[index] for row in rows[: len(like)]]
-    return np.array(column + [np.full_like(column[0], math.nan)] * (len(like) - len(column)))

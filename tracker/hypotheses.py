@@ -190,28 +190,23 @@ def _median(values: Floats) -> Floats:
 
 
 class Weighing:
-    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them.
+    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them."""
 
-    For ``before`` see :class:`tracker.dot_paths.DotPaths`.
-    """
-
-    def __init__(
-        self, luma: NDArray[np.uint8], dots: Sequence[Dot], before: Sequence[tuple[DotPaths, int]] = ()
-    ) -> None:
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
         self._luma = luma
-        self.paths = DotPaths(luma, dots, before)
+        self._paths = DotPaths(luma, dots)
         self._time_s: list[float] = []
-        self._pairs = Pairs(self.paths.dots)
+        self._pairs = Pairs(self._paths.dots)
         self._strips: dict[tuple[int, int], float] = {}
 
     def add(self, frame: Frame) -> None:
         """Follow every dot into the next frame."""
         self._time_s.append(frame.time_s)
-        self.paths.add(None if frame.damaged else frame.luma)
+        self._paths.add(None if frame.damaged else frame.luma)
 
     def weighed(self) -> list[Couple]:
         """Return the couples, the most probable first; none where picture and motion show none."""
-        places = self.paths.places
+        places = self._paths.places
         places = places[_apart(places)]
         stands = _stands(places)
         turning = self._turning(places, stands)
@@ -231,7 +226,7 @@ class Weighing:
             # The lines to the axis only reduce a probability: all further couples are below rounding.
             if most < best + math.log(np.finfo(float).eps):
                 break
-            one, two = (stick_of(*(self.paths.dots[number] for number in pair)) for pair in (base, moving))
+            one, two = (stick_of(*(self._paths.dots[number] for number in pair)) for pair in (base, moving))
             score = most + self._goes_on(one, two, axis)
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
@@ -239,7 +234,7 @@ class Weighing:
 
     def _shown(self) -> list[Couple]:
         """Return the couples from the picture alone, with either pair as the base, the most probable first."""
-        both = [pair for one, two in couples_in(self._luma, dots=self.paths.dots) for pair in ((one, two), (two, one))]
+        both = [pair for one, two in couples_in(self._luma, dots=self._paths.dots) for pair in ((one, two), (two, one))]
         unlike = [self._pairs.unlike(self._numbers(one)[None], self._numbers(two))[0] for one, two in both]
         return _likeliest(
             [(-0.5 * off, Couple(*towards_axis(*two), 0.0)) for off, two in zip(unlike, both, strict=True)]
@@ -294,7 +289,7 @@ class Weighing:
     def _strip(self, pair: tuple[int, int]) -> float:
         """Return the log likelihood of two dots, by their numbers, as a stick's, from the line between them."""
         if pair not in self._strips:
-            one, two = (self.paths.dots[number] for number in pair)
+            one, two = (self._paths.dots[number] for number in pair)
             # The share is that of eight points at least.
             self._strips[pair] = CLEARNESS * math.log(max(strip_share(self._luma, one, two), 0.125))
         return self._strips[pair]
@@ -319,7 +314,7 @@ class Weighing:
         """
         base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
         height, width = self._luma.shape
-        every = self.paths.places
+        every = self._paths.places
         places = every[_apart(every)]
         turning = _circles(places, moving[None], (width, height))
         radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
@@ -341,7 +336,7 @@ class Weighing:
         Base dots are not valid in frames in which they may be dots of the moving stick.
         """
         base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
-        places, covariance = self.paths.places[1::every], self.paths.covariance[1::every]
+        places, covariance = self._paths.places[1::every], self._paths.covariance[1::every]
         places[:, base] = _beside(places, moving, self._pairs.radius_px)[:, base]
         own = np.concatenate([base, moving])
         places = places[:, own]
@@ -357,7 +352,7 @@ class Weighing:
 
     def _numbers(self, stick: Stick) -> Ints:
         """Return the indices of a stick's dots, the inner one first."""
-        dots = [id(dot) for dot in self.paths.dots]
+        dots = [id(dot) for dot in self._paths.dots]
         return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
 
 
@@ -368,9 +363,9 @@ class Search:
     the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise the film's end settles it.
     """
 
-    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], before: Sequence[tuple[DotPaths, int]]) -> None:
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
         self.luma = luma
-        self._weighing = Weighing(luma, dots, before)
+        self._weighing = Weighing(luma, dots)
         self._number, self._due, self._found = 0, STALE, list[Couple]()
 
     def add(self, frame: Frame) -> bool:
@@ -394,11 +389,6 @@ class Search:
         if 2 * self._number != self._due:
             self._found = self._weighing.weighed()
         return self._found, self._weighing.read(self._found[0]) if self._found else 0.0
-
-    @property
-    def paths(self) -> DotPaths:
-        """The paths of the picture's dots."""
-        return self._weighing.paths
 
 
 def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:

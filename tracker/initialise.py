@@ -82,14 +82,14 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the start at the four dots that are clearest in one of the first frames, or else at two tags."""
     dots, tags = _Dots(source), TagsSeen()
     last = -1
-    for number, frame in enumerate(decoded(source)):
+    for frame in decoded(source):
         if frame.index > LOOKED_AT[-1] and not dots.undecided:
             break
         settled = dots.followed(frame)
         if not settled and frame.index in LOOKED_AT and frame.luma is not None:
             last, luma = frame.index, frame.luma.copy()
             progress("looking for the markers", last, LOOKED_AT[-1])
-            settled = dots.settled_by(last, luma, number)
+            settled = dots.settled_by(last, luma)
             if dots.leave_it_to_tags:
                 tags.take(luma)
         if (tags.pictures > 1 and tags.pair[1]) if dots.leave_it_to_tags else settled:
@@ -137,7 +137,7 @@ class _Dots:
         self._in_tags = False
         self._source = source
         self._read, self._score = -1.0, -math.inf
-        self._asked: list[tuple[int, Search]] = []
+        self._asked: list[NDArray[np.complex128]] = []
         self.undecided: list[tuple[int, Search]] = []
 
     @property
@@ -145,18 +145,16 @@ class _Dots:
         """Whether tags count more than the dots so far: four modules of tags may look like dots on sticks."""
         return self.start is None or self.start.doubtful or self._in_tags
 
-    def settled_by(self, index: int, luma: NDArray[np.uint8], number: int) -> bool:
-        """Search a picture, with its number among the decoded ones; return whether no later one is needed."""
+    def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
+        """Search a picture; return whether no later one is needed."""
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        # Dots that failed before, where they were then or have been followed to, fail now, too.
+        # Dots that failed where they are fail again; where they have moved since, their motion is seen from elsewhere.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-        before = [(search.paths, number - first) for first, search in self._asked]
-        failed = [paths.places[row : row + 1].ravel() for paths, later in before for row in (0, later)]
-        if len(dots) < 4 or any(_are_all_in(at, places, dots) for places in failed):
+        if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
             return False
-        search = Search(luma, dots, before)
+        search = Search(luma, dots)
         alone = not self._asked
-        self._asked.append((number, search))
+        self._asked.append(at)
         if not alone:
             self.undecided.append((index, search))
             return False
@@ -196,8 +194,7 @@ class _Dots:
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
     """Return whether all dots are at positions of earlier dots, within their radii."""
     radius_px = np.array([dot.radius_px for dot in dots])
-    known = before[np.isfinite(before)]
-    return bool((np.abs(at[:, None] - known).min(axis=1, initial=math.inf) < radius_px).all())
+    return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:
