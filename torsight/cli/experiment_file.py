@@ -71,7 +71,7 @@ class Experiment(Frozen):
         return [*found, *(path for path in optional if path is not None), self.temperature, self.actuator, *others]
 
     def to_configuration(self, folder: Path) -> dict[str, Any]:
-        """Return the configuration as used, in the shape of a TOML file in ``folder``."""
+        """Return the configuration as used, in the shape of a TOML file in ``folder``, where the results are."""
 
         def named(path: AnyPath) -> str:
             return named_from(folder, path)
@@ -94,7 +94,6 @@ class Experiment(Frozen):
             },
             "sync": {**self.sync, **light},
             "actuator": {"file": named(self.actuator)},
-            "output": {"dir": named(self.output)},
             "discover": {"seed": self.seed},
         }
         if self.together:

@@ -60,8 +60,15 @@ def unsure_markers(account: Mapping[str, Any], *, where: str) -> NoResultError |
     sure = _sure(account)
     if sure >= LEAST_SURE:
         return None
+    films = [film.get("markers") or {} for film in (account, account.get("right_film") or {})]
+    if any(markers.get("rivals") for markers in films):
+        what = "other dots may equally be the markers"
+    elif max(float(markers.get("opposite_probability", 0.0)) for markers in films) > 0.5 * (1.0 - sure):
+        what = "nothing shows which marker of a stick is the inner one"
+    else:
+        what = "no four dots move as markers on two sticks do"
     return NoResultError(
-        "other dots may equally be the markers",
+        what,
         where=where,
         value=f"those that were taken are the right ones with a probability of {100.0 * sure:.0f} %",
         limit=f"{100.0 * LEAST_SURE:.0f} % or more",

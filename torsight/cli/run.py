@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -84,7 +85,7 @@ def answer_of(folder: Path) -> Answer:
 
 
 def again(path: Path) -> Experiment:
-    """Return the experiment of a ``provenance.json``, refusing inputs that have changed since."""
+    """Return the experiment of a ``provenance.json``, beside which its results go; changed inputs are refused."""
     content = read_json(path)
     recorded, configuration = content.get("inputs"), content.get("configuration")
     if not isinstance(recorded, dict) or not isinstance(configuration, dict):
@@ -95,7 +96,8 @@ def again(path: Path) -> Experiment:
             raise InputError(
                 "has changed since the run", where=name, value=found[:12], limit=f"{str(expected)[:12]} (SHA-256)"
             )
-    return experiment_from(configuration, where=f"{path}, configuration", folder=path.parent)
+    experiment = experiment_from(configuration, where=f"{path}, configuration", folder=path.parent)
+    return replace(experiment, output=path.parent)
 
 
 def other_versions(path: Path) -> list[str]:
