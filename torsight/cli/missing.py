@@ -45,7 +45,7 @@ def missing(
 
     Example: torsight missing model.py a.csv b.csv --out found
     """  # noqa: D301 - \b keeps the lines of the example apart in the help
-    from torsight.discovery.own.model.syntax import parsed
+    from torsight.discovery.own.syntax import parsed
 
     parsed(model)  # before the imports, which take seconds
     from torsight.discovery.own.answer.saved import write_model

@@ -26,8 +26,8 @@ from torsight.discovery.own.model.evaluate import CompiledPredict, Predict
 from torsight.discovery.own.model.layout import Reading
 from torsight.discovery.own.model.problem import ModelProblem, model_problem
 from torsight.discovery.own.model.quiet import heard
-from torsight.discovery.own.model.syntax import parsed
 from torsight.discovery.own.own_records import Record
+from torsight.discovery.own.syntax import parsed
 
 NEEDED: Final = ("predict", "parameters", "output")
 """Names that a model file without ``problem`` defines."""
