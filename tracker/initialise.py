@@ -158,7 +158,9 @@ class _Dots:
         if not alone:
             self.undecided.append((index, search))
             return False
-        any(search.add(later) for later in decoded(self._source) if later.index > index)
+        for later in decoded(self._source):
+            if later.index > index and search.add(later):
+                break
         return self._decide(index, search)
 
     def followed(self, frame: Frame) -> bool:
@@ -169,7 +171,9 @@ class _Dots:
 
     def end(self) -> None:
         """Decide what the film leaves open."""
-        any(self._decide(*one) for one in self.undecided)
+        for one in self.undecided:
+            if self._decide(*one):
+                break
 
     def _decide(self, index: int, search: Search) -> bool:
         """Take the sticks of a picture if they are the best; return whether no other ones are needed."""

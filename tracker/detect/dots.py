@@ -74,7 +74,7 @@ def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, li
     luma, (coarse, scale), sign = levels[0], _coarse(levels, radius_px), 1.0 if light_dot else -1.0
     close = None
     # First in the coarse picture: what is no dot there is none in the fine one, with up to 64 times the pixels.
-    for level, size in ((coarse, scale), (luma, 1.0))[scale == 1.0 :]:
+    for level, size in [(luma, 1.0)] if scale == 1.0 else [(coarse, scale), (luma, 1.0)]:
         x, y, radius = x_px * size, y_px * size, _rim(level, x_px * size, y_px * size, radius_px * size, sign)
         close = fit_dot(level, x, y, radius_px=radius, light_dot=light_dot, room_px=1.25 * radius + 1.5, ellipse=False)
         if close is None or close.explained < EXPLAINED:

@@ -87,13 +87,12 @@ def table_kind(columns: Collection[str], wanted: Kind | None = None) -> Kind | N
     return None
 
 
-def kind_of(path: Path) -> Kind | None:
-    """Return the kind of a text file, by its content; None where it cannot be read or is not clear."""
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        text = path.read_text(encoding="utf-8-sig")
-        found = table_kind([name.strip() for name in re.split("[,;\t]", text.partition("\n")[0])])
-        if found is not None:
-            return found
+def kind_of(text: str) -> Kind | None:
+    """Return the kind of a text file, by its content; None where it is not clear."""
+    found = table_kind([name.strip() for name in re.split("[,;\t]", text.partition("\n")[0])])
+    if found is not None:
+        return found
+    with contextlib.suppress(ValueError, RecursionError):
         kind = toml_kind(tomllib.loads(text))
         return None if kind is None else TOML_KINDS[kind]
     return None

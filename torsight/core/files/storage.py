@@ -48,6 +48,8 @@ CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
 PARQUET_SUFFIXES: Final = (".parquet", ".pq")
 DECIMAL_COMMA: Final = re.compile(r"(?<=\d),(?=\d)")
 """A comma between two digits, where a number is meant."""
+_FIRST_BYTES: Final = 16
+"""As many as the longest mark of :func:`binary_kind` needs."""
 _CSV_BLOCK: Final = 4096
 """Rows per block that is converted to text: lists are faster than single numbers, and memory stays small. Eight columns
 of 120,000 rows take a quarter of a second with 64 rows as with 65,536, which need 40 MB more."""
@@ -188,7 +190,7 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        kind = kind_of(path)
+        kind = kind_of(text)
         value = None if kind is None else kind.name
         do = "make the file again" if kind is None else "name the JSON file that torsight wrote"
         raise InputError(f"is not JSON ({error})", where=str(path), value=value, do=do) from error
@@ -235,7 +237,7 @@ def read_toml(path: Path, *, kind: str = "") -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
-        other = kind_of(path)
+        other = kind_of(text)
         if other is not None and kind:
             raise other_kind(ConfigError, other, TOML_KINDS[kind], where=path) from error
         at = re.search(r"at line (\d+)", str(error))
@@ -350,7 +352,9 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
         raise unreadable(path, error) from error
     except _damages_of(path) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        kind = binary_kind(read_bytes(path))
+        # A film may be larger than the memory.
+        with path.open("rb") as file:
+            kind = binary_kind(file.read(_FIRST_BYTES))
         value, do = (None, _PLAIN_CSV) if kind is None else (kind.name, kind.source)
         if is_parquet(path):
             do = _WHOLE_PARQUET
@@ -378,7 +382,10 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
 def require_table(path: Path, wanted: Kind | None) -> None:
     """Refuse a folder, a pipe or a TOML file in place of a table of the kind ``wanted``."""
     require_file(path)
-    other = kind_of(path) if path.suffix.lower() == ".toml" else None
+    other = None
+    if path.suffix.lower() == ".toml":
+        with contextlib.suppress(OSError, ValueError):
+            other = kind_of(path.read_text(encoding="utf-8-sig"))
     if other is not None and other not in TABLE_KINDS.values():
         raise InputError(f"is {other.name}", where=str(path), limit="a table" if wanted is None else wanted.name)
 

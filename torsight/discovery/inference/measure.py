@@ -179,26 +179,12 @@ def measure_law(
     some of them, where a fit without the law has them, and ``curve`` (k,) the law on its nodes, zero by default. The
     ``bar`` is what the law has to gain in order to matter.
     """
-    return _Measurement(problem, law, effects, likelihood).run(start, known or {}, curve, bar)
+    return Measurement(problem, law, effects, likelihood).run(start, known or {}, curve, bar)
 
 
-def promise_of(
-    problem: Problem,
-    law: Law,
-    start: Mapping[str, float],
-    *,
-    effects: EffectSet = (),
-    likelihood: Likelihood,
-    known: Mapping[str, Floats] | None = None,
-) -> tuple[float, dict[str, Floats]]:
-    """Return the gain that the linear model at a start promises of a law, and the derivatives (n,) by its values.
+class Measurement:
+    """One of a problem's laws beside the plain model and effects; arguments as in :func:`measure_law`."""
 
-    Arguments as in :func:`measure_law`, which takes the derivatives among those that are known.
-    """
-    return _Measurement(problem, law, effects, likelihood).promise(start, known or {})
-
-
-class _Measurement:
     def __init__(self, problem: Problem, law: Law, effects: EffectSet, likelihood: Likelihood) -> None:
         self._law, self._likelihood = law, likelihood
         free = law.free()
@@ -242,7 +228,7 @@ class _Measurement:
             precision = _precision(picture.form.basis)
             now = self._value(slopes.at_x, _projected(slopes.x, len(self._names), picture.form), precision)
             target = self._space.clip(picture.mean)
-            promised = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision) - now
+            promised = self._at_target(slopes, target, precision) - now
             if step == 0 and curve is None and bar.known:
                 hopes = bar.cleared_by(promised - self._without(slopes))
             else:
@@ -265,7 +251,7 @@ class _Measurement:
         slopes = self._slopes(start, known, None)
         picture = self._picture(slopes)
         precision, target = _precision(picture.form.basis), self._space.clip(picture.mean)
-        there = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision)
+        there = self._at_target(slopes, target, precision)
         promised = there - self._value(slopes.at_x, slopes.x, precision) - self._without(slopes)
         return promised, dict(zip(self._own, slopes.jacobian.T[len(self._names) :], strict=True))
 
@@ -303,6 +289,10 @@ class _Measurement:
     def _value(self, at_u: Floats, u: Floats, precision: Floats) -> float:
         """Return the posterior density's logarithm at a point under one member."""
         return self._likelihood.log(self._residual(at_u)) + self._prior(u, precision)
+
+    def _at_target(self, slopes: Slopes, target: Floats, precision: Floats) -> float:
+        """Return the posterior density's logarithm that the linear model predicts at a target."""
+        return self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision)
 
     def _towards(self, u: Floats, target: Floats, now: float, precision: Floats) -> tuple[float, Floats, Floats] | None:
         step = 1.0

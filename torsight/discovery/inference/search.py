@@ -29,8 +29,8 @@ from torsight.discovery.inference.fitting import EffectSet, less, with_member
 from torsight.discovery.inference.measure import (
     SETTLED,
     Bar,
+    Measurement,
     measure_law,
-    promise_of,
 )
 from torsight.discovery.inference.set_fits import FIRST_CORRELATION, SetFits, columns_of
 from torsight.discovery.interface import Problem
@@ -271,8 +271,8 @@ class Search:
         parent, name = self._explanations[item[0]], item[1]
         if name not in self._laws:
             return 0.5 * parent.fitter.promise(parent.fit, name), {}
-        return promise_of(parent.fitter.problem, self._laws[name], parent.fit.values, effects=parent.members,
-                          likelihood=parent.likelihood, known=columns_of(parent.fit))  # fmt: skip
+        measurement = Measurement(parent.fitter.problem, self._laws[name], parent.members, parent.likelihood)
+        return measurement.promise(parent.fit.values, columns_of(parent.fit))
 
     def _extended(self, item: tuple[tuple[EffectSet, str], Mapping[str, Floats]]) -> Explanation:
         (members, name), columns = item
