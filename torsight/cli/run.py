@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -90,12 +90,9 @@ def again(path: Path) -> Experiment:
     recorded, configuration = content.get("inputs"), content.get("configuration")
     if not isinstance(recorded, dict) or not isinstance(configuration, dict):
         raise InputError("is no provenance of a run", where=str(path), do="name the provenance.json of 'torsight run'")
-    for name, expected in recorded.items():
-        found = file_hash(path.parent / name)
-        if found != expected:
-            raise InputError(
-                "has changed since the run", where=name, value=found[:12], limit=f"{str(expected)[:12]} (SHA-256)"
-            )
+    for name, found in _changed(recorded, path.parent):
+        limit = f"{str(recorded[name])[:12]} (SHA-256)"
+        raise InputError("has changed since the run", where=name, value=found[:12], limit=limit)
     experiment = experiment_from(configuration, where=f"{path}, configuration", folder=path.parent)
     return replace(experiment, output=path.parent)
 
@@ -148,15 +145,22 @@ def provenance_of(experiment: Experiment, folder: Path) -> dict[str, Any]:
 
 def _require_unchanged(inputs: Mapping[str, str], state: _State, *, folder: Path) -> None:
     """Refuse results from inputs that have changed during the run: their hashes would be wrong."""
-    for name, before in inputs.items():
-        if file_hash(folder / name) != before:
-            state.close()
-            raise InputError(
-                "has changed while it was read",
-                where=name,
-                limit="a file that nobody writes to during the run",
-                do="let its recording or copying end, then run again",
-            )
+    for name, _ in _changed(inputs, folder):
+        state.close()
+        raise InputError(
+            "has changed while it was read",
+            where=name,
+            limit="a file that nobody writes to during the run",
+            do="let its recording or copying end, then run again",
+        )
+
+
+def _changed(recorded: Mapping[str, str], folder: Path) -> Iterator[tuple[str, str]]:
+    """Give the inputs of a provenance in ``folder`` that are not as they were recorded, with their hashes now."""
+    for name, before in recorded.items():
+        found = file_hash(folder / name)
+        if found != before:
+            yield name, found
 
 
 def _check(experiment: Experiment) -> None:
