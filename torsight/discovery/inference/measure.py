@@ -12,7 +12,7 @@ the usual forms.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -141,8 +141,11 @@ class _Bank:
         return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * of_kind * len(SIZES)))
 
     def beside(self, evidence: Floats, place: _Member) -> float:
-        """Return the evidence of the family less that of one member alone."""
-        return float(self.log_prior[place[0]] + logsumexp(evidence) - evidence[place])
+        """Return the evidence of the family less that of its measured member alone.
+
+        Other members count for no more than that one: a step to a member of which derivatives promise more has failed.
+        """
+        return float(self.log_prior[place[0]] + logsumexp(np.minimum(evidence, evidence[place])) - evidence[place])
 
     def within(self, form: LawForm) -> _Bank:
         """Return the bank for the coefficients of a form: kernels outside of the form's span have prior zero.
@@ -220,39 +223,40 @@ class Measurement:
     def run(self, start: Mapping[str, float], known: Mapping[str, Floats], curve: Floats | None, bar: Bar) -> Measured:
         """Step from a start until a step gains nothing that matters, or the law cannot clear the bar."""
         slopes = self._slopes(start, known, curve)
-        last: _Member | None = None
+        place: _Member | None = None
         hopes = True
         for step in range(ITERATIONS):
             slopes.renew()
             picture = self._picture(slopes)
-            precision = _precision(picture.form.basis)
-            now = self._value(slopes.at_x, _projected(slopes.x, len(self._names), picture.form), precision)
-            target = self._space.clip(picture.mean)
-            promised = self._at_target(slopes, target, precision) - now
+            members = dict.fromkeys((picture.place, place or picture.place))
+            aims = [self._aim(slopes, picture, one, place) for one in members]
+            promised = max(aim.promised for aim in aims)
+            most = max(aim.now + FURTHER * aim.promised for aim in aims)
             if step == 0 and curve is None and bar.known:
                 hopes = bar.cleared_by(promised - self._without(slopes))
             else:
-                hopes = now + FURTHER * promised > bar.least
-            found = self._towards(slopes.x, target, now, precision) if hopes and promised > SETTLED else None
+                hopes = most > bar.least
+            if not hopes or promised <= SETTLED:
+                break
+            tried = (self._towards(slopes.x, aim) for aim in aims if aim.promised > SETTLED)
+            found = next((one for one in tried if one is not None), None)
             if found is None:
-                if hopes and promised > SETTLED and slopes.refresh():
+                if slopes.refresh():
                     continue
                 # What derivatives promise where no step gets it is no hope.
-                hopes = now + FURTHER * SETTLED > bar.least
+                hopes = aims[-1].now + FURTHER * SETTLED > bar.least
                 break
-            gained, u, at_u = found
-            slopes.move(u, at_u, trusted=gained > TRUSTED * promised)
-            last = picture.place
+            aim, gained, u, at_u = found
+            slopes.move(u, at_u, trusted=gained > TRUSTED * aim.promised)
+            place = aim.place
         slopes.renew()
-        return replace(self._measured(slopes, last), hopes=hopes)
+        return replace(self._measured(slopes, place), hopes=hopes)
 
     def promise(self, start: Mapping[str, float], known: Mapping[str, Floats]) -> tuple[float, dict[str, Floats]]:
         """Return the gain that the linear model at a start promises of the law, and the derivatives by its values."""
         slopes = self._slopes(start, known, None)
         picture = self._picture(slopes)
-        precision, target = _precision(picture.form.basis), self._space.clip(picture.mean)
-        there = self._at_target(slopes, target, precision)
-        promised = there - self._value(slopes.at_x, slopes.x, precision) - self._without(slopes)
+        promised = self._aim(slopes, picture, picture.place, None).promised - self._without(slopes)
         return promised, dict(zip(self._own, slopes.jacobian.T[len(self._names) :], strict=True))
 
     def _slopes(self, start: Mapping[str, float], known: Mapping[str, Floats], curve: Floats | None) -> Slopes:
@@ -290,18 +294,27 @@ class Measurement:
         """Return the posterior density's logarithm at a point under one member."""
         return self._likelihood.log(self._residual(at_u)) + self._prior(u, precision)
 
-    def _at_target(self, slopes: Slopes, target: Floats, precision: Floats) -> float:
-        """Return the posterior density's logarithm that the linear model predicts at a target."""
-        return self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision)
+    def _aim(self, slopes: Slopes, picture: _Picture, place: _Member, at: _Member | None) -> _Aim:
+        """Return the posterior mean of a member of the bank as the aim of a step; ``at`` is the member of the point."""
+        precision = _precision(self._bank.form(*place).basis)
+        target = self._space.clip(picture.mean_of(place))
+        if at is None:
+            now = self._value(slopes.at_x, _projected(slopes.x, len(self._names), self._bank.form(*place)), precision)
+        else:
+            now = self._value(slopes.at_x, slopes.x, _precision(self._bank.form(*at).basis))
+            now += picture.constant(at) - picture.constant(place)
+        there = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision)
+        return _Aim(place, precision, target, now, there - now, whole=at not in (None, place))
 
-    def _towards(self, u: Floats, target: Floats, now: float, precision: Floats) -> tuple[float, Floats, Floats] | None:
+    def _towards(self, u: Floats, aim: _Aim) -> tuple[_Aim, float, Floats, Floats] | None:
+        """Return the aim, the gain, the point and the prediction there of the first step to an aim that gains."""
         step = 1.0
-        for _ in range(_HALVINGS):
-            trial = u + step * (target - u)
+        for _ in range(1 if aim.whole else _HALVINGS):
+            trial = u + step * (aim.target - u)
             at_trial = self._model(trial)
-            there = self._value(at_trial, trial, precision)
-            if there > now:
-                return there - now, trial, at_trial
+            there = self._value(at_trial, trial, aim.precision)
+            if there > aim.now:
+                return aim, there - aim.now, trial, at_trial
             step *= 0.4
         return None
 
@@ -322,7 +335,7 @@ class Measurement:
         represent; its own posterior mean is as good as the linear model.
         """
         picture = self._picture(slopes)
-        options = [(picture.place, slopes.x), (picture.place, self._space.clip(picture.mean))]
+        options = [(picture.place, slopes.x), (picture.place, self._space.clip(picture.mean_of(picture.place)))]
         if last is not None and last != picture.place:
             options.append((last, slopes.x))
         return max((self._measured_as(slopes, *one) for one in options), key=lambda measured: measured.log_evidence)
@@ -345,18 +358,44 @@ class Measurement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Aim:
+    """The posterior mean of one member of the bank, as the linear model predicts it.
+
+    ``now`` is the posterior density's logarithm under the member at which the step has to gain, ``promised`` the gain
+    that the linear model predicts. A step to another member than that of the point is a ``whole`` one: only there is
+    the law's curve one that this member can represent, and ``now`` makes up for the members' Occam factors and priors.
+    """
+
+    place: _Member
+    precision: Floats
+    target: Floats
+    now: float
+    promised: float
+    whole: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Picture:
     """The linear model at a point: its posterior under every kernel and size of the bank.
 
-    ``evidence`` and ``occam`` are (kernels, sizes); ``place`` is the best, ``form`` its form, ``mean`` the posterior
-    mean of the parameters and of the law's values under it.
+    ``evidence`` and ``occam`` are (kernels, sizes); ``place`` is the best member.
     """
 
+    bank: _Bank
     evidence: Floats
     occam: Floats
     place: _Member
-    form: LawForm
-    mean: Floats
+    _values: Callable[[_Member], Floats]
+    _parameters: Callable[[Floats], Floats]
+
+    def constant(self, place: _Member) -> float:
+        """Return the share of a member's evidence that its law's values do not change: Occam factor and prior."""
+        return float(self.occam[place] + self.bank.log_prior[place[0]])
+
+    def mean_of(self, place: _Member) -> Floats:
+        """Return the posterior mean of the parameters and of the law's values under a member."""
+        values = self._values(place)
+        return np.concatenate([self._parameters(values), values])
 
     @classmethod
     def of(
@@ -370,7 +409,7 @@ class _Picture:
         information: Floats,
         bank: _Bank,
     ) -> _Picture:
-        r"""Compute the evidence of every member, and the posterior mean of the best one.
+        r"""Compute the evidence of every member.
 
         With the parameters integrated out the law's values on the nodes have the information S and the side g. Under a
         kernel whose values are B z, z independent with standard deviation c, :math:`B^\top S B = Q Λ Q^\top` serves all
@@ -402,11 +441,17 @@ class _Picture:
             turned.append((axes, along, spread))
         evidence = plain + bank.log_prior[:, None] + np.array(gain) + np.array(occam)
         kernel, size = (int(i) for i in np.unravel_index(np.argmax(evidence), evidence.shape))
-        axes, along, spread = turned[kernel]
-        values = bank.units[kernel].basis @ (axes @ (square[size] * along / spread[size]))
-        x = solve_triangular(root.T, own - across @ values, lower=False)
-        mean = np.concatenate([u[:n] + x - origin[:n], values])
-        return cls(evidence, base + np.array(occam), (kernel, size), bank.form(kernel, size), mean)
+
+        def values_of(place: _Member) -> Floats:
+            axes, along, spread = turned[place[0]]
+            mean = square[place[1]] * along / spread[place[1]]
+            return np.asarray(bank.units[place[0]].basis @ (axes @ mean))
+
+        def parameters_at(values: Floats) -> Floats:
+            x = solve_triangular(root.T, own - across @ values, lower=False)
+            return np.asarray(u[:n] + x - origin[:n], np.float64)
+
+        return cls(bank, evidence, base + np.array(occam), (kernel, size), values_of, parameters_at)
 
 
 def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likelihood) -> tuple[float, Measured]:
@@ -426,7 +471,7 @@ def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likeli
     derivative, bank = fit.solution.jacobian[:, order], _Bank.of(measured.law)
     picture = _Picture.of(derivative, residual, likelihood.weight(residual), u=x[order], space=space.at(order),
                           information=information, bank=bank.within(old))  # fmt: skip
-    form, mean = bank.form(*picture.place), space.at(order).clip(picture.mean)
+    form, mean = bank.form(*picture.place), space.at(order).clip(picture.mean_of(picture.place))
     z = np.linalg.lstsq(form.basis, old.basis @ mean[n:])[0]
     values = {names[i]: float(value) for i, value in zip(order[:n], mean, strict=False)}
     values |= dict(zip(form.names, z.tolist(), strict=True))
