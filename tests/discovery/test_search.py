@@ -17,7 +17,7 @@ from torsight.core.progress import silent
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import AtPoint, Fitter
-from torsight.discovery.inference.measure import Bar, measure_law
+from torsight.discovery.inference.law.measure import Bar, measure_law
 from torsight.discovery.inference.search import Search
 from torsight.discovery.inference.set_fits import SetFits
 from torsight.discovery.inference.verdict import Decision, decide

@@ -17,9 +17,10 @@ from torsight.core.law import LawForm
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
+from torsight.discovery.inference.evidence import ahead, residual_of
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
+from torsight.discovery.inference.law.measure import FURTHER, Bar, Measured
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.measure import FURTHER, Bar, Measured, ahead
 from torsight.discovery.inference.noise import Stretches
 from torsight.discovery.inference.priors import prior_cost
 from torsight.discovery.inference.validate import HeldOut, block_labels, held_out_by_refit
@@ -173,11 +174,6 @@ def may_clear(beside: Explanation, bar: Bar) -> Callable[[Fit], bool]:
 def log_posterior(likelihood: Likelihood, problem: Problem, fit: Fit) -> float:
     """Return the posterior density's logarithm at a fit."""
     return likelihood.log(residual_of(problem, fit.solution.prediction)) - 0.5 * prior_cost(problem, fit)
-
-
-def residual_of(problem: Problem, prediction: Floats) -> Floats:
-    """Return measured less predicted (n,), zero where a sample does not count."""
-    return np.where(problem.valid, problem.observed - prediction, 0.0)
 
 
 def on_nodes(one: Explanation, form: LawForm, spread: Floats) -> tuple[Floats, Floats]:

@@ -26,7 +26,7 @@ from torsight.discovery.inference.explanation import (
     places_of,
 )
 from torsight.discovery.inference.fitting import EffectSet, less, with_member
-from torsight.discovery.inference.measure import (
+from torsight.discovery.inference.law.measure import (
     SETTLED,
     Bar,
     Measurement,

@@ -20,7 +20,7 @@ from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 from torsight.discovery.inference.explanation import Explanation, covariance, on_nodes
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit
-from torsight.discovery.inference.measure import Measured, measure_law
+from torsight.discovery.inference.law.measure import Measured, measure_law
 from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.linear_problem import LAW_SHARE
 from torsight.discovery.measured_law import law_columns

@@ -5,41 +5,34 @@ At a point of the parameters x and of the law's values f on its nodes the model 
 closed form, and so is its evidence: the likelihood of the residual, the cost of the values under their priors, and the
 Occam factor :math:`-\tfrac12 \log \det H` of the posterior's curvature H (Laplace; MacKay, Neural Computation 4 (1992)
 415). The next point is on the way to the posterior mean of the best member of the bank, as far as the likelihood itself
-grows. The evidence of the family is the mean over its bank: half of the prior is on smooth functions, half is shared by
-the usual forms.
+grows. Far from the point the linear model may be wrong: another member than that of the point is taken only if the
+model itself confirms its evidence there, and otherwise the point's own member is followed. The evidence of the family
+is the mean over its bank (:mod:`.bank`).
 """
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.special import logsumexp
 
-from torsight.core.law import KEPT, Law, LawForm
+from torsight.core.law import Law, LawForm
 from torsight.core.units import Floats
+from torsight.discovery.inference.evidence import prior_information, residual_of
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
+from torsight.discovery.inference.law.bank import Bank, Member, Picture, precision_of, projected
 from torsight.discovery.inference.likelihood import Likelihood
-from torsight.discovery.inference.priors import outlier_precision, prior_cost_of
-from torsight.discovery.inference.solver import TRUSTED, Slopes, Space, full_step, linear_change
+from torsight.discovery.inference.priors import prior_cost_of
+from torsight.discovery.inference.solver import TRUSTED, Slopes, Space, linear_change
 from torsight.discovery.interface import Problem
-from torsight.discovery.weight import Weight
 
-_Member = tuple[int, int]
-"""A member of a bank: the indices of its kernel and of its size."""
-SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-"""Sizes that are tried, in scales of the law: three decades in steps of a half."""
 _STEP: Final = 0.1
 """Difference step of a law's value, in the law's scale."""
 ITERATIONS: Final = 14
 """Largest number of steps of a measurement; most end after five."""
 _HALVINGS: Final = 5
-_LITTLE: Final = 1e-6
-"""Information about a free value, in one over its scale squared."""
 FURTHER: Final = 5.0
 """Largest total gain of a search as a multiple of the gain that its linear model predicts beyond that of the parameters
 alone; a search that would need more is given up as hopeless. Of 250 laws and effects, alone and beside others, on an
@@ -109,7 +102,7 @@ class Measured:
     prediction: Floats
     derivative: Floats
     log_evidence: float
-    place: _Member
+    place: Member
     bank: float
     hopes: bool = True
 
@@ -119,50 +112,6 @@ class Measured:
         place = [names.index(parameter.name) for parameter in fitter.parameters(effects)]
         x = np.array(list(self.values.values()))[place]
         return fitter.known(effects, x, self.prediction, self.derivative[:, place])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Bank:
-    """A law's kernels at size one, and the logarithm of the prior of each kernel in every size.
-
-    Half of the prior is on smooth kernels, half on usual forms; either half is shared equally by kernels and sizes.
-    """
-
-    law: Law
-    units: tuple[LawForm, ...]
-    log_prior: Floats
-
-    @classmethod
-    @functools.lru_cache(maxsize=64)
-    def of(cls, law: Law) -> _Bank:
-        smooth = np.array([kernel.smooth for kernel in law.kernels])
-        of_kind = np.where(smooth, smooth.sum(), (~smooth).sum())
-        kinds = 2 if 0 < smooth.sum() < len(smooth) else 1
-        return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * of_kind * len(SIZES)))
-
-    def beside(self, evidence: Floats, place: _Member) -> float:
-        """Return the evidence of the family less that of its measured member alone.
-
-        Other members count for no more than that one: a step to a member of which derivatives promise more has failed.
-        """
-        return float(self.log_prior[place[0]] + logsumexp(np.minimum(evidence, evidence[place])) - evidence[place])
-
-    def within(self, form: LawForm) -> _Bank:
-        """Return the bank for the coefficients of a form: kernels outside of the form's span have prior zero.
-
-        A kernel counts as within the span if it deviates by no more than a form may deviate from its own kernel.
-        """
-        inverse, units, log_prior = np.linalg.pinv(form.basis), [], []
-        for unit, prior in zip(self.units, self.log_prior, strict=True):
-            inner = inverse @ unit.basis
-            off = np.linalg.norm(unit.basis - form.basis @ inner, 2) / np.linalg.norm(unit.basis, 2)
-            units.append(replace(unit, basis=inner))
-            log_prior.append(prior if off**2 <= KEPT else -np.inf)
-        return _Bank(self.law, tuple(units), np.array(log_prior))
-
-    def form(self, kernel: int, size: int) -> LawForm:
-        """Return the form of one kernel in one size."""
-        return replace(self.units[kernel], basis=self.units[kernel].basis * (SIZES[size] * self.law.scale))
 
 
 def measure_law(
@@ -209,10 +158,10 @@ class Measurement:
             prior_sigma=np.concatenate([space.prior_sigma, np.full(k, np.inf)]),
         )
         self._model = AtPoint(self._problem, (*self._names, *self._own), (*effects, law.id))
-        self._bank = _Bank.of(law)
+        self._bank = Bank.of(law)
 
     def _residual(self, at_u: Floats) -> Floats:
-        return _residual(self._problem, at_u, self._likelihood)
+        return residual_of(self._problem, at_u)
 
     def _prior(self, u: Floats, precision: Floats) -> float:
         """Return the logarithm of the priors at a point: of the parameters, and of the law under one member."""
@@ -223,7 +172,7 @@ class Measurement:
     def run(self, start: Mapping[str, float], known: Mapping[str, Floats], curve: Floats | None, bar: Bar) -> Measured:
         """Step from a start until a step gains nothing that matters, or the law cannot clear the bar."""
         slopes = self._slopes(start, known, curve)
-        place: _Member | None = None
+        place: Member | None = None
         hopes = True
         for step in range(ITERATIONS):
             slopes.renew()
@@ -278,7 +227,7 @@ class Measurement:
         there = space.clip(u + step)
 
         def value(x: Floats) -> float:
-            left = np.where(self._likelihood.count > 0.0, residual - columns @ (x - u), 0.0)
+            left = np.where(self._problem.valid, residual - columns @ (x - u), 0.0)
             return self._likelihood.log(left) - 0.5 * prior_cost_of(space.prior_residual(x), self._base)
 
         return value(there) - value(u)
@@ -294,14 +243,14 @@ class Measurement:
         """Return the posterior density's logarithm at a point under one member."""
         return self._likelihood.log(self._residual(at_u)) + self._prior(u, precision)
 
-    def _aim(self, slopes: Slopes, picture: _Picture, place: _Member, at: _Member | None) -> _Aim:
+    def _aim(self, slopes: Slopes, picture: Picture, place: Member, at: Member | None) -> _Aim:
         """Return the posterior mean of a member of the bank as the aim of a step; ``at`` is the member of the point."""
-        precision = _precision(self._bank.form(*place).basis)
+        precision = precision_of(self._bank.form(*place).basis)
         target = self._space.clip(picture.mean_of(place))
         if at is None:
-            now = self._value(slopes.at_x, _projected(slopes.x, len(self._names), self._bank.form(*place)), precision)
+            now = self._value(slopes.at_x, projected(slopes.x, len(self._names), self._bank.form(*place)), precision)
         else:
-            now = self._value(slopes.at_x, slopes.x, _precision(self._bank.form(*at).basis))
+            now = self._value(slopes.at_x, slopes.x, precision_of(self._bank.form(*at).basis))
             now += picture.constant(at) - picture.constant(place)
         there = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision)
         return _Aim(place, precision, target, now, there - now, whole=at not in (None, place))
@@ -318,17 +267,17 @@ class Measurement:
             step *= 0.4
         return None
 
-    def _picture(self, slopes: Slopes, at_u: Floats | None = None, u: Floats | None = None) -> _Picture:
+    def _picture(self, slopes: Slopes, at_u: Floats | None = None, u: Floats | None = None) -> Picture:
         """Return the linear model at the slopes' point, or at one so near that its derivatives are the same."""
         u = slopes.x if u is None else u
         residual = self._residual(slopes.at_x if at_u is None else at_u)
         weight = self._likelihood.weight(residual)
         names = len(self._names)
         information = prior_information(self._space, u, self._base)[:names]
-        return _Picture.of(slopes.jacobian, residual, weight, u=u, space=self._space, information=information,
+        return Picture.of(slopes.jacobian, residual, weight, u=u, space=self._space, information=information,
                            bank=self._bank)  # fmt: skip
 
-    def _measured(self, slopes: Slopes, last: _Member | None) -> Measured:
+    def _measured(self, slopes: Slopes, last: Member | None) -> Measured:
         """Return the law in the most probable member or in that of the last step, whichever has more evidence.
 
         The values at the end are those of the last step's member. They may be far from what another member can
@@ -340,11 +289,11 @@ class Measurement:
             options.append((last, slopes.x))
         return max((self._measured_as(slopes, *one) for one in options), key=lambda measured: measured.log_evidence)
 
-    def _measured_as(self, slopes: Slopes, place: _Member, u: Floats) -> Measured:
+    def _measured_as(self, slopes: Slopes, place: Member, u: Floats) -> Measured:
         """Return the law in one member of the bank, with the values nearest to a point."""
         m, (kernel, size) = len(self._names), place
         form = self._bank.form(kernel, size)
-        u = _projected(u, m, form)
+        u = projected(u, m, form)
         at_u = self._model(u)
         picture = self._picture(slopes, at_u, u)
         z = np.linalg.lstsq(form.basis, u[m:])[0]
@@ -352,7 +301,7 @@ class Measurement:
         values |= dict(zip(form.names, z.tolist(), strict=True))
         derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ form.basis])
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
-        here = self._value(at_u, u, _precision(form.basis)) + float(picture.occam[place])
+        here = self._value(at_u, u, precision_of(form.basis)) + float(picture.occam[place])
         bank = self._bank.beside(picture.evidence, place)
         return Measured(self._law, form, values, at_u, derivative, here + bank, place, bank)
 
@@ -366,92 +315,12 @@ class _Aim:
     the law's curve one that this member can represent, and ``now`` makes up for the members' Occam factors and priors.
     """
 
-    place: _Member
+    place: Member
     precision: Floats
     target: Floats
     now: float
     promised: float
     whole: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Picture:
-    """The linear model at a point: its posterior under every kernel and size of the bank.
-
-    ``evidence`` and ``occam`` are (kernels, sizes); ``place`` is the best member.
-    """
-
-    bank: _Bank
-    evidence: Floats
-    occam: Floats
-    place: _Member
-    _values: Callable[[_Member], Floats]
-    _parameters: Callable[[Floats], Floats]
-
-    def constant(self, place: _Member) -> float:
-        """Return the share of a member's evidence that its law's values do not change: Occam factor and prior."""
-        return float(self.occam[place] + self.bank.log_prior[place[0]])
-
-    def mean_of(self, place: _Member) -> Floats:
-        """Return the posterior mean of the parameters and of the law's values under a member."""
-        values = self._values(place)
-        return np.concatenate([self._parameters(values), values])
-
-    @classmethod
-    def of(
-        cls,
-        derivative: Floats,
-        residual: Floats,
-        weight: Weight,
-        *,
-        u: Floats,
-        space: Space,
-        information: Floats,
-        bank: _Bank,
-    ) -> _Picture:
-        r"""Compute the evidence of every member.
-
-        With the parameters integrated out the law's values on the nodes have the information S and the side g. Under a
-        kernel whose values are B z, z independent with standard deviation c, :math:`B^\top S B = Q Λ Q^\top` serves all
-        sizes c: they gain :math:`\sum c^2 (Q^\top B^\top g)^2 / (1 + c^2 Λ)` for :math:`\sum \log (1 + c^2 Λ)`.
-        """
-        n = len(information)
-        normal = weight.normal(derivative)
-        # Where the law would be off and the parameters at their priors' means (those without a prior: where they are).
-        origin = u.copy()
-        held = np.isfinite(space.prior_sigma)
-        origin[held] = u[held] - space.prior_mean[held]
-        origin[:n][~held[:n]] = 0.0
-        there = residual + derivative @ origin
-        side = derivative.T @ weight.times(there)
-        root = np.linalg.cholesky(normal[:n, :n] + np.diag(information))
-        half = solve_triangular(root, np.column_stack([normal[:n, n:], side[:n]]), lower=True)
-        across, own = half[:, :-1], half[:, -1]
-        left, pull = normal[n:, n:] - across.T @ across, side[n:] - across.T @ own
-        base = -float(np.sum(np.log(np.diag(root))))
-        plain = base - 0.5 * (weight.square(there) - float(own @ own))
-        square = (np.array(SIZES) * bank.law.scale)[:, None] ** 2
-        occam, gain, turned = [], [], []
-        for unit in bank.units:
-            share, axes = np.linalg.eigh(unit.basis.T @ left @ unit.basis)
-            along = axes.T @ (unit.basis.T @ pull)
-            spread = 1.0 + square * np.maximum(share, 0.0)
-            occam.append(-0.5 * np.sum(np.log(spread), axis=1))
-            gain.append(0.5 * np.sum(square * along**2 / spread, axis=1))
-            turned.append((axes, along, spread))
-        evidence = plain + bank.log_prior[:, None] + np.array(gain) + np.array(occam)
-        kernel, size = (int(i) for i in np.unravel_index(np.argmax(evidence), evidence.shape))
-
-        def values_of(place: _Member) -> Floats:
-            axes, along, spread = turned[place[0]]
-            mean = square[place[1]] * along / spread[place[1]]
-            return np.asarray(bank.units[place[0]].basis @ (axes @ mean))
-
-        def parameters_at(values: Floats) -> Floats:
-            x = solve_triangular(root.T, own - across @ values, lower=False)
-            return np.asarray(u[:n] + x - origin[:n], np.float64)
-
-        return cls(bank, evidence, base + np.array(occam), (kernel, size), values_of, parameters_at)
 
 
 def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likelihood) -> tuple[float, Measured]:
@@ -467,9 +336,9 @@ def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likeli
     n = len(names) - len(own)
     space, x = fitter.space(fit.effects), fit.solution.x
     information = prior_information(space, x, len(fitter.problem.parameters))[order[:n]]
-    residual = _residual(fitter.problem, fit.solution.prediction, likelihood)
-    derivative, bank = fit.solution.jacobian[:, order], _Bank.of(measured.law)
-    picture = _Picture.of(derivative, residual, likelihood.weight(residual), u=x[order], space=space.at(order),
+    residual = residual_of(fitter.problem, fit.solution.prediction)
+    derivative, bank = fit.solution.jacobian[:, order], Bank.of(measured.law)
+    picture = Picture.of(derivative, residual, likelihood.weight(residual), u=x[order], space=space.at(order),
                           information=information, bank=bank.within(old))  # fmt: skip
     form, mean = bank.form(*picture.place), space.at(order).clip(picture.mean_of(picture.place))
     z = np.linalg.lstsq(form.basis, old.basis @ mean[n:])[0]
@@ -479,72 +348,3 @@ def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likeli
     gain = float(picture.evidence[picture.place] - picture.evidence[measured.place])
     return gain, replace(measured, form=form, values=values, derivative=columns, place=picture.place,
                          bank=bank.beside(picture.evidence, picture.place))  # fmt: skip
-
-
-def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
-    """Return the Laplace evidence of a fitted set of effects, comparable with a law's.
-
-    An effect's parameter without a prior of its own has a Cauchy distribution about the null, with the parameter's
-    usual size as its width: it is known up to its order of magnitude.
-    """
-    space, x = fitter.space(fit.effects), fit.solution.x
-    residual = _residual(fitter.problem, fit.solution.prediction, likelihood)
-    derivative, weight = fit.solution.jacobian, likelihood.weight(residual)
-    base = len(fitter.problem.parameters)
-    information = prior_information(space, x, base)
-    matrix = weight.normal(derivative) + np.diag(information)
-    total = likelihood.log_at(weight, residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
-    total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
-    total += fitter.problem.also_seen(fit.values, fit.effects)
-    for i in range(base, len(x)):
-        parameter, scale = fit.parameters[i], float(space.scale[i])
-        if parameter.sigma is not None:
-            total -= float(np.log(parameter.sigma))
-        else:
-            off = (x[i] - (parameter.null if parameter.null is not None else parameter.value)) / scale
-            total += 0.5 * float(np.log(2.0 / np.pi)) - float(np.log(scale * (1.0 + off**2)))
-    return total
-
-
-def ahead(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> tuple[float, float]:
-    """Return the log posterior density at a fit, and what its linear model predicts for the optimum."""
-    space, x, base = fitter.space(fit.effects), fit.solution.x, len(fitter.problem.parameters)
-    residual = _residual(fitter.problem, fit.solution.prediction, likelihood)
-    step = full_step(fit.solution, residual, weight=likelihood.weight(residual), space=space)
-
-    def value(share: float) -> float:
-        there = residual - share * (fit.solution.jacobian @ step)
-        return likelihood.log(there) - 0.5 * prior_cost_of(space.prior_residual(x + share * step), base)
-
-    now = value(0.0)
-    return now, max(now, value(1.0))
-
-
-def prior_information(space: Space, x: Floats, base: int) -> Floats:
-    """Return one over the variances (m,) of the priors at a point.
-
-    A base value without a prior is free; an effect's is known to its order of magnitude (:func:`log_evidence`).
-    Of the first ``base`` values any may simply be wrong (:mod:`torsight.discovery.inference.priors`).
-    """
-    weak = np.where(np.arange(len(x)) < base, _LITTLE, 1.0)
-    information = np.where(np.isfinite(space.prior_sigma), space.prior_information, weak / space.scale**2)
-    information[:base] *= outlier_precision(space.prior_residual(x)[:base])
-    return information
-
-
-def _residual(problem: Problem, prediction: Floats, likelihood: Likelihood) -> Floats:
-    """Return measured less predicted (n,), zero where a sample has no information."""
-    return np.where(likelihood.count > 0.0, problem.observed - prediction, 0.0)
-
-
-def _precision(basis: Floats) -> Floats:
-    """Return the inverse (k, k) of a basis's covariance, on its span."""
-    inverse = np.linalg.pinv(basis)
-    return np.asarray(inverse.T @ inverse)
-
-
-def _projected(u: Floats, names: int, form: LawForm) -> Floats:
-    """Return a point with the law's values replaced by the nearest ones that a form can represent."""
-    out = u.copy()
-    out[names:] = form.basis @ np.linalg.lstsq(form.basis, u[names:])[0]
-    return out
