@@ -100,7 +100,7 @@ def track_to_folder(
     from tracker.checkpoint import drop
     from tracker.detect.marker_file import in_second_film, read_markers
     from tracker.quality.account import account
-    from tracker.quality.track_warnings import doubts, doubts_of_tilt
+    from tracker.quality.track_warnings import doubts, doubts_of_length, doubts_of_tilt
     from tracker.track import track_film
 
     inputs = [Path(video), None if right is None else Path(right), camera, timestamps]
@@ -133,7 +133,8 @@ def track_to_folder(
             out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
         )
         write_angles(out / "angle.csv", orientation.angles)
-        doubtful = [(str(video), doubt) for doubt in doubts(result) + doubts_of_tilt(orientation)]
+        found = doubts_of_length(result, orientation) + doubts(result) + doubts_of_tilt(orientation)
+        doubtful = [(str(video), doubt) for doubt in found]
         doubtful += [] if other is None else [(str(right), doubt) for doubt in doubts(other)]
         warnings = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
         content = account(result, orientation, doubts=warnings, remarks=remarks, pictures=source.pictures, right=other)

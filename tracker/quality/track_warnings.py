@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.core.series import BY_CHANCE
-from torsight.core.tracks import MarkerTracks
+from torsight.core.series import BY_CHANCE, known_median
+from torsight.core.tracks import MarkerTracks, mean_sigma
 from torsight.core.words.wording import counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
@@ -63,6 +63,24 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
         "stick turn further once, with the camera where it is."
     )
     return [words]
+
+
+def doubts_of_length(result: TrackResult, orientation: Orientation) -> list[str]:
+    """Return a warning for each stick of dots whose length varies by more than readings of its dots can be wrong.
+
+    A reading lies on its dot: anywhere on a disc of radius R its coordinates have a standard deviation of R/2.
+    """
+    markers, reached_px = result.report["markers"], mean_sigma(orientation.with_errors(result.tracks).covariance_px2)
+    words = []
+    for stick, first in zip(STICKS, (0, 2), strict=True):
+        error_px = known_median(reached_px[:, first : first + 2])
+        if markers["kind"] == "dot" and error_px > 0.5 * markers["radius_px"]:
+            words.append(
+                f"The two markers of the {stick} stick do not move as one body: their distance varies by some "
+                f"{error_px:.1f} px, and their dots have a radius of {markers['radius_px']:.1f} px. The angles are "
+                "wrong if one of them is no marker. Look in track.png, and pick the markers with 'torsight markers'."
+            )
+    return words
 
 
 def _rival_markers(result: TrackResult) -> list[str]:

@@ -109,6 +109,20 @@ def test_a_base_that_is_hardly_ever_seen(tmp_path: Path, capsys: pytest.CaptureF
     assert first in capsys.readouterr().err
 
 
+def test_a_dot_beside_the_stick_is_no_marker_of_the_stick(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base, moving = positions()
+    rig = replace(RIG, frames=60, extra_dots=[(90.0, -60.0, 5.0)])
+    film = write_film(rig, tmp_path / "film.mkv")
+    beside = (rig.project(np.array([90.0, -60.0, 0.0]))).tolist()
+    first = advice_of(film, tmp_path / "out", markers={"base": base, "moving": [moving[0], beside]})[0]
+    assert first.startswith("The two markers of the moving stick do not move as one body")
+    assert first in capsys.readouterr().err
+    told = re.search(r"varies by some ([\d.]+) px, and their dots have a radius of ([\d.]+) px", first)
+    assert told is not None
+    assert float(told[1]) > 0.5 * float(told[2])
+    assert float(told[2]) == pytest.approx(5.0, abs=0.5)
+
+
 def test_a_smear_is_told_as_a_shutter_too_long() -> None:
     result, angles = made_gap(share=0.5)
     frames = {"total": 40, "without_angle": 10, "why": {"hidden": 10}}
