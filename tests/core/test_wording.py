@@ -1,6 +1,6 @@
 """An answer in one sentence."""
 
-from torsight.core.words.wording import named
+from torsight.core.words.wording import named, not_explained
 
 
 def law(identifier, effect=None):
@@ -21,3 +21,12 @@ def test_laws_without_a_name_are_told_among_what_a_record_cannot_tell_apart():
     }
     both = "static friction with loading b over the winding of the spring"
     assert named(answer | {"alternatives": [["sensor_lag"]]}) == f"{cannot}{both} or sensor lag."
+
+
+def test_records_that_are_only_explained_alone_may_be_of_different_rigs():
+    one = {"evidence": {"over_floor_after": 7.0}}
+    assert not_explained(one) == "This record is not explained: the residual is 7.00 times the noise floor."
+    together = not_explained(one | {"records": [{"file": "a.csv"}, {"file": "b.csv"}]})
+    assert together.startswith("The 2 records are not explained together: the residual is 7.00 times the noise floor.")
+    assert "not of one rig" in together
+    assert not not_explained({"evidence": {"over_floor_after": 1.5}, "records": [{}, {}]})

@@ -135,7 +135,7 @@ def decided(
         "pulls": pulls,
         "plain_pulls": plain_pulls,
         "notes": (
-            *notes_of(findings, *(characterised(record.spec, listed) for listed in (pulls, plain_pulls))),
+            *notes_of(findings, len(records), *(characterised(record.spec, one) for one in (pulls, plain_pulls))),
             *((taken_as_exact(record.spec.exact),) if chosen.members and record.spec.exact else ()),
             *dict.fromkeys(note for one in records for note in notes_of_drive(one.drive)),
         ),
@@ -370,8 +370,10 @@ def evidence_of(findings: Findings) -> dict[str, Any]:
     }
 
 
-def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull, ...]) -> tuple[str, ...]:
-    """Return notes to the user, from the answer and the pulls of characterised values."""
+def notes_of(
+    findings: Findings, records: int, pulls: tuple[Pull, ...], plain_pulls: tuple[Pull, ...]
+) -> tuple[str, ...]:
+    """Return notes to the user, from the answer on a number of records and the pulls of characterised values."""
     notes = []
     if findings.before is None:
         notes.append(
@@ -380,7 +382,7 @@ def notes_of(findings: Findings, pulls: tuple[Pull, ...], plain_pulls: tuple[Pul
         )
     if against := contradiction(pulls):
         notes.append(against)
-    if doubt := unexplained(findings.decision.over_floor):
+    if doubt := unexplained(findings.decision.over_floor, records=records):
         notes.append(doubt)
     if findings.decision.chosen.members:
         pulled = [pull for pull in plain_pulls if abs(pull.sigmas) > CONTRADICTED_SIGMAS]

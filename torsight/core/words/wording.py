@@ -164,17 +164,23 @@ def times_floor(discovery: Mapping[str, Any]) -> float | None:
     return None if left is None or not floor else left / float(floor)
 
 
-def unexplained(times: float) -> str:
+def unexplained(times: float, *, records: int = 1) -> str:
     """Return the sentence on a residual of more than twice the noise floor; else an empty string."""
     if times <= EXPLAINED:
         return ""
-    return f"This record is not explained: the residual is {number(times)} times the noise floor."
+    residual = f"the residual is {number(times)} times the noise floor."
+    if records == 1:
+        return f"This record is not explained: {residual}"
+    return (
+        f"The {records} records are not explained together: {residual} If each of them is explained alone, they are "
+        "not of one rig, or the rig was changed between them."
+    )
 
 
 def not_explained(discovery: Mapping[str, Any]) -> str:
     """Return :func:`unexplained` of a ``discovery.json``."""
     times = times_floor(discovery)
-    return "" if times is None else unexplained(times)
+    return "" if times is None else unexplained(times, records=max(len(discovery.get("records") or ()), 1))
 
 
 def not_fixed(discovery: Mapping[str, Any]) -> str:
