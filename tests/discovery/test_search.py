@@ -17,9 +17,8 @@ from torsight.core.progress import silent
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import AtPoint, Fitter
-from torsight.discovery.inference.law.measure import Bar, measure_law
+from torsight.discovery.inference.law.measure import Bar
 from torsight.discovery.inference.search import Search
-from torsight.discovery.inference.set_fits import SetFits
 from torsight.discovery.inference.verdict import Decision, decide
 from torsight.discovery.interface import Candidate
 from torsight.discovery.linear_problem import LinearProblem
@@ -394,53 +393,6 @@ def test_an_effect_that_jumps_is_found_by_trials() -> None:
     # The derivatives are zero all but everywhere: a start at the third of the truth is left where it is.
     assert left(made) > 0.3
     assert left(replace(made, candidates=(replace(made.candidates[0], jumps=True),))) < 0.05
-
-
-def sticking_rig() -> tuple[ActuatorProblem, dict[str, float]]:
-    """Return a rig whose friction grows at rest, and the values of a model that has that."""
-    half_cycles = [
-        {"spring": s, "peak_c": 75.0, "ramp_s": ramp_s, "heat_s": ramp_s + 20.0, "cool_s": 250.0}
-        for s, ramp_s in zip("abab", (150.0, 220.0, 300.0, 180.0), strict=True)
-    ]
-    scene = {
-        "motion": {"kind": "rig"},
-        "rig": {"as_declared": True},
-        "protocol": {"half_cycle": half_cycles},
-        "effects": {"static_friction": {"excess": 0.5, "ageing_s": 60.0}},
-    }
-    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
-    problem = ActuatorProblem(ActuatorModel(spec).prepare(make_record(scene, seed=5).table), spec)
-    own = {"static_excess": 0.5, "static_time_s": 60.0, "static_power": 1.0, "static_swing": 0.0}
-    return problem, {p.name: p.value for p in problem.parameters} | own
-
-
-def test_what_a_set_is_worth_does_not_depend_on_which_of_its_laws_was_measured_first() -> None:
-    s = signals()
-    made = machine(0.3 * s["position"] + 0.4 * np.sin(s["warm"] - 20.0), seed=5, candidates={}, sigma=0.05)
-    search, laws = Search(made, settings=Settings(), progress=silent), {law.id: law for law in made.laws}
-    plain = search.fits.plain()
-    found = {}
-    for first, second in (("position", "warm"), ("warm", "position")):
-        found[first] = search.fits.with_law(search.fits.with_law(plain, laws[first]), laws[second])
-    # Alone the one of them made up for the other, as a function that is less smooth.
-    assert found["position"].log_evidence < found["warm"].log_evidence - 10.0
-    better = search.fits.in_better_form(found["position"])
-    assert better.log_evidence == pytest.approx(found["warm"].log_evidence, abs=1.0)
-    assert better.laws[0].place == found["warm"].laws[1].place
-
-
-def test_a_law_begins_as_its_usual_form_and_does_then_what_that_does() -> None:
-    problem, values = sticking_rig()
-    law = next(one for one in problem.laws if one.id == "friction_dwell_s")
-    curve = problem.curve_of("static_friction", law, values)
-    assert curve == pytest.approx(0.5 * (1.0 - np.exp(-(10.0**law.nodes - 1.0) / 60.0)), abs=1e-3)
-    assert problem.curve_of("creep", law, values) is None
-    assert problem.curve_of("friction_dwell_s", law, values) is None
-    likelihood = SetFits(problem, progress=silent).plain().likelihood
-    start = {p.name: p.value for p in problem.parameters}
-    nothing, form = (measure_law(problem, law, start, likelihood=likelihood, curve=given) for given in (None, curve))
-    # Without the jumps of 20° and more that derivatives at nothing do not see.
-    assert form.log_evidence > nothing.log_evidence + 100.0
 
 
 def test_fits_that_nobody_waits_for_any_more_end_with_their_next_prediction() -> None:

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.law import Law, LawForm
+from torsight.core.law import KEPT, Law, LawForm
 from torsight.core.units import Floats
 from torsight.discovery.inference.evidence import prior_information, residual_of
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
@@ -245,15 +245,17 @@ class Measurement:
 
     def _aim(self, slopes: Slopes, picture: Picture, place: Member, at: Member | None) -> _Aim:
         """Return the posterior mean of a member of the bank as the aim of a step; ``at`` is the member of the point."""
-        precision = precision_of(self._bank.form(*place).basis)
-        target = self._space.clip(picture.mean_of(place))
+        form = self._bank.form(*place)
+        precision, target = precision_of(form.basis), self._space.clip(picture.mean_of(place))
+        own = projected(slopes.x, len(self._names), form)
+        outside = at is not None and np.sum((own - slopes.x) ** 2) > KEPT * np.sum(slopes.x[len(self._names) :] ** 2)
         if at is None:
-            now = self._value(slopes.at_x, projected(slopes.x, len(self._names), self._bank.form(*place)), precision)
+            now = self._value(slopes.at_x, own, precision)
         else:
             now = self._value(slopes.at_x, slopes.x, precision_of(self._bank.form(*at).basis))
             now += picture.constant(at) - picture.constant(place)
         there = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision)
-        return _Aim(place, precision, target, now, there - now, whole=at not in (None, place))
+        return _Aim(place, precision, target, now, there - now, whole=bool(outside))
 
     def _towards(self, u: Floats, aim: _Aim) -> tuple[_Aim, float, Floats, Floats] | None:
         """Return the aim, the gain, the point and the prediction there of the first step to an aim that gains."""
@@ -310,9 +312,10 @@ class Measurement:
 class _Aim:
     """The posterior mean of one member of the bank, as the linear model predicts it.
 
-    ``now`` is the posterior density's logarithm under the member at which the step has to gain, ``promised`` the gain
-    that the linear model predicts. A step to another member than that of the point is a ``whole`` one: only there is
-    the law's curve one that this member can represent, and ``now`` makes up for the members' Occam factors and priors.
+    ``now`` is the posterior density's logarithm under the member at which a step has to gain: where the point is
+    another member's, that one's, with the difference of their Occam factors and priors. ``promised`` is the gain that
+    the linear model predicts. A step is ``whole`` where the curve at the point is none that the member can represent:
+    on the way to the aim the member's prior would not charge for it.
     """
 
     place: Member
