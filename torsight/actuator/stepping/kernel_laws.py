@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.actuator.stepping.phase import LN_100, PLACES
 from torsight.core.compiled import inlined, lending
@@ -30,7 +31,7 @@ SEATS: Final = 5
 lines, within 1 % of τ_c of the parabola 1 − (1 − u)² (its sagitta over a fifth, 2 / (8 · 25))."""
 
 Scalars = np.void
-"""The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
+"""One element of an array of :data:`SCALARS`, :data:`STEP` or :data:`REFERENCE`."""
 
 SCALARS: Final = np.dtype(
     [
@@ -48,26 +49,61 @@ SCALARS: Final = np.dtype(
     ]
 )  # fmt: skip
 
+STEP: Final = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            # Of one sample: temperatures, scale of the friction, what acts on the springs, and the sample before.
+            "temp", "temp_passive", "heating", "turn_now", "scale", "wound", "cross", "factor", "own", "other", "keeps",
+            "sign", "x0", "per_s", "before", "ahead", "guess",
+            # From sample to sample: the driven spring, and the phase of the other one.
+            "who", "x", "tau", "xi", "rest_s", "changed", "xi_p", "xi_0_p", "turn_p",
+            # Divided differences of the last slides, and the durations of the last two samples, s.
+            "rate", "rate_2", "rate_3", "span", "span_2",
+            # Jump of a disk that had been at rest, and the part of the sample after which it broke loose.
+            "jump", "let_go",
+        )
+    ]
+)  # fmt: skip
+"""Values of one sample, and those that persist from sample to sample (SI units, °C)."""
+
+REFERENCE: Final = np.dtype(
+    [(name, np.float64) for name in ("x", "tau", "xi", "theta_l", "sliding", "floor", "begun", "at_rest")]
+)
+"""The driven spring's reference state."""
+
 # Rows of the tables.
 FRICTION_DOWN, FRICTION_UP, STRAY, SIDE_A, SIDE_B, LOADING_A, LOADING_B, SPEED, DWELL = 0, 1, 2, 3, 4, 5, 6, 7, 8
 LEAD_HEATING, LEAD_COOLING = 9, 10
 
 
 class State(NamedTuple):
-    """State of one run: ``c``, ``q``, ``g`` and ``w``, and the largest winding so far of both springs, ``wound``.
+    """State of one run.
 
-    ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature. ``held`` is the torque
-    that each of the :data:`SEATS` elastic elements of the friction holds, N·m, positive against a growing x.
+    Attributes
+    ----------
+    s : (1,) :data:`STEP`
+        Values of the sample, and those that persist.
+    q : (3,) :data:`REFERENCE`
+        Reference state, that before the last turn of the temperature, and room to exchange them.
+    w, saved_w : (7, m) float64
+        Per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, the rate of ξ
+        over the sample before, and ξ at its end; and the same before the last turn.
+    wound : (2,) float64
+        Largest winding so far of both springs, rad.
+    held : (SEATS,) float64
+        Torque that each elastic element of the friction holds, N·m, positive against a growing x.
+    short : (2,) float64
+        Torque by which either direction fell short of sliding, N·m.
     """
 
-    c: Floats
-    q: Floats
-    g: Floats
+    s: NDArray[np.void]
+    q: NDArray[np.void]
     w: Floats
-    saved_q: Floats
     saved_w: Floats
     wound: Floats
     held: Floats
+    short: Floats
 
 
 @inlined
