@@ -145,12 +145,7 @@ class ActuatorModel:
             )
 
     def prepare_log(
-        self,
-        log: TemperatureLog,
-        *,
-        start_angle_rad: float,
-        where: str = "log",
-        readings: TemperatureLog | None = None,
+        self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log", readings: TemperatureLog | None = None
     ) -> Drive:
         """Return the drive of a temperature log alone, at its own instants.
 

@@ -438,12 +438,7 @@ def step_through(
 
 @compiled
 def run(
-    samples: Samples,
-    cycling: Floats,
-    springs: NDArray[np.void],
-    tables: Floats,
-    sections: Floats,
-    theta_start: float,
+    samples: Samples, cycling: Floats, springs: NDArray[np.void], tables: Floats, sections: Floats, theta_start: float
 ) -> tuple[Floats, Floats]:
     """Step through all samples.
 

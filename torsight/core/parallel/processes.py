@@ -31,12 +31,7 @@ _R = TypeVar("_R")
 
 
 def in_copies(
-    work: Sequence[_T],
-    function: Callable[[_T], _R],
-    *,
-    known: object,
-    step: str = "",
-    progress: Progress = silent,
+    work: Sequence[_T], function: Callable[[_T], _R], *, known: object, step: str = "", progress: Progress = silent
 ) -> list[_R]:
     """Return ``function`` of each item in order, as :func:`in_parallel` does, computed in copies of this process.
 
