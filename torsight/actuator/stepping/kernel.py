@@ -258,7 +258,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
             short[0], short[1] = 0.0, 0.0
             return True
         short[attempt] = max(0.0, -over)
-        if attempt == 0 and p["seat"] > 0.0:
+        if attempt == 0 and p["seat_rad"] > 0.0:
             other = yields_at(-sense, hold, state, p, tables)
             give_way(min(at, other), max(at, other), hold, state, p, o, tables, sections)
         elif attempt == 0:
@@ -272,7 +272,7 @@ def _nothing_to_do(s: Scalars, w: Floats, p: Scalars, tables: Floats, sections: 
 
     Where friction depends on the speed or on the time at rest, the disk must have been at rest in the sample before.
     """
-    if p["steady"] == 0.0 or (s["rest_s"] == 0.0 and p["viscous"] + p["speed_step"] + p["dwell_step"] > 0.0):
+    if p["steady"] == 0.0 or (s["rest_s"] == 0.0 and p["viscous_nms"] + p["speed_step"] + p["dwell_step"] > 0.0):
         return False
     heating = s["heating"] > 0.0
     for j in range(w.shape[1]):
@@ -328,7 +328,7 @@ def _load(k: int, samples: Samples, wound: float, s: Scalars, p: Scalars, o: Sca
 def _seat(slid: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> None:
     """Set the torques that the friction's elastic elements hold after a slide."""
     s, q = state.s[0], state.q[0]
-    if slid and p["seat"] > 0.0:
+    if slid and p["seat_rad"] > 0.0:
         most = s["scale"] * solid_friction(s["x"], q["sliding"], s, p, tables)
         hold = min(max(bare_load(s["x"], s, p, o, tables) - s["tau"], -most), most)
         for i in range(SEATS):

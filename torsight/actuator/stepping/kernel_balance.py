@@ -52,8 +52,8 @@ def held_back(
     """
     part, width = (w[1, j], p["a_width"]) if heating else (1.0 - w[1, j], p["m_width"])
     width /= follows
-    delay = p["latent"] * s["per_s"] * (1.0 + s["ahead"]) / width
-    reached = held_place(heating, place + s["ahead"] * p["latent"] * w[PACE, j] / width, w[2, j], part, delay, p)
+    delay = p["latent_c_s"] * s["per_s"] * (1.0 + s["ahead"]) / width
+    reached = held_place(heating, place + s["ahead"] * p["latent_c_s"] * w[PACE, j] / width, w[2, j], part, delay, p)
     if reached >= place:
         return place, follows
     per_done = transforms_slope(part, share_done(heating, reached, p), p)
@@ -119,7 +119,7 @@ def speed_friction(x: float, sense: float, s: Scalars, p: Scalars, tables: Float
     speed = sense * (speed + s["ahead"] * (speed - s["before"]))
     friction, per_speed = 0.0, 0.0
     if speed > 0.0:
-        friction = p["viscous"] * (speed if p["viscous_power"] == 1.0 else speed ** p["viscous_power"])
+        friction = p["viscous_nms"] * (speed if p["viscous_power"] == 1.0 else speed ** p["viscous_power"])
         per_speed = p["viscous_power"] * friction / speed
     if p["speed_step"] > 0.0:
         torque, rise = held_table(max(speed, 0.0), SPEED, p["speed_step"], tables)
@@ -137,7 +137,7 @@ def load_and_slope(
     """
     friction, slope = friction_and_slope(disk_angle(x, s, p), sense * s["sign"] > 0.0, p, tables)
     friction, slope = friction * scale, s["sign"] * slope * scale
-    if p["viscous"] > 0.0 or p["speed_step"] > 0.0:
+    if p["viscous_nms"] > 0.0 or p["speed_step"] > 0.0:
         by_speed, speed_slope = speed_friction(x, sense, s, p, tables)
         friction, slope = friction + by_speed, slope + speed_slope
         if friction < 0.0:
@@ -168,14 +168,14 @@ def solid_friction(x: float, sense: float, s: Scalars, p: Scalars, tables: Float
 def seat_stiffness(element: int, p: Scalars) -> float:
     """Return the stiffness of one of the friction's elastic elements, N·m/rad; their yield angles are evenly spread."""
     place = (2.0 * element + 1.0) / SEATS - 1.0
-    return p["tau_c"] / (SEATS * p["seat"] * (1.0 + p["seat_spread"] * place))
+    return p["tau_c"] / (SEATS * p["seat_rad"] * (1.0 + p["seat_spread"] * place))
 
 
 @inlined
 def yields_at(sense: float, hold: float, state: State, p: Scalars, tables: Floats) -> float:
     """Return the angle at which all elastic elements of the friction have yielded; the present angle without them."""
     x = state.s[0]["x"]
-    if p["seat"] == 0.0:
+    if p["seat_rad"] == 0.0:
         return x
     most = solid_friction(x, sense, state.s[0], p, tables) * hold / SEATS
     furthest = 0.0
@@ -274,7 +274,7 @@ def fraction_and_slope(
         xi = w[0, j]
         if place > w[2, j]:
             advances = True
-            if p["latent"] > 0.0:
+            if p["latent_c_s"] > 0.0:
                 place, follows = held_back(heating, place, follows, j, s, w, p)
             part, sense = (w[1, j], -1.0) if heating else (1.0 - w[1, j], 1.0)
             done = share_done(heating, place, p)

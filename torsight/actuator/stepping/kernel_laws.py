@@ -33,43 +33,34 @@ lines, within 1 % of τ_c of the parabola 1 − (1 − u)² (its sagitta over a 
 Scalars = np.void
 """One element of an array of :data:`SCALARS`, :data:`STEP` or :data:`REFERENCE`."""
 
-SCALARS: Final = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            # Of one spring (SI units, °C).
-            "k_a", "k_m", "k_s", "a_start", "a_width", "m_finish", "m_width", "temp_per_torque_a", "temp_per_torque_m",
-            "theta_cr", "side_row", "loading_row", "follows",
-            # Of the rig.
-            "theta_p", "tau_c", "viscous", "viscous_power", "speed_step", "dwell_step", "passive_share", "tanaka",
-            "room_c", "grid_start", "grid_step", "fixed_theta_l", "has_friction", "has_stray", "steady", "home_hold",
-            "first_share", "heating_bend", "cooling_bend", "unwound_a", "unwound_b", "latent", "swing", "place_step",
-            "memory", "seat", "seat_spread", "slipped_a", "slipped_b",
-        )
-    ]
-)  # fmt: skip
 
-STEP: Final = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            # Of one sample: temperatures, scale of the friction, what acts on the springs, and the sample before.
-            "temp", "temp_passive", "heating", "turn_now", "scale", "wound", "cross", "factor", "own", "other", "keeps",
-            "sign", "x0", "per_s", "before", "ahead", "guess",
-            # From sample to sample: the driven spring, and the phase of the other one.
-            "who", "x", "tau", "xi", "rest_s", "changed", "xi_p", "xi_0_p", "turn_p",
-            # Divided differences of the last slides, and the durations of the last two samples, s.
-            "rate", "rate_2", "rate_3", "span", "span_2",
-            # Jump of a disk that had been at rest, and the part of the sample after which it broke loose.
-            "jump", "let_go",
-        )
-    ]
-)  # fmt: skip
-"""Values of one sample, and those that persist from sample to sample (SI units, °C)."""
+def _numbers(names: str) -> np.dtype[np.void]:
+    """Return the type of a record of numbers."""
+    return np.dtype([(name, np.float64) for name in names.split()])
 
-REFERENCE: Final = np.dtype(
-    [(name, np.float64) for name in ("x", "tau", "xi", "theta_l", "sliding", "floor", "begun", "at_rest")]
+
+SCALARS: Final = _numbers(
+    # Of one spring (SI units, °C).
+    "k_a k_m k_s a_start a_width m_finish m_width temp_per_torque_a temp_per_torque_m theta_cr side_row loading_row "
+    "follows "
+    # Of the rig.
+    "theta_p tau_c viscous_nms viscous_power speed_step dwell_step passive_share tanaka room_c grid_start grid_step "
+    "fixed_theta_l has_friction has_stray steady home_hold first_share heating_bend cooling_bend unwound_a unwound_b "
+    "latent_c_s swing place_step loop_memory seat_rad seat_spread slipped_a slipped_b"
 )
+"""The rig's scalars with the values of one spring."""
+STEP: Final = _numbers(
+    # Of one sample: temperatures, scale of the friction, what acts on the springs, and the sample before.
+    "temp temp_passive heating turn_now scale wound cross factor own other keeps sign x0 per_s before ahead guess "
+    # From sample to sample: the driven spring, and the phase of the other one.
+    "who x tau xi rest_s changed xi_p xi_0_p turn_p "
+    # Divided differences of the last slides, and the durations of the last two samples, s.
+    "rate rate_2 rate_3 span span_2 "
+    # Jump of a disk that had been at rest, and the part of the sample after which it broke loose.
+    "jump let_go"
+)
+"""Values of one sample, and those that persist from sample to sample (SI units, °C)."""
+REFERENCE: Final = _numbers("x tau xi theta_l sliding floor begun at_rest")
 """The driven spring's reference state."""
 
 # Rows of the tables.
@@ -151,13 +142,17 @@ def transforms(part: float, done: float, p: Scalars) -> float:
     as much of the complete law remains.
     """
     scaled = part * done
-    return scaled if p["memory"] == 0.0 else scaled + p["memory"] * (max(0.0, part - 1.0 + done) - scaled)
+    return scaled if p["loop_memory"] == 0.0 else scaled + p["loop_memory"] * (max(0.0, part - 1.0 + done) - scaled)
 
 
 @inlined
 def transforms_slope(part: float, done: float, p: Scalars) -> float:
     """Return the derivative of :func:`transforms` by ``done``."""
-    return part if p["memory"] == 0.0 else part + p["memory"] * ((1.0 if part - 1.0 + done > 0.0 else 0.0) - part)
+    return (
+        part
+        if p["loop_memory"] == 0.0
+        else part + p["loop_memory"] * ((1.0 if part - 1.0 + done > 0.0 else 0.0) - part)
+    )
 
 
 @lending

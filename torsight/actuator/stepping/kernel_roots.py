@@ -110,7 +110,7 @@ def glide(s: Scalars, q: Scalars, w: Floats, p: Scalars, o: Scalars, tables: Flo
     """
     sense, x = q["sliding"], s["x"]
     # Without a transformation a slide continues only if the load changes or viscous friction had slowed it.
-    may_creep = p["steady"] == 0.0 or p["viscous"] > 0.0 or p["speed_step"] > 0.0
+    may_creep = p["steady"] == 0.0 or p["viscous_nms"] > 0.0 or p["speed_step"] > 0.0
     bare = not may_creep and p["has_friction"] + p["has_stray"] + p["side_row"] + o["side_row"] + p["dwell_step"] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
     x += sense * max(s["guess"], 0.0)
