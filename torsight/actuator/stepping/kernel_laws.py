@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.stepping.phase import LN_100, PLACES
-from torsight.core.compiled import inlined, lending
+from torsight.core.compiled import inlined, lending, numbers
 from torsight.core.units import Floats
 
 _FIRST_PLACE: Final = float(PLACES[0])
@@ -34,12 +34,7 @@ Scalars = np.void
 """One element of an array of :data:`SCALARS`, :data:`STEP` or :data:`REFERENCE`."""
 
 
-def _numbers(names: str) -> np.dtype[np.void]:
-    """Return the type of a record of numbers."""
-    return np.dtype([(name, np.float64) for name in names.split()])
-
-
-SCALARS: Final = _numbers(
+SCALARS: Final = numbers(
     # Of one spring (SI units, °C).
     "k_a k_m k_s a_start a_width m_finish m_width temp_per_torque_a temp_per_torque_m theta_cr side_row loading_row "
     "follows "
@@ -49,7 +44,7 @@ SCALARS: Final = _numbers(
     "latent_c_s swing place_step loop_memory seat_rad seat_spread slipped_a slipped_b"
 )
 """The rig's scalars with the values of one spring."""
-STEP: Final = _numbers(
+STEP: Final = numbers(
     # Of one sample: temperatures, scale of the friction, what acts on the springs, and the sample before.
     "temp temp_passive heating turn_now scale wound cross factor own other keeps sign x0 per_s before ahead guess "
     # From sample to sample: the driven spring, and the phase of the other one.
@@ -60,7 +55,7 @@ STEP: Final = _numbers(
     "jump let_go"
 )
 """Values of one sample, and those that persist from sample to sample (SI units, °C)."""
-REFERENCE: Final = _numbers("x tau xi theta_l sliding floor begun at_rest")
+REFERENCE: Final = numbers("x tau xi theta_l sliding floor begun at_rest")
 """The driven spring's reference state."""
 
 # Rows of the tables.

@@ -1,3 +1,5 @@
+# mypy: disable-error-code="no-any-return"
+# Records carry no types of their fields.
 """Phase fraction and torque of one spring in the moving rig, compiled.
 
 A spring is cold martensite (being wound or unwound), heating, or cooling. Phase and torque hold each other: stress
