@@ -64,32 +64,22 @@ LEAD_HEATING, LEAD_COOLING = 9, 10
 
 
 class State(NamedTuple):
-    """State of one run.
-
-    Attributes
-    ----------
-    s : (1,) :data:`STEP`
-        Values of the sample, and those that persist.
-    q : (3,) :data:`REFERENCE`
-        Reference state, that before the last turn of the temperature, and room to exchange them.
-    w, saved_w : (7, m) float64
-        Per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, the rate of ξ
-        over the sample before, and ξ at its end; and the same before the last turn.
-    wound : (2,) float64
-        Largest winding so far of both springs, rad.
-    held : (SEATS,) float64
-        Torque that each elastic element of the friction holds, N·m, positive against a growing x.
-    short : (2,) float64
-        Torque by which either direction fell short of sliding, N·m.
-    """
+    """State of one run."""
 
     s: NDArray[np.void]
+    """(1,) of :data:`STEP`: Values of the sample, and those that persist."""
     q: NDArray[np.void]
+    """(3,) of :data:`REFERENCE`: The reference state, that before the last turn, and room to exchange them."""
     w: Floats
     saved_w: Floats
+    """(7, m): Per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, the rate
+    of ξ over the sample before, and ξ at its end; and the same before the last turn."""
     wound: Floats
+    """(2,): Largest winding so far of both springs, rad."""
     held: Floats
+    """(SEATS,): Torque that each elastic element of the friction holds, N·m, positive against a growing x."""
     short: Floats
+    """(2,): Torque by which either direction fell short of sliding, N·m."""
 
 
 @inlined
