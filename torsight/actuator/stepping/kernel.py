@@ -440,32 +440,16 @@ def step_through(
 def run(
     samples: Samples, cycling: Floats, springs: NDArray[np.void], tables: Floats, sections: Floats, theta_start: float
 ) -> tuple[Floats, Floats]:
-    """Step through all samples.
+    """Step through all samples from θ^A at the start, rad.
 
-    Parameters
-    ----------
-    samples : Samples
-        Temperatures, and the values that change with time.
-    cycling : (halves, 4) float64
-        Changes from cycle to cycle, per half-cycle: factor on the recoverable angle, loss of this angle independent of
-        the winding (rad), and shift of the driven spring's transformation temperatures on heating and on cooling (°C).
-    springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
-        Scalars in SI units, with the values of spring A and with those of spring B. They are changed in
-        place: where ends slip, θ_P is reduced by the slip.
-    tables : (11, m) float64
-        See :mod:`torsight.actuator.stepping.kernel_laws`.
-    sections : (3, m) float64
-        Wire sections: weight, and temperature below the sensor's (absolute, and as a share of the excess over room).
-    theta_start : float
-        θ^A at the start, rad.
+    ``cycling`` (halves, 4) are changes from cycle to cycle, per half-cycle: factor on the recoverable angle, loss of
+    this angle independent of the winding (rad), and shift of the driven spring's transformation temperatures on heating
+    and on cooling (°C). ``springs`` (2,) of :data:`~torsight.actuator.stepping.kernel_laws.SCALARS` hold the values of
+    A and of B; they are changed in place: where ends slip, θ_P is reduced by the slip.
 
-    Returns
-    -------
-    (7, n) float64
-        θ^A without the slip of A's end (rad), ξ of A and B, torque of A and B (N·m); jump of θ^A where the disk breaks
-        loose after a rest (rad, else 0), and the part of the sample that has passed at the jump.
-    (2,) float64
-        θ_max minus the winding at the end, of A and B (rad).
+    Returns (7, n): θ^A without the slip of A's end (rad), ξ of A and B, torque of A and B (N·m), jump of θ^A where the
+    disk breaks loose after a rest (rad, else 0), and the part of the sample that has passed at the jump; and (2,):
+    θ_max minus the winding at the end, of A and B (rad).
     """
     out, state = np.zeros((7, samples.active.size)), _new_state(sections.shape[1])
     step_through(out, state, samples, cycling, springs, tables, sections, theta_start)

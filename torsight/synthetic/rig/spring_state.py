@@ -49,7 +49,6 @@ is steeper."""
 
 TORQUE_TOLERANCE_NM: Final = 1e-12
 """A spring that is wound beyond θ_cr turns by 1e-12 N·m / K_S = 4e-9 rad for it: no camera sees that."""
-_LN_100: Final = math.log(100.0)
 
 
 @shared
@@ -146,7 +145,7 @@ def progress(c: Constants, share: float) -> float:
     usual = 0.5 * (1.0 - math.cos(math.pi * x))
     if c.tanaka == 0.0:
         return usual
-    return (1.0 - c.tanaka) * usual + c.tanaka * (1.0 - math.exp(-_LN_100 * max(share, 0.0)))
+    return (1.0 - c.tanaka) * usual + c.tanaka * (1.0 - math.pow(0.01, max(share, 0.0)))
 
 
 @lending
