@@ -17,99 +17,72 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class Priors:
-    """Widths and shares; units at the end of each name, shares and weights plain.
-
-    Attributes
-    ----------
-    drift_sigma_ppm : float
-        Quartz clocks of computers: 95 % within ±200 ppm of each other.
-    idle_heating_weight : float
-        Loss of explained share of the motion per share of heatings without a motion in their direction: such a heating
-        may have been too short to cause motion.
-    no_segment_log : float
-        Decrease of the log-likelihood by a stroke without any heating or cooling: e⁻⁸ is one of 3000.
-    crossing_temper : float
-        Power of the thresholds' likelihood in the weights of the answers: the ten crossings of a stroke share one
-        scatter and count as two.
-    curve_sigma_c : float
-        Prior width of the threshold temperatures of a kind of stroke: wider than any heating, because they are unknown.
-    start_sigma_c_per_deg : float
-        Dependence of a threshold on the start angle of its stroke, through the stress: E_M · d / (2 L_s) / C_M per
-        radian, which for the reference rig is 20 GPa · 0.0039 / (32 MPa/K) · π/180 = 0.04 °C per degree.
-    far_scatter_c_per_deg : float
-        Scatter of the thresholds of strokes that begin far from the others.
-    near_deg : float
-        Distance from the usual start up to which the scatter of strokes depends on the actuator's motion before: on the
-        extent of the heating.
-    near_scatter_c_per_deg : (float, float)
-        Scatter of the thresholds of such strokes, for a cooling and for a heating.
-    farthest_deg : float
-        Largest distance of a stroke's start from the others of its kind. Strokes that begin further away cross their
-        levels under another stress (1.6 °C and more with ``start_sigma_c_per_deg``): they are not comparable and are
-        left out.
-    scatter_reach, scatter_shape : float
-        A stroke deviates from the curve of its kind by a constant, and by a smooth function along the stroke of the
-        relative size ``scatter_shape`` and the correlation length ``scatter_reach``, a share of the stroke.
-    typical_scatter_c : float
-        Scatter of thresholds from stroke to stroke: median of its prior.
-    ordinary_scatter_c, with_rate : float
-        A scatter larger than ``ordinary_scatter_c`` has an unknown cause. It may be proportional to the rate of
-        heating, as with a friction that grows with speed, which has the same effect as an offset: then a scatter
-        proportional to the rate is allowed, up to ``with_rate`` times as large as the rest.
-    rate_noise : float
-        Factor on the noise of rates within a kind of stroke, relative to that from the readings' noise. Noise of a rate
-        would look like an error of the clock that differs from level to level, and hide the common one.
-    stop_sigma_s : float
-        Standard deviation of the time between the end of the temperature's rise and the stop of the motion.
-    changepoint_per_lag : float
-        Shift of a changepoint to earlier times per overestimation of the sensor's lag.
-    stop_astray, stop_astray_s : float
-        Share of the stops of short strokes with another cause, and the standard deviation of their times. For full
-        strokes, which may end at an end stop, this share is one half.
-    lag_is_roundness : float
-        Probability that the roundness of the log's changepoints is the sensor's lag, as it is where the power is cut
-        abruptly; the rest is spread evenly over smaller lags.
-    no_lag : float
-        Probability of zero lag without any measurable changepoint: large enough for the 95 % interval to contain it.
-    lag_model : float
-        Relative deviation of a real sensor's lag from a first-order one.
-    led_jitter_s : float
-        Error of the timestamps of a frame and of a row.
-    led_repeats : float
-        Switchings at the same phase of the frames repeat one error: as many as this count as one.
-    led_astray : float
-        Weight of a change of the LED that belongs to no switching.
-    gap_by_led_sigma_s : float
-        Error of a gap from pairing the LED on both sides of it, before least squares: a row of a slow log.
-    """
+    """Widths and shares; units at the end of each name, shares and weights plain."""
 
     drift_sigma_ppm: float = 100.0
+    """Quartz clocks of computers: 95 % within ±200 ppm of each other."""
     idle_heating_weight: float = 0.5
+    """Loss of explained share of the motion per share of heatings without a motion in their direction: such a heating
+    may have been too short to cause motion."""
     no_segment_log: float = 8.0
+    """Decrease of the log-likelihood by a stroke without any heating or cooling: e⁻⁸ is one of 3000."""
     crossing_temper: float = 0.2
+    """Power of the thresholds' likelihood in the weights of the answers: the ten crossings of a stroke share one
+    scatter and count as two."""
     curve_sigma_c: float = 60.0
+    """Prior width of the threshold temperatures of a kind of stroke: wider than any heating, because they are
+    unknown."""
     start_sigma_c_per_deg: float = 0.04
+    """Dependence of a threshold on the start angle of its stroke, through the stress: E_M · d / (2 L_s) / C_M per
+    radian, which for the reference rig is 20 GPa · 0.0039 / (32 MPa/K) · π/180 = 0.04 °C per degree."""
     far_scatter_c_per_deg: float = 0.003
+    """Scatter of the thresholds of strokes that begin far from the others."""
     near_deg: float = 3.0
+    """Distance from the usual start up to which the scatter of strokes depends on the actuator's motion before: on the
+    extent of the heating."""
     near_scatter_c_per_deg: tuple[float, float] = (0.2, 0.03)
+    """Scatter of the thresholds of such strokes, for a cooling and for a heating."""
     farthest_deg: float = 40.0
+    """Largest distance of a stroke's start from the others of its kind. Strokes that begin further away cross their
+    levels under another stress (1.6 °C and more with ``start_sigma_c_per_deg``): they are not comparable and are left
+    out."""
     scatter_reach: float = 0.2
     scatter_shape: float = 0.7
+    """A stroke deviates from the curve of its kind by a constant, and by a smooth function along the stroke of the
+    relative size ``scatter_shape`` and the correlation length ``scatter_reach``, a share of the stroke."""
     typical_scatter_c: float = 0.05
+    """Scatter of thresholds from stroke to stroke: median of its prior."""
     ordinary_scatter_c: float = 0.03
     with_rate: float = 2.0
+    """A scatter larger than ``ordinary_scatter_c`` has an unknown cause. It may be proportional to the rate of heating,
+    as with a friction that grows with speed, which has the same effect as an offset: then a scatter proportional to the
+    rate is allowed, up to ``with_rate`` times as large as the rest."""
     rate_noise: float = 1.5
+    """Factor on the noise of rates within a kind of stroke, relative to that from the readings' noise. Noise of a rate
+    would look like an error of the clock that differs from level to level, and hide the common one."""
     stop_sigma_s: float = 0.05
+    """Standard deviation of the time between the end of the temperature's rise and the stop of the motion."""
     changepoint_per_lag: float = 0.6
+    """Shift of a changepoint to earlier times per overestimation of the sensor's lag."""
     stop_astray: float = 0.05
     stop_astray_s: float = 3.0
+    """Share of the stops of short strokes with another cause, and the standard deviation of their times. For full
+    strokes, which may end at an end stop, this share is one half."""
     lag_is_roundness: float = 0.8
+    """Probability that the roundness of the log's changepoints is the sensor's lag, as it is where the power is cut
+    abruptly; the rest is spread evenly over smaller lags."""
     no_lag: float = 0.15
+    """Probability of zero lag without any measurable changepoint: large enough for the 95 % interval to contain it."""
     lag_model: float = 0.05
+    """Relative deviation of a real sensor's lag from a first-order one."""
     led_jitter_s: float = 1e-3
+    """Error of the timestamps of a frame and of a row."""
     led_repeats: float = 2.0
+    """Switchings at the same phase of the frames repeat one error: as many as this count as one."""
     led_astray: float = 1e-3
+    """Weight of a change of the LED that belongs to no switching."""
     gap_by_led_sigma_s: float = 1.0
+    """Error of a gap from pairing the LED on both sides of it, before least squares: a row of a slow log."""
 
 
 PRIORS: Final = Priors()

@@ -20,7 +20,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -212,17 +212,8 @@ def _linear(
     for rows in (np.flatnonzero(heating), np.flatnonzero(~heating)):
         if len(rows):
             own, alike, going = (one[np.ix_(rows, rows)] for one in (common, scatter, with_rate))
-            halves.append(
-                [
-                    _half(
-                        own + scatter_c**2 * (alike + _cause(scatter_c) ** 2 * going),
-                        jacobian[rows],
-                        data[rows],
-                        scatter_c,
-                    )
-                    for scatter_c in SCATTERS_C[::every]
-                ]
-            )
+            totals = ((c, own + c**2 * (alike + _cause(c) ** 2 * going)) for c in SCATTERS_C[::every])
+            halves.append([_half(total, jacobian[rows], data[rows], c) for c, total in totals])
     return _combined(halves, prior, log_weight=density)
 
 
@@ -240,14 +231,9 @@ def _cause(scatter_c: float) -> float:
     return PRIORS.with_rate * beyond / (1.0 + beyond)
 
 
-@dataclass(frozen=True, slots=True)
-class _Half:
-    """The normal equations of the heatings, or of the coolings, for one scatter, without a prior."""
-
-    information: Floats
-    right: Floats
-    square: float
-    log_weight: float
+_Half: TypeAlias = tuple[Floats, Floats, float, float]
+"""The normal equations of the heatings, or of the coolings, for one scatter, without a prior: information, right side,
+square of the data, logarithm of the weight."""
 
 
 def _half(covariance: Floats, design: Floats, data: Floats, scatter_c: float) -> _Half:
@@ -258,34 +244,27 @@ def _half(covariance: Floats, design: Floats, data: Floats, scatter_c: float) ->
         raise np.linalg.LinAlgError(msg)
     log_det = len(data) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor)).sum())
     scatter_log_prior = float(np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2))
-    return _Half(
-        information=design.T @ solved[:, :-1],
-        right=-(design.T @ solved[:, -1]),
-        square=float(data @ solved[:, -1]),
-        log_weight=scatter_log_prior - 0.5 * log_det,
-    )
+    square = float(data @ solved[:, -1])
+    return design.T @ solved[:, :-1], -(design.T @ solved[:, -1]), square, scatter_log_prior - 0.5 * log_det
 
 
 def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight: float) -> list[Gaussian]:
     """Return the Gaussians for every pair of scatters."""
     precision = np.linalg.inv(prior.covariance)
     pull = precision @ prior.mean
-    information = _summed(
-        np.asarray(precision, dtype=np.float64), [[one.information for one in half] for half in halves]
-    )
-    right = _summed(pull, [[one.right for one in half] for half in halves])
+    starts = (precision, pull, prior.mean @ pull, log_weight)
+    terms = zip(*(zip(*half, strict=True) for half in halves), strict=True)
+    information, right, square, weight = (_summed(*one) for one in zip(starts, terms, strict=True))
     covariance = np.linalg.inv(information)
     mean = np.einsum("kij,kj->ki", covariance, right)
-    square = _summed(prior.mean @ pull, [[one.square for one in half] for half in halves])
     fit = square - np.einsum("ki,ki->k", mean, right)
     log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
-    weight = _summed(log_weight, [[one.log_weight for one in half] for half in halves])
     total = weight - 0.5 * (fit + log_det)
     likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
     return [Gaussian(mean[k], covariance[k], float(total[k])) for k in likely]
 
 
-def _summed(start: Floats | float, halves: Sequence[Sequence[Floats | float]]) -> Floats:
+def _summed(start: Any, halves: Sequence[Any]) -> Floats:
     """Return the sums of a value and one term of each half, for all combinations."""
     total = np.asarray(start)[np.newaxis]
     for half in halves:

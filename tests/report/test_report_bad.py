@@ -15,9 +15,9 @@ from report_words import figures_of, words_of
 
 from tests.plain_report import draw_no_plots
 from torsight.report import write_report
-from torsight.report.figures.export import NAMES, write_figures
 from torsight.report.plots.panels import Band
 from torsight.report.plots.still import still
+from torsight.report.write import NAMES, write_figures
 
 TABLES = ("angle", "markers", "merged", "curves")
 

@@ -36,32 +36,22 @@ class Alternative(Frozen):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubt:
-    """The uncertainty of a fitted model.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The fitted values.
-    covariance : (m, m) float64
-        Covariance of the fitted values, public units.
-    residual_deg : float
-        Root mean square residual in motion on held-out half-cycles (of the fit, where none was held out), minus the
-        share that errors of readings, temperatures and values account for.
-    alternatives : tuple of Alternative
-        Other explanations that have a share of the probability.
-    rest_residual_deg : float or None
-        The same residual at rest; None: as in motion.
-    reading_deg : float
-        Standard deviation of a single reading in the record of the fit; the start angle of a prediction is such a
-        reading.
-    """
+    """The uncertainty of a fitted model."""
 
     names: tuple[str, ...]
+    """The fitted values."""
     covariance: Floats
+    """(m, m): Covariance of the fitted values, public units."""
     residual_deg: float
+    """Root mean square residual in motion on held-out half-cycles (of the fit, where none was held out), minus the
+    share that errors of readings, temperatures and values account for."""
     alternatives: tuple[Alternative, ...] = ()
+    """Other explanations that have a share of the probability."""
     rest_residual_deg: float | None = None
+    """The same residual at rest; None: as in motion."""
     reading_deg: float = 0.0
+    """Standard deviation of a single reading in the record of the fit; the start angle of a prediction is such a
+    reading."""
 
     @property
     def left_deg(self) -> tuple[float, float]:

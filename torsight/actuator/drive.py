@@ -19,10 +19,9 @@ from torsight.actuator.record.conditioning import Conditioned, between_readings,
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles, turn_of
 from torsight.actuator.record.sensors import Sensors
 from torsight.actuator.record.turns import at_places, turns_of
-from torsight.actuator.record.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import extent, pair_means, usual_step
+from torsight.core.series import APART, extent, pair_means, scatter, usual_step
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
@@ -36,6 +35,8 @@ _FAR_APART_S: Final = 1.5
 """Interval of readings above which a prediction interpolates rows between them. With readings every 3 s these rows
 reduce the error on later records from 2.31 to 1.60°, every 5 s from 16.6 to 4.6°, and every 2 s from 1.35 to 1.26°
 (benchmarks/actuator/slow_logs.py, tops held for up to 15 s)."""
+_LEAST_RAD: Final = 1e-5
+"""Least scatter of an angle: differences below this value are rounding errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -356,3 +357,25 @@ def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:
     every += 1 - every % 2
     # Whole blocks only: a kept row represents the same number of samples on either side.
     return np.arange(every // 2, n - every // 2, every)
+
+
+def wrong_frames(angle_rad: Floats, sigma_rad: Floats) -> Flags:
+    """Return the mask (n,) of rows whose angle is an outlier among its neighbours: a wrong frame, not a motion.
+
+    An outlier differs from the median of seven rows by more than ``APART`` times the largest of their median absolute
+    deviation, the row's own sigma and the angle's scatter. A step or the start of a motion is no outlier: the median of
+    seven rows lies on one of its sides. In seven records of another rig, 163,000 rows, a threshold of four takes 19
+    right rows for wrong, eight none; of frames that are 2° to 90° wrong eight finds 97 %, sixteen 95 %.
+    """
+    good = np.flatnonzero(np.isfinite(angle_rad))
+    out = np.zeros(len(angle_rad), np.bool_)
+    if len(good) < 9:
+        return out
+    angle = angle_rad[good]
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(angle, 3, mode="edge"), 7)
+    middle = np.median(windows, axis=1)
+    spread = np.median(np.abs(windows - middle[:, None]), axis=1)
+    floor = max(scatter(angle), _LEAST_RAD)
+    limit = APART * np.maximum(np.maximum(spread, sigma_rad[good]), floor)
+    out[good] = np.abs(angle - middle) > np.where(np.isfinite(limit), limit, np.inf)
+    return out

@@ -145,12 +145,7 @@ class ActuatorModel:
             )
 
     def prepare_log(
-        self,
-        log: TemperatureLog,
-        *,
-        start_angle_rad: float,
-        where: str = "log",
-        readings: TemperatureLog | None = None,
+        self, log: TemperatureLog, *, start_angle_rad: float, where: str = "log", readings: TemperatureLog | None = None
     ) -> Drive:
         """Return the drive of a temperature log alone, at its own instants.
 
@@ -332,19 +327,15 @@ def _initial_ports(drive: Drive, history: History, rig: Rig) -> Ports:
     counts = drive.cycles.counts()
     before = np.array([history.cycles[spring] for spring in drive.cycles.springs], np.int64)
     whole, log_rows = drive.whole
+    same = ("time_s", "temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "room_c")
     return Ports(
+        **{name: getattr(drive, name) for name in same},
         rig=rig,
         rig_b=rig,
-        time_s=drive.time_s,
-        temp_a_c=drive.temp_a_c,
-        temp_b_c=drive.temp_b_c,
-        rate_a_c_s=drive.rate_a_c_s,
-        rate_b_c_s=drive.rate_b_c_s,
         active=drive.cycles.active,
         half=drive.cycles.half,
         cycle=counts + before,
         half_cycle=np.arange(len(counts)) + sum(history.cycles),
-        room_c=drive.room_c,
         drive=whole,
         log_rows=log_rows,
         history=history,

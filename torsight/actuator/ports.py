@@ -89,146 +89,103 @@ def _grids_rad(theta_p_rad: float) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Ports:
-    """All inputs of one simulation.
-
-    Attributes
-    ----------
-    rig, rig_b : Rig
-        The values of the rig with those of spring A, and with those of spring B.
-    time_s : (n,) float64
-        Times of the rows.
-    temp_a_c, temp_b_c : (n,) float64
-        Temperature of either wire.
-    rate_a_c_s, rate_b_c_s : (n,) float64
-        Slope of the measured temperature of the wire.
-    active : (n,) int8
-        0 while A is driven, 1 while B is.
-    half : (n,) int64
-        Number of the half-cycle.
-    cycle : (halves,) int64
-        Number of heatings of the driven spring before each half-cycle, including those of the history.
-    half_cycle : (halves,) int64
-        Number of heatings of both springs before each half-cycle.
-    room_c : float
-        Room temperature.
-    drive : Drive
-        The prepared log, at all of its rows.
-    log_rows : (n,) float64
-        Rows of the drive from which the temperatures are taken; fractions are interpolated.
-    history : History
-        State of the springs after earlier records.
-    section_weight, section_drop_c, section_drop_share : (m,) float64
-        Sections of the wire: weight, and temperature below that of the sensor, absolute and as a share of the excess
-        over the room.
-    passive_share : float
-        Share of the passive spring that transforms at its own temperature and stress.
-    theta_l_scale, theta_l_loss_rad : (halves,) float64
-        Factor on the recoverable angle, and loss of this angle independent of the winding.
-    warmer_heating_c, warmer_cooling_c : (halves,) float64
-        Shift of the driven spring's transformation temperatures.
-    friction_scale : (n,) float64
-        Factor on the friction torque.
-    passive_scale : (n,) float64 or None
-        Factor on the torque of the spring that is not driven.
-    cold_scale : (n,) float64 or None
-        Factor on the torque of cold martensite, whichever spring is driven.
-    side_a_nm, side_b_nm : (n,) float64 or None
-        Torque of either spring in addition to that of its phase.
-    slipped_rad : two (n,) float64, or None
-        Slip of the fixed ends of A and of B: each spring's winding is reduced by it.
-    first_share : float
-        Share of its torque that the spring that is driven first carried before the record.
-    home_hold : float
-        Share of the friction that holds at the start of the record, from −1 to 1.
-    heating_bend, cooling_bend : float
-        Bend of the phase law: its lead is bend · u (1 − u) at the place u in its window.
-    loop_memory : float
-        Memory of a transformation after an incomplete one: 0 scales the law to the remaining share (Liang and Rogers),
-        1 holds ξ until the complete law reaches it.
-    lead : two (g,) float64, or None
-        Lead of the transformation over the phase law on heating and on cooling, in windows, over
-        :data:`~torsight.actuator.stepping.phase.PLACES`.
-    latent_c_s : float
-        Temperature of a wire above its sensor's reading per rate of ξ.
-    viscous_nms, viscous_power : float
-        Friction torque at 1 rad/s, and the power of the speed with which it grows.
-    dwell_factor : (g,) float64 or None
-        Factor on the friction that has to be overcome after a rest, over :data:`DWELL_DECADES`; None: one.
-    seat_rad, seat_spread : float
-        Mean angle by which the friction's elastic elements yield at τ_c before the disk slides (0: no elasticity), and
-        the relative spread of their angles about the mean.
-    swing : float
-        Distance by which inertia carries the disk past its balance, as a share of a jump after a rest, from 0 to 1.
-    speed_friction_nm : (g,) float64 or None
-        Additional friction torque over :data:`SPEEDS_RAD_S`; None: none.
-    friction_down_nm, friction_up_nm : (g,) float64 or None
-        Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c.
-    stray_nm : (g,) float64 or None
-        Further torque along φ over θ^A.
-    loading_nm : two (g,) float64, or None
-        Torque of the loading curves of A and of B in addition to the two slopes, over the spring's own angle
-        (:meth:`grid_rad`).
-    loading_follows : (float, float)
-        Share of this torque that the recoverable angle follows.
-    side_nm : two (g,) float64, or None
-        Torque of A and of B in addition to that of their phases, over their own angle (the same grid).
-    reading : tuple of functions
-        Functions from φ and times to the reading, rad, applied in this order.
-    samples : three arrays, or None
-        Cached result of :meth:`sampled`.
-    """
+    """All inputs of one simulation."""
 
     rig: Rig
     rig_b: Rig
+    """The values of the rig with those of spring A, and with those of spring B."""
     time_s: Floats
+    """(n,): Times of the rows."""
     temp_a_c: Floats
     temp_b_c: Floats
+    """(n,): Temperature of either wire."""
     rate_a_c_s: Floats
     rate_b_c_s: Floats
+    """(n,): Slope of the measured temperature of the wire."""
     active: NDArray[np.int8]
+    """(n,): 0 while A is driven, 1 while B is."""
     half: Ints
+    """(n,): Number of the half-cycle."""
     cycle: Ints
+    """(halves,): Number of heatings of the driven spring before each half-cycle, including those of the history."""
     half_cycle: Ints
+    """(halves,): Number of heatings of both springs before each half-cycle."""
     room_c: float
+    """Room temperature."""
     drive: Drive
+    """The prepared log, at all of its rows."""
     log_rows: Floats
+    """(n,): Rows of the drive from which the temperatures are taken; fractions are interpolated."""
     history: History = field(default_factory=History)
+    """State of the springs after earlier records."""
     section_weight: Floats = field(default_factory=lambda: np.ones(1))
     section_drop_c: Floats = field(default_factory=lambda: np.zeros(1))
     section_drop_share: Floats = field(default_factory=lambda: np.zeros(1))
+    """(m,): Sections of the wire: weight, and temperature below that of the sensor, absolute and as a share of the
+    excess over the room."""
     passive_share: float = 0.0
+    """Share of the passive spring that transforms at its own temperature and stress."""
     theta_l_scale: Floats = field(default_factory=lambda: np.ones(1))
     theta_l_loss_rad: Floats = field(default_factory=lambda: np.zeros(1))
+    """(halves,): Factor on the recoverable angle, and loss of this angle independent of the winding."""
     warmer_heating_c: Floats = field(default_factory=lambda: np.zeros(1))
     warmer_cooling_c: Floats = field(default_factory=lambda: np.zeros(1))
+    """(halves,): Shift of the driven spring's transformation temperatures."""
     friction_scale: Floats = field(default_factory=lambda: np.ones(1))
+    """(n,): Factor on the friction torque."""
     passive_scale: Floats | None = None
+    """(n,): Factor on the torque of the spring that is not driven."""
     cold_scale: Floats | None = None
+    """(n,): Factor on the torque of cold martensite, whichever spring is driven."""
     side_a_nm: Floats | None = None
     side_b_nm: Floats | None = None
+    """(n,): Torque of either spring in addition to that of its phase."""
     slipped_rad: Pair = (None, None)
+    """(n,): Slip of the fixed ends of A and of B: each spring's winding is reduced by it."""
     first_share: float = 1.0
+    """Share of its torque that the spring that is driven first carried before the record."""
     home_hold: float = 1.0
+    """Share of the friction that holds at the start of the record, from −1 to 1."""
     heating_bend: float = 0.0
     cooling_bend: float = 0.0
+    """Bend of the phase law: its lead is bend · u (1 − u) at the place u in its window."""
     loop_memory: float = 0.0
+    """Memory of a transformation after an incomplete one: 0 scales the law to the remaining share (Liang and Rogers), 1
+    holds ξ until the complete law reaches it."""
     lead: tuple[Floats, Floats] | None = None
+    """(g,): Lead of the transformation over the phase law on heating and on cooling, in windows, over
+    :data:`~torsight.actuator.stepping.phase.PLACES`."""
     latent_c_s: float = 0.0
+    """Temperature of a wire above its sensor's reading per rate of ξ."""
     viscous_nms: float = 0.0
     viscous_power: float = 1.0
+    """Friction torque at 1 rad/s, and the power of the speed with which it grows."""
     dwell_factor: Floats | None = None
+    """(g,): Factor on the friction that has to be overcome after a rest, over :data:`DWELL_DECADES`; None: one."""
     seat_rad: float = 0.0
     seat_spread: float = 0.0
+    """Mean angle by which the friction's elastic elements yield at τ_c before the disk slides (0: no elasticity), and
+    the relative spread of their angles about the mean."""
     swing: float = 0.0
+    """Distance by which inertia carries the disk past its balance, as a share of a jump after a rest, from 0 to 1."""
     speed_friction_nm: Floats | None = None
+    """(g,): Additional friction torque over :data:`SPEEDS_RAD_S`; None: none."""
     friction_down_nm: Floats | None = None
     friction_up_nm: Floats | None = None
+    """(g,): Friction torque over θ^A (:meth:`grid_rad`) for a falling and a rising φ; None: τ_c."""
     stray_nm: Floats | None = None
+    """(g,): Further torque along φ over θ^A."""
     loading_nm: Pair = (None, None)
+    """(g,): Torque of the loading curves of A and of B in addition to the two slopes, over the spring's own angle
+    (:meth:`grid_rad`)."""
     loading_follows: tuple[float, float] = (1.0, 1.0)
+    """Share of this torque that the recoverable angle follows."""
     side_nm: Pair = (None, None)
+    """(g,): Torque of A and of B in addition to that of their phases, over their own angle (the same grid)."""
     reading: tuple[Reading, ...] = ()
+    """Functions from φ and times to the reading, rad, applied in this order."""
     samples: tuple[Floats, Floats, NDArray[np.int8]] | None = None
+    """Cached result of :meth:`sampled`."""
 
     def changed(self, **values: Any) -> Ports:
         """Return ports with other values of some attributes; a faster :func:`dataclasses.replace`."""

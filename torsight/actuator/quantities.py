@@ -1,7 +1,6 @@
 """Symbols and titles of quantities by their names in files: ``E_A_gpa`` is E_A, the austenite's modulus, in GPa.
 
-The actuator's quantities are listed here with the paper's symbols; every effect declares symbol and title of its own
-parameters.
+The actuator's keys and every effect declare symbol and title of their own quantities.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from torsight.actuator.spec import KEYS
 from torsight.actuator.springs import SPRING_B
 from torsight.core.words.wording import effect_name, estimate
 
@@ -23,31 +23,13 @@ class Quantity(NamedTuple):
     title: str
 
 
-OF_THE_ACTUATOR: Final[Mapping[str, Quantity]] = MappingProxyType(
-    {
-        "E_A_gpa": Quantity("E_A", "modulus of austenite"),
-        "E_M_gpa": Quantity("E_M", "modulus of martensite below the critical angle"),
-        "E_S_gpa": Quantity("E_S", "modulus of martensite beyond the critical angle"),
-        "A_s_c": Quantity("A_s", "austenite start"),
-        "A_f_c": Quantity("A_f", "austenite finish"),
-        "M_s_c": Quantity("M_s", "martensite start"),
-        "M_f_c": Quantity("M_f", "martensite finish"),
-        "C_A_mpa_per_k": Quantity("C_A", "stress coefficient of austenite"),
-        "C_M_mpa_per_k": Quantity("C_M", "stress coefficient of martensite"),
-        "theta_cr_deg": Quantity("θ_cr", "critical angle"),
-        "theta_p_deg": Quantity("θ_P", "total winding of both springs"),
-        "theta_1_deg": Quantity("θ_1", "winding before heating"),
-        "theta_2_deg": Quantity("θ_2", "winding at the extremum"),
-        "theta_3_deg": Quantity("θ_3", "winding after cooling"),
-        "beta_cr_deg": Quantity("β_cr", "critical angle of the two cases"),
-        "tau_c_mnm": Quantity("τ_c", "friction torque"),
-        "zero_deg": Quantity("φ_z", "zero of the sticks"),
-        "wire_diameter_mm": Quantity("d", "wire diameter"),
-        "wire_length_mm": Quantity("L", "wire length"),
-        "mean_diameter_mm": Quantity("D", "mean coil diameter"),
-        "active_coils": Quantity("n", "active coils"),
-    }
-)
+OF_THE_ACTUATOR: Final[Mapping[str, Quantity]] = {
+    **{name: Quantity(key.symbol, key.title) for name, key in KEYS.items()},
+    "theta_1_deg": Quantity("θ_1", "winding before heating"),
+    "theta_2_deg": Quantity("θ_2", "winding at the extremum"),
+    "theta_3_deg": Quantity("θ_3", "winding after cooling"),
+    "beta_cr_deg": Quantity("β_cr", "critical angle of the two cases"),
+}
 """The actuator's quantities, with the symbols of the paper."""
 
 _SUFFIXES: Final = re.compile(

@@ -170,25 +170,12 @@ def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg:
     """Return the result of :func:`torsight.actuator.stepping.kernel.run` on ports."""
     start = _unread(start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad
     per_s, temps, directions = ports.sampled()
-    return kernel.run(
-        Samples(
-            per_s,
-            temps,
-            ports.active,
-            ports.half,
-            directions,
-            ports.friction_scale,
-            ports.load_change(),
-            ports.slipped(),
-        ),
-        np.array(
-            (ports.theta_l_scale, ports.theta_l_loss_rad, ports.warmer_heating_c, ports.warmer_cooling_c)
-        ).T.copy(),
-        scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg),
-        _tables(ports),
-        np.array((ports.section_weight, ports.section_drop_c, ports.section_drop_share)),
-        start,
-    )
+    changes = directions, ports.friction_scale, ports.load_change(), ports.slipped()
+    samples = Samples(per_s, temps, ports.active, ports.half, *changes)
+    cycling = np.array((ports.theta_l_scale, ports.theta_l_loss_rad, ports.warmer_heating_c, ports.warmer_cooling_c))
+    sections = np.array((ports.section_weight, ports.section_drop_c, ports.section_drop_share))
+    springs = scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg)
+    return kernel.run(samples, cycling.T.copy(), springs, _tables(ports), sections, start)
 
 
 def _read(phi_rad: Floats, ports: Ports) -> Floats:
@@ -199,6 +186,8 @@ def _read(phi_rad: Floats, ports: Ports) -> Floats:
     return angle
 
 
+_OF_PORTS: Final = tuple(name for name in places.SCALARS.names or () if name in Ports.__dataclass_fields__)
+"""Scalars of the kernel that are attributes of ports."""
 _in_order: Final = itemgetter(*(places.SCALARS.names or ()))
 """Selects the kernel's scalars by name, quickly: a fit does so tens of thousands of times."""
 
@@ -209,32 +198,19 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
     # Where the load cannot change at a constant angle, the kernel skips samples at which no transformation advances.
     moving_load = ports.passive_share or ports.load_changes or ports.slips or (ports.friction_scale != 1.0).any()
     unwound_a, unwound_b = ports.history.unwound_rad or (-1.0, -1.0)
-    common = {
+    common = {name: getattr(ports, name) for name in _OF_PORTS} | {
         "theta_p": rig.theta_p_rad,
         "tau_c": rig.tau_c_nm,
-        "viscous": ports.viscous_nms,
-        "viscous_power": ports.viscous_power,
-        "latent": ports.latent_c_s,
         "speed_step": 0.0 if ports.speed_friction_nm is None else SPEEDS_RAD_S[1],
         "dwell_step": 0.0 if ports.dwell_factor is None else DWELL_DECADES[1],
-        "swing": ports.swing,
-        "memory": ports.loop_memory,
-        "seat": ports.seat_rad,
-        "seat_spread": ports.seat_spread,
         "slipped_a": 0.0,
         "slipped_b": 0.0,
         "place_step": 0.0 if ports.lead is None else PLACES[1] - PLACES[0],
-        "passive_share": ports.passive_share,
         "tanaka": tanaka,
-        "room_c": ports.room_c,
         "grid_start": grid[0],
         "grid_step": grid[1] - grid[0],
         "has_friction": ports.friction_down_nm is not None,
         "has_stray": ports.stray_nm is not None,
-        "home_hold": ports.home_hold,
-        "first_share": ports.first_share,
-        "heating_bend": ports.heating_bend,
-        "cooling_bend": ports.cooling_bend,
         "steady": not moving_load,
         "unwound_a": unwound_a,
         "unwound_b": unwound_b,

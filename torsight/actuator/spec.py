@@ -22,11 +22,16 @@ from torsight.core.parameter import Parameter
 
 @dataclass(frozen=True, slots=True)
 class _Key:
+    """One key: table, unit, range, what to do about a value outside of it; the paper's symbol, title, reference rig."""
+
     table: str
     unit: str
     lower: float
     upper: float
     hint: str
+    symbol: str
+    title: str
+    reference: float | None = None
 
     def number(self, table: Mapping[str, Any], name: str, *, where: str) -> float:
         """Return the value of a name in a table, checked against the range of the key."""
@@ -40,25 +45,28 @@ _MM: Final = "give it in mm"
 _DEGREES: Final = "give it in degrees, not radians"
 
 KEYS: Final[Mapping[str, _Key]] = {
-    "wire_diameter_mm": _Key("geometry", "mm", 0.01, 20.0, _MM),
-    "wire_length_mm": _Key("geometry", "mm", 1.0, 1e4, _MM),
-    "mean_diameter_mm": _Key("geometry", "mm", 0.1, 500.0, _MM),
-    "active_coils": _Key("geometry", "", 0.25, 200.0, "count the coils that deform"),
-    "E_A_gpa": _Key("material", "GPa", 1.0, 500.0, _GPA),
-    "E_M_gpa": _Key("material", "GPa", 1.0, 500.0, _GPA),
-    "E_S_gpa": _Key("material", "GPa", 0.01, 500.0, _GPA),
-    "A_s_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
-    "A_f_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
-    "M_s_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
-    "M_f_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS),
-    "C_A_mpa_per_k": _Key("material", "MPa/K", 0.5, 500.0, _MPA),
-    "C_M_mpa_per_k": _Key("material", "MPa/K", 0.5, 500.0, _MPA),
-    "theta_cr_deg": _Key("material", "°", 5.0, 5000.0, _DEGREES),
-    "theta_p_deg": _Key("assembly", "°", 20.0, 20000.0, _DEGREES),
-    "tau_c_mnm": _Key("friction", "mN·m", 0.0, 1e4, "give it in mN·m"),
-    "zero_deg": _Key("sticks", "°", -360.0, 360.0, _DEGREES),
+    "wire_diameter_mm": _Key("geometry", "mm", 0.01, 20.0, _MM, "d", "wire diameter", 0.5),
+    "wire_length_mm": _Key("geometry", "mm", 1.0, 1e4, _MM, "L", "wire length"),
+    "mean_diameter_mm": _Key("geometry", "mm", 0.1, 500.0, _MM, "D", "mean coil diameter", 6.8),
+    "active_coils": _Key("geometry", "", 0.25, 200.0, "count the coils that deform", "n", "active coils", 3.0),
+    "E_A_gpa": _Key("material", "GPa", 1.0, 500.0, _GPA, "E_A", "modulus of austenite", 60.0),
+    "E_M_gpa": _Key("material", "GPa", 1.0, 500.0, _GPA, "E_M", "modulus of martensite below the critical angle", 20.0),
+    "E_S_gpa": _Key(
+        "material", "GPa", 0.01, 500.0, _GPA, "E_S", "modulus of martensite beyond the critical angle", 5.0
+    ),
+    "A_s_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS, "A_s", "austenite start", 36.0),
+    "A_f_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS, "A_f", "austenite finish", 54.0),
+    "M_s_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS, "M_s", "martensite start", 42.0),
+    "M_f_c": _Key("material", "°C", -150.0, 200.0, _CELSIUS, "M_f", "martensite finish", 28.0),
+    "C_A_mpa_per_k": _Key("material", "MPa/K", 0.5, 500.0, _MPA, "C_A", "stress coefficient of austenite", 32.0),
+    "C_M_mpa_per_k": _Key("material", "MPa/K", 0.5, 500.0, _MPA, "C_M", "stress coefficient of martensite", 32.0),
+    "theta_cr_deg": _Key("material", "°", 5.0, 5000.0, _DEGREES, "θ_cr", "critical angle", 180.0),
+    "theta_p_deg": _Key("assembly", "°", 20.0, 20000.0, _DEGREES, "θ_P", "total winding of both springs", 1080.0),
+    "tau_c_mnm": _Key("friction", "mN·m", 0.0, 1e4, "give it in mN·m", "τ_c", "friction torque", 0.79),
+    "zero_deg": _Key("sticks", "°", -360.0, 360.0, _DEGREES, "φ_z", "zero of the sticks"),
 }
-"""Every key of ``ACTUATOR.toml`` with its table, its unit and the range outside which a value must be a mistake."""
+"""Every key of ``ACTUATOR.toml`` with its table, its unit and the range outside which a value must be a mistake;
+with its symbol in the paper (an underscore before an index), its meaning, and its value of the reference rig."""
 
 
 def keys_of(*tables: str) -> tuple[str, ...]:
@@ -288,21 +296,7 @@ def check_order(values: Mapping[str, float], *, where: str) -> None:
 
 
 REFERENCE_VALUES: Final[Mapping[str, float]] = {
-    "wire_diameter_mm": 0.5,
-    "mean_diameter_mm": 6.8,
-    "active_coils": 3.0,
-    "E_A_gpa": 60.0,
-    "E_M_gpa": 20.0,
-    "E_S_gpa": 5.0,
-    "A_s_c": 36.0,
-    "A_f_c": 54.0,
-    "M_s_c": 42.0,
-    "M_f_c": 28.0,
-    "C_A_mpa_per_k": 32.0,
-    "C_M_mpa_per_k": 32.0,
-    "theta_cr_deg": 180.0,
-    "theta_p_deg": 1080.0,
-    "tau_c_mnm": 0.79,
+    name: key.reference for name, key in KEYS.items() if key.reference is not None
 }
 """The reference rig: chosen to satisfy every number in the paper's text, whose tables are lost."""
 

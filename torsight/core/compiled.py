@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
+import numpy as np
 from numba import njit, types
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
@@ -36,7 +37,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 from numpy.typing import NDArray
 
-__all__ = ["compiled", "copy_to", "inlined", "internal", "lending", "njit", "shared"]
+__all__ = ["compiled", "copy_to", "inlined", "internal", "lending", "njit", "numbers", "shared"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -145,6 +146,11 @@ def copy_to(into: NDArray[Any], values: NDArray[Any]) -> None:
     """
     for i in range(len(into)):
         into[i] = values[i]
+
+
+def numbers(names: str) -> np.dtype[np.void]:
+    """Return the type of a record of numbers, by their names."""
+    return np.dtype([(name, np.float64) for name in names.split()])
 
 
 _TORSIGHT: Final = Path(__file__).resolve().parents[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -185,8 +185,11 @@ class SyncedTable(Frozen, Shown):
 
     def __post_init__(self) -> None:
         Frozen.__post_init__(self)
+        _require_rows(self, self._rows())
+
+    def _rows(self) -> dict[str, Any]:
         angles = {"angle_rad": self.angle_rad, "angle_sigma_rad": self.angle_sigma_rad}
-        _require_rows(self, {"time_s": self.time_s, **angles, **_temperature_columns(self)})
+        return {"time_s": self.time_s, **angles, **_temperature_columns(self)}
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -202,18 +205,9 @@ class SyncedTable(Frozen, Shown):
 
     def at(self, rows: Flags) -> SyncedTable:
         """Return the table restricted to the rows of a mask (n,)."""
-        heat_a, heat_b = (None if heat is None else heat[rows] for heat in (self.heat_a, self.heat_b))
-        return SyncedTable(
-            self.time_s[rows],
-            self.angle_rad[rows],
-            self.angle_sigma_rad[rows],
-            self.temp_a_c[rows],
-            self.temp_b_c[rows],
-            heat_a,
-            heat_b,
-            {name: column[rows] for name, column in self.extra.items()},
-            self.clock_sigma_s,
-        )
+        kept = {name: values[rows] for name, values in self._rows().items()}
+        extra = {name: kept.pop(name) for name in self.extra}
+        return replace(self, **kept, extra=extra)
 
     def _columns(self) -> dict[str, Any]:
         """Return the columns of ``merged.csv``."""

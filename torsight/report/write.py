@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -16,18 +16,16 @@ import pandas as pd
 
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.results import RunResults, column, read_results
-from torsight.core.files.storage import write_text
+from torsight.core.files.storage import write_table, write_text
 from torsight.core.progress import Progress, silent
-from torsight.core.words.colours import LIGHT
+from torsight.core.words.colours import DARK, LIGHT
 from torsight.core.words.wording import is_plain_answer, unexplained, verdict_sentence
 from torsight.discovery.measured_law import read_laws
 from torsight.report.figures import evidence, measured, motion, planned, residuals
-from torsight.report.figures.export import FOLDER, NAMES, data_link, write_figures
 from torsight.report.figures.law_plots import law_figure
 from torsight.report.figures.motion import Figure
 from torsight.report.plots.formulas import with_symbols
 from torsight.report.plots.interactive import Drawing, drawing, library
-from torsight.report.plots.palette import at_night, style_variables
 from torsight.report.plots.still import picture_data, still
 from torsight.report.sections import page_content, parameter_table
 from torsight.report.sections.limitations import doubts
@@ -35,6 +33,14 @@ from torsight.report.sections.next_steps import next_steps
 from torsight.report.sections.prior_pulls import priors
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
+PAPER: Final = {**LIGHT, "card": "#ffffff", "ink": "#000000", "muted": "#444444", "rule": "#bbbbbb"}
+FOLDER: Final = "figures"
+NAMES: Final = frozenset(
+    {"before_after", "candidates", "unseen_half_cycles", "next_experiment", "pulls", "angle_time", "temperatures"}
+    | {"angle_temperature_a", "angle_temperature_b", "angle_sigma", "both_clocks", "markers", "residual_left"}
+    | {f"residual_{name}" for name in (*residuals.LABELS, "direction", "half_cycle")}
+)
+"""Names of all figures that a report may hold, except the laws; only files with these names are ever removed."""
 
 
 def write_report(folder: AnyPath, *, progress: Progress = silent) -> Path:
@@ -86,6 +92,36 @@ def write_page(
     return path
 
 
+def write_figures(
+    folder: Path,
+    figures: Iterable[Figure],
+    pictures: Mapping[str, str],
+    *,
+    ours: Callable[[str], bool] = NAMES.__contains__,
+) -> None:
+    """Write ``figures/NAME.svg``, and ``figures/NAME.csv`` for numbers that no other table holds.
+
+    ``pictures`` holds each figure's SVG by its name. Files of figures that an earlier page showed and this page does
+    not are removed where ``ours`` is true for their names; other files are kept.
+    """
+    target = folder / FOLDER
+    written = set()
+    for figure in figures:
+        write_text(target / f"{figure.name}.svg", pictures[figure.name] + "\n")
+        written.add(f"{figure.name}.svg")
+        if figure.data is not None:
+            write_table(target / f"{figure.name}.csv", figure.data)
+            written.add(f"{figure.name}.csv")
+    for path in [*target.glob("*.svg"), *target.glob("*.csv")]:
+        if path.name not in written and ours(path.stem):
+            path.unlink(missing_ok=True)
+
+
+def data_link(figure: Figure) -> str:
+    """Return the path of a figure's numbers, relative to the page; empty where they are not written."""
+    return f"{FOLDER}/{figure.name}.csv" if figure.data is not None else figure.source
+
+
 def page(
     shown: Mapping[str, Any],
     *,
@@ -116,6 +152,24 @@ def from_template(name: str, shown: Mapping[str, Any], **more: Any) -> str:
     """Return the text of a page: a filled template in the style of all pages."""
     style = style_variables() + (TEMPLATES / "report.css").read_text(encoding="utf-8")
     return _templates().get_template(name).render(**shown, **more, style=style) + "\n"
+
+
+def style_variables() -> str:
+    """Return the colours as variables of a style sheet."""
+    return (
+        f":root {{ color-scheme: light dark; {_variables(LIGHT)} }}\n"
+        f"@media (prefers-color-scheme: dark) {{ :root {{ {_variables(DARK)} }} }}\n"
+        f"@media print {{ :root {{ color-scheme: light; {_variables(PAPER)} }} }}\n"
+    )
+
+
+def at_night() -> dict[str, str]:
+    """Return the dark screen's colour for each one of the light screen."""
+    return {LIGHT[name]: DARK[name] for name in LIGHT}
+
+
+def _variables(colours: dict[str, str]) -> str:
+    return " ".join(f"--{name}: {value};" for name, value in colours.items())
 
 
 @functools.cache

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from torsight.core.words.colours import DARK, LIGHT
-from torsight.report.plots.palette import PAPER
+from torsight.report.write import PAPER
 from torsight.viewer.view_layout import SERIES
 
 MEANING = ("measured", "before", "after", "spring-a", "spring-b", "held")

@@ -14,9 +14,9 @@ import pytest
 
 from torsight.core.words.colours import DARK, LIGHT
 from torsight.report.plots.interactive import drawing
-from torsight.report.plots.palette import at_night
 from torsight.report.plots.panels import Axis, Panel, style_of, thin_path, thin_points, thin_series
 from torsight.report.plots.still import still
+from torsight.report.write import at_night
 
 SVG = "{http://www.w3.org/2000/svg}"
 

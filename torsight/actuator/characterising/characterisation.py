@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.characterising.blocked import blocked_modulus
 from torsight.actuator.characterising.characterised import Characterisation, Step
 from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
 from torsight.actuator.characterising.spring_tests import SpringTests
@@ -290,12 +289,30 @@ def block_cooling(tests: SpringTests, known: Mapping[str, Estimate]) -> Step:
 
 
 def blocked_force(tests: SpringTests, values: Mapping[str, float], temp_c: Floats, *, cooling: bool) -> Floats:
-    """Return E(ξ) (1 − ξ) in GPa of the blocked spring, ξ by (13) or (14) at the stress that this force causes."""
+    """Return E(ξ) (1 − ξ) in GPa of the blocked spring, ξ by (13) or (14) at the stress that this force causes.
+
+    From full martensite (13) and from full austenite (14) are the same cosine over their windows, so the temperature at
+    a place in the window, shifted by the stress there, is explicit. It is inverted: from a table, then by Newton's
+    steps. More martensite means less force and less stress, so the temperature grows with the place.
+    """
     low, high = ("M_f_c", "M_s_c") if cooling else ("A_s_c", "A_f_c")
     stress_per_gpa = tests.force_per_deg_gpa * tests.block.pre_deformation_deg * tests.stress_per_force
     width_c = max(values[high] - values[low], 1e-3)
     shift = stress_per_gpa / MPA * max(values["k_per_mpa"], 1e-6)
-    return blocked_modulus(temp_c, values[low], width_c, values["E_A_gpa"], values["E_M_gpa"], shift)
+    austenite, rise = values["E_A_gpa"], values["E_M_gpa"] - values["E_A_gpa"]
+
+    def at(place: Floats) -> tuple[Floats, Floats, Floats]:
+        xi = 0.5 + 0.5 * np.cos(np.pi * place)
+        modulus = (austenite + xi * rise) * (1.0 - xi)
+        slope = (austenite + (2.0 * xi - 1.0) * rise) * 0.5 * np.pi * np.sin(np.pi * place)
+        return modulus, values[low] + width_c * place + shift * modulus, width_c + shift * slope
+
+    table = np.linspace(0.0, 1.0, 257)
+    place = np.interp(temp_c, at(table)[1], table)
+    for _ in range(3):
+        _, reached_c, slope = at(place)
+        place = np.clip(place - (reached_c - temp_c) / slope, 0.0, 1.0)
+    return at(place)[0]
 
 
 def _block_half(tests: SpringTests, *, cooling: bool) -> tuple[Floats, Floats]:

@@ -29,11 +29,7 @@ class Step(Frozen):
 
     def to_json(self) -> dict[str, Any]:
         """Return values and errors."""
-        return {
-            "parameters": estimates_to_json(self.estimates),
-            "rmse": self.rmse,
-            "r2": dict(self.r2),
-        }
+        return {"parameters": estimates_to_json(self.estimates), "rmse": self.rmse, "r2": dict(self.r2)}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

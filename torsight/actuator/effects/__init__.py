@@ -30,26 +30,18 @@ STAGES: Final = ("clock", "temperature", "phase", "torque", "friction", "reading
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """A value for the report that is computed from fitted parameters.
-
-    Attributes
-    ----------
-    name, unit : str
-        Public name and unit.
-    value : callable
-        Function of the values of the effect's parameters.
-    period : float or None
-        Period of an angular value: its interval is unwrapped around the value.
-    symbol, title : str
-        Symbol in the effect's equation, and meaning in a few words.
-    """
+    """A value for the report that is computed from fitted parameters."""
 
     name: str
     unit: str
+    """Public name and unit."""
     value: Callable[[Values], float]
+    """Function of the values of the effect's parameters."""
     period: float | None = None
+    """Period of an angular value: its interval is unwrapped around the value."""
     symbol: str = ""
     title: str = ""
+    """Symbol in the effect's equation, and meaning in a few words."""
 
 
 def amplitude_and_phase(

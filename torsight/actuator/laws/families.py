@@ -17,46 +17,33 @@ from torsight.core.units import Floats
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """A port with a driver.
-
-    Attributes
-    ----------
-    id : str
-        ``<port>_<driver>``, with the spring where the law acts on one spring.
-    port, driver, spring, unit, title : str
-        As in :class:`torsight.core.law.Law`.
-    stage : str
-        Stage at which the law acts: ``clock``, ``temperature``, ``phase``, ``torque``, ``friction`` or ``reading``.
-    apply : callable
-        From ports and the law as a function of its driver to ports.
-    nodes : callable
-        From a prepared record to the nodes; None where the record does not cover the driver.
-    scale : float
-        A size that matters, in ``unit``; for torques a share of τ_c.
-    kernels : callable
-        From nodes to the bank.
-    time_like : bool
-        True where the driver only counts time or cycles.
-    over : str
-        Meaning of the nodes, in a few words, where they are not values of the driver.
-    read : callable, optional
-        The inverse of ``apply``: from ports and values of the driver (k,) to the values of the law that acted on them.
-    """
+    """A port with a driver."""
 
     id: str
+    """``<port>_<driver>``, with the spring where the law acts on one spring."""
     port: str
     driver: str
     unit: str
     title: str
+    """As in :class:`torsight.core.law.Law`, as is ``spring``."""
     stage: str
+    """Stage at which the law acts: ``clock``, ``temperature``, ``phase``, ``torque``, ``friction`` or ``reading``."""
     apply: Callable[[Ports, Curve], Ports]
+    """From ports and the law as a function of its driver to ports."""
     nodes: Callable[[Drive], Nodes | None]
+    """From a prepared record to the nodes; None where the record does not cover the driver."""
     scale: float
+    """A size that matters, in ``unit``; for torques a share of τ_c."""
     kernels: Callable[[Floats], tuple[Kernel, ...]]
+    """From nodes to the bank."""
     spring: str = "both"
     time_like: bool = False
+    """True where the driver only counts time or cycles."""
     over: str = ""
+    """Meaning of the nodes, in a few words, where they are not values of the driver."""
     read: Callable[[Ports, Floats], Floats] | None = None
+    """The inverse of ``apply``: from ports and values of the driver (k,) to the values of the law that acted on
+    them."""
 
 
 _ALL: Final = (

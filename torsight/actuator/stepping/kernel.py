@@ -13,14 +13,12 @@ sample: new half-cycle, turn of the temperature, passive spring; then the actuat
 transformation, else sticks, else slides back.
 
 All angles are in the coordinates of the active spring: x falls while the spring recovers. The mirror image for spring B
-is expressed by the sign s (φ = s (x − θ_P/2)).
+is expressed by a sign (φ = ± (x − θ_P/2)).
 
-Arrays that the functions share:
+What the functions share:
 ``p`` scalars of the rig; ``tables`` (11, m) its functions of one variable; ``sections`` (3, m) of the wire: weight, and
-temperature below the sensor's, absolute and as a share of the excess over the room; ``c`` values of one sample; ``q``
-the reference state; ``w`` (7, m) per section: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, the
-rate of ξ over the sample before, and ξ at its end; ``g`` values that persist from sample to sample. :class:`State`
-holds these arrays.
+temperature below the sensor's, absolute and as a share of the excess over the room; ``s``, ``q`` and ``w`` of
+:class:`~torsight.actuator.stepping.kernel_laws.State`.
 """
 
 from __future__ import annotations
@@ -31,50 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.stepping.kernel_balance import (
-    AHEAD,
-    AT_REST,
-    BEFORE,
-    BEGUN,
-    CHANGED,
-    CROSS,
-    FACTOR,
-    FLOOR,
-    GUESS,
-    HEATING,
-    JUMP,
-    KEEPS,
-    LET_GO,
-    OTHER,
-    OWN,
     PACE,
-    PER_S,
-    RATE,
-    RATE_2,
-    RATE_3,
-    REST_S,
-    SCALE,
-    SHORT,
-    SIGN,
-    SLIDING,
-    SPAN,
-    SPAN_2,
-    TAU_NOW,
-    TAU_REF,
-    TEMP,
-    TEMP_PASSIVE,
-    THETA_L,
-    TURN_NOW,
-    TURN_P,
-    WHO,
-    WOUND,
-    X0,
-    X_NOW,
-    X_REF,
-    XI_0_P,
     XI_BEFORE,
-    XI_NOW,
-    XI_P,
-    XI_REF,
     advance,
     bare_load,
     beside,
@@ -89,7 +45,9 @@ from torsight.actuator.stepping.kernel_balance import (
 )
 from torsight.actuator.stepping.kernel_laws import (
     DWELL,
+    REFERENCE,
     SEATS,
+    STEP,
     STRAY,
     Scalars,
     State,
@@ -188,13 +146,13 @@ def _start_half_cycle(
     rest: the torque of the spring that is driven first is that of the other spring plus a share of the friction,
     between −1 and 1 (``home_hold``).
     """
-    g, q, w, wound, keeps = state.g, state.q, state.w, state.wound, state.c[KEEPS]
-    before, p, o = int(g[WHO]), springs[who], springs[1 - who]
+    s, q, w, wound, keeps = state.s[0], state.q[0], state.w, state.wound, state.s[0]["keeps"]
+    before, p, o = int(s["who"]), springs[who], springs[1 - who]
     if before >= 0:
-        wound[before] = _wound_for(g[X_NOW], (g[TAU_NOW] - own) / keeps, springs[before], tables)
+        wound[before] = _wound_for(s["x"], (s["tau"] - own) / keeps, springs[before], tables)
     x = theta_a if who == 0 else p["theta_p"] - theta_a
-    g[WHO], g[X_NOW], g[XI_NOW] = who, x, 1.0
-    g[TAU_NOW] = cold_torque(x, wound[who], p, tables) * keeps
+    s["who"], s["x"], s["xi"] = who, x, 1.0
+    s["tau"] = cold_torque(x, wound[who], p, tables) * keeps
     if before < 0:
         disk = theta_a + p["slipped_a"]
         passive = p["theta_p"] - x
@@ -202,25 +160,15 @@ def _start_half_cycle(
         if p["has_stray"] > 0.0:
             other += (1.0 if who == 0 else -1.0) * from_table(disk, STRAY, p, tables)
         most = other + scale * friction_torque(disk, who == 1, p, tables)
-        most = min(g[TAU_NOW], most / p["first_share"] - side_torque(x, p, tables))
+        most = min(s["tau"], most / p["first_share"] - side_torque(x, p, tables))
         least = other - scale * friction_torque(disk, who == 0, p, tables)
         least = min(most, least / p["first_share"] - side_torque(x, p, tables))
-        g[TAU_NOW] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
-    g[XI_P], g[XI_0_P], g[TURN_P], g[CHANGED] = 1.0, 1.0, 1.0, 1.0
-    q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING], q[AT_REST] = x, g[TAU_NOW], 1.0, 0.0, 0.0
-    q[THETA_L] = _recoverable(wound[who], left, p, tables)
+        s["tau"] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
+    s["xi_p"], s["xi_0_p"], s["turn_p"], s["changed"] = 1.0, 1.0, 1.0, 1.0
+    q["x"], q["tau"], q["xi"], q["sliding"], q["at_rest"] = x, s["tau"], 1.0, 0.0, 0.0
+    q["theta_l"] = _recoverable(wound[who], left, p, tables)
     for j in range(w.shape[1]):
         w[0, j], w[1, j], w[2, j] = 1.0, 1.0, 0.0
-
-
-@inlined
-def _copy(state: State) -> None:
-    """Save the reference state before a turn."""
-    for i in range(state.q.size):
-        state.saved_q[i] = state.q[i]
-    for j in range(state.w.shape[1]):
-        for i in range(state.w.shape[0]):
-            state.saved_w[i, j] = state.w[i, j]
 
 
 @shared
@@ -229,36 +177,39 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
 
     If nothing has changed since the turn before, both turns are ignored: the earlier transformation continues.
     """
-    g, q, w, saved_q, saved_w = state.g, state.q, state.w, state.saved_q, state.saved_w
-    if g[CHANGED] > 0.0:
-        _copy(state)
-        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - own, g[XI_NOW], 0.0
-        q[AT_REST] = 0.0
-        q[FLOOR] = _wound_for(g[X_NOW], (g[TAU_NOW] - own) / state.c[KEEPS], p, tables)
+    s, q, w, saved_w = state.s[0], state.q[0], state.w, state.saved_w
+    if s["changed"] > 0.0:
+        state.q[1] = q
+        for j in range(w.shape[1]):
+            for i in (1, 2):
+                saved_w[i, j] = w[i, j]
+        q["x"], q["tau"], q["xi"], q["sliding"] = s["x"], s["tau"] - own, s["xi"], 0.0
+        q["at_rest"] = 0.0
+        q["floor"] = _wound_for(s["x"], (s["tau"] - own) / s["keeps"], p, tables)
         for j in range(w.shape[1]):
             w[1, j], w[2, j] = w[0, j], 0.0
         if heating:
             # The recoverable angle is at most that of the winding to this angle. A spring that was cooled to less than
             # full martensite, and not wound that far since, recovers the angle that it recovered before.
-            most = _recoverable(q[FLOOR], left, p, tables)
-            if g[XI_NOW] > 1.0 - 1e-9:
-                state.wound[int(g[WHO])] = q[FLOOR]
-                q[THETA_L] = most
+            most = _recoverable(q["floor"], left, p, tables)
+            if s["xi"] > 1.0 - 1e-9:
+                state.wound[int(s["who"])] = q["floor"]
+                q["theta_l"] = most
             else:
-                q[THETA_L] = min(q[THETA_L], most / max(g[XI_NOW], 1e-9))
+                q["theta_l"] = min(q["theta_l"], most / max(s["xi"], 1e-9))
     else:
-        for i in range(q.size):
-            q[i], saved_q[i] = saved_q[i], q[i]
+        state.q[2] = q
+        state.q[0], state.q[1] = state.q[1], state.q[2]
         for j in range(w.shape[1]):
             for i in (1, 2):
                 w[i, j], saved_w[i, j] = saved_w[i, j], w[i, j]
-    g[CHANGED] = 0.0
+    s["changed"] = 0.0
 
 
 @inlined
 def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> float:
     """Return the angle at which a slide ends."""
-    return slide(sense, state.c[GUESS], first, state, p, o, tables, sections) if first > 0.0 else state.g[X_NOW]
+    return slide(sense, state.s[0]["guess"], first, state, p, o, tables, sections) if first > 0.0 else state.s[0]["x"]
 
 
 @shared
@@ -267,47 +218,47 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
 
     A slide in the direction of the transformation is tried first, then (after sticking) one in the other direction.
     """
-    c, q, g, w = state.c, state.q, state.g, state.w
-    x, scale = g[X_NOW], c[SCALE]
+    s, q, w, short = state.s[0], state.q[0], state.w, state.short
+    x, scale = s["x"], s["scale"]
     hold = scale
     if p["dwell_step"] > 0.0:
-        hold *= max(1.0, held_table(np.log10(1.0 + g[REST_S]), DWELL, p["dwell_step"], tables)[0])
+        hold *= max(1.0, held_table(np.log10(1.0 + s["rest_s"]), DWELL, p["dwell_step"], tables)[0])
     for attempt in range(2):
-        sense = -1.0 if (c[HEATING] > 0.0) == (attempt == 0) else 1.0
+        sense = -1.0 if (s["heating"] > 0.0) == (attempt == 0) else 1.0
         at = yields_at(sense, hold, state, p, tables)
-        limit = load_torque(at, sense, hold, c, p, o, tables)
-        reached = fraction_and_slope(limit, c, p, tables, sections, w)[0] if attempt == 0 else g[XI_NOW]
-        over = sense * (limit - made_torque(at, reached, c, q, p, tables))
+        limit = load_torque(at, sense, hold, s, p, o, tables)
+        reached = fraction_and_slope(limit, s, p, tables, sections, w)[0] if attempt == 0 else s["xi"]
+        over = sense * (limit - made_torque(at, reached, s, q, p, tables))
         if over > SLIP_TOLERANCE:
-            g[X_NOW] = at
-            begins = q[SLIDING] != sense
-            if begins or q[AT_REST] > 0.0:
-                slide_anew(sense, limit, reached if attempt == 0 else g[XI_NOW], state, p, tables)
+            s["x"] = at
+            begins = q["sliding"] != sense
+            if begins or q["at_rest"] > 0.0:
+                slide_anew(sense, limit, reached if attempt == 0 else s["xi"], state, p, tables)
             held = x
             if hold > scale:
                 # The end of the slide without the drop of friction: the distance beyond it is the jump.
-                c[SCALE] = hold
+                s["scale"] = hold
                 held = _slid(sense, excess(x, sense, state, p, o, tables, sections), state, p, o, tables, sections)
-                c[SCALE] = scale
+                s["scale"] = scale
             anew = begins or hold > scale or at != x
             first = excess(x, sense, state, p, o, tables, sections) if anew else over
-            g[X_NOW] = _slid(sense, first, state, p, o, tables, sections)
-            g[TAU_NOW] = load_torque(g[X_NOW], sense, scale, c, p, o, tables)
-            g[XI_NOW] = advance(g[TAU_NOW], c, p, tables, sections, w)
+            s["x"] = _slid(sense, first, state, p, o, tables, sections)
+            s["tau"] = load_torque(s["x"], sense, scale, s, p, o, tables)
+            s["xi"] = advance(s["tau"], s, p, tables, sections, w)
             if hold > scale and p["swing"] > 0.0:
                 # Inertia carries the disk past its balance, where friction holds it until the torque has risen again.
-                g[X_NOW] += p["swing"] * (g[X_NOW] - held)
+                s["x"] += p["swing"] * (s["x"] - held)
                 transform_at_rest(state, p, tables, sections)
                 # The reference state is renewed in proportion to the drop of friction, up to a complete standstill.
                 stands = min(1.0, p["swing"] * (hold / scale - 1.0) / _LETS_STAND)
-                q[BEGUN], q[AT_REST] = q[BEGUN] + stands * (g[XI_NOW] - q[BEGUN]), 0.0
-            keep_slide(abs(g[X_NOW] - x), c, g)
+                q["begun"], q["at_rest"] = q["begun"] + stands * (s["xi"] - q["begun"]), 0.0
+            keep_slide(abs(s["x"] - x), s)
             if hold > scale:
-                g[JUMP], g[LET_GO] = g[X_NOW] - held, g[SHORT + attempt] / (g[SHORT + attempt] + over)
-            g[SHORT], g[SHORT + 1] = 0.0, 0.0
+                s["jump"], s["let_go"] = s["x"] - held, short[attempt] / (short[attempt] + over)
+            short[0], short[1] = 0.0, 0.0
             return True
-        g[SHORT + attempt] = max(0.0, -over)
-        if attempt == 0 and p["seat"] > 0.0:
+        short[attempt] = max(0.0, -over)
+        if attempt == 0 and p["seat_rad"] > 0.0:
             other = yields_at(-sense, hold, state, p, tables)
             give_way(min(at, other), max(at, other), hold, state, p, o, tables, sections)
         elif attempt == 0:
@@ -316,69 +267,70 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
 
 
 @inlined
-def _nothing_to_do(c: Floats, g: Floats, w: Floats, p: Scalars, tables: Floats, sections: Floats) -> bool:
+def _nothing_to_do(s: Scalars, w: Floats, p: Scalars, tables: Floats, sections: Floats) -> bool:
     """Return whether the angle stays and no section's transformation advances at the present torque.
 
     Where friction depends on the speed or on the time at rest, the disk must have been at rest in the sample before.
     """
-    if p["steady"] == 0.0 or (g[REST_S] == 0.0 and p["viscous"] + p["speed_step"] + p["dwell_step"] > 0.0):
+    if p["steady"] == 0.0 or (s["rest_s"] == 0.0 and p["viscous_nms"] + p["speed_step"] + p["dwell_step"] > 0.0):
         return False
-    heating = c[HEATING] > 0.0
+    heating = s["heating"] > 0.0
     for j in range(w.shape[1]):
-        own = section_temp(j, c, p, sections)
+        own = section_temp(j, s, p, sections)
         complete = w[2, j] >= 1.0 and p["tanaka"] < 0.5
-        if not complete and window_place(heating, own, g[TAU_NOW], p, tables)[0] > w[2, j]:
+        if not complete and window_place(heating, own, s["tau"], p, tables)[0] > w[2, j]:
             return False
     return True
 
 
 @inlined
-def _pass_over(per_s: float, c: Floats, g: Floats) -> None:
+def _pass_over(per_s: float, s: Scalars) -> None:
     """Advance the time by a sample at rest."""
-    c[X0], c[PER_S] = g[X_NOW], per_s
-    if g[REST_S] > 0.0:
-        g[REST_S] += 1.0 / per_s
+    s["x0"], s["per_s"] = s["x"], per_s
+    if s["rest_s"] > 0.0:
+        s["rest_s"] += 1.0 / per_s
 
 
 @inlined
-def _keep_rates(per_s: float, starts: bool, turns: bool, c: Floats, g: Floats, w: Floats) -> None:
+def _keep_rates(per_s: float, starts: bool, turns: bool, s: Scalars, w: Floats) -> None:
     """Set the mean rates of angle and phase over the sample before, and this sample's share of the time of both.
 
     Also set the extrapolated length of a continued slide: by the third-degree polynomial through its last four angles.
     """
     for j in range(w.shape[1]):
-        w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * c[PER_S]
+        w[PACE, j] = 0.0 if starts or turns else abs(w[0, j] - w[XI_BEFORE, j]) * s["per_s"]
         w[XI_BEFORE, j] = w[0, j]
-    g[JUMP] = 0.0
-    known = not starts and c[PER_S] > 0.0
-    c[BEFORE] = (g[X_NOW] - c[X0]) * c[PER_S] if known else 0.0
-    c[AHEAD] = c[PER_S] / (c[PER_S] + per_s) if known else 0.0
+    s["jump"] = 0.0
+    known = not starts and s["per_s"] > 0.0
+    s["before"] = (s["x"] - s["x0"]) * s["per_s"] if known else 0.0
+    s["ahead"] = s["per_s"] / (s["per_s"] + per_s) if known else 0.0
     if per_s > 0.0:
         span = 1.0 / per_s
-        c[GUESS] = span * (g[RATE] + (span + g[SPAN]) * (g[RATE_2] + (span + g[SPAN] + g[SPAN_2]) * g[RATE_3]))
+        bends = s["rate_2"] + (span + s["span"] + s["span_2"]) * s["rate_3"]
+        s["guess"] = span * (s["rate"] + (span + s["span"]) * bends)
 
 
 @inlined
-def _load(k: int, samples: Samples, wound: float, c: Floats, g: Floats, p: Scalars, o: Scalars, tables: Floats) -> None:
+def _load(k: int, samples: Samples, wound: float, s: Scalars, p: Scalars, o: Scalars, tables: Floats) -> None:
     """Set the values of a sample that determine the active spring's load; ``wound`` is the passive spring's θ_max."""
-    c[X0], c[PER_S], c[WOUND], c[SCALE] = g[X_NOW], samples.per_s[k], wound, samples.friction_scale[k]
-    c[SIGN] = 1.0 if g[WHO] == 0.0 else -1.0
-    c[TEMP_PASSIVE], c[CROSS] = samples.temps[1, k], 0.0
-    c[TURN_NOW] = samples.directions[1, k]
+    s["x0"], s["per_s"], s["wound"], s["scale"] = s["x"], samples.per_s[k], wound, samples.friction_scale[k]
+    s["sign"] = 1.0 if s["who"] == 0.0 else -1.0
+    s["temp_passive"], s["cross"] = samples.temps[1, k], 0.0
+    s["turn_now"] = samples.directions[1, k]
     if p["passive_share"] > 0.0:
-        c[CROSS] = crosstalk(p["theta_p"] - g[X_NOW], c, g, o, tables)
+        s["cross"] = crosstalk(p["theta_p"] - s["x"], s, o, tables)
     change = samples.load_change
     if change.shape[1] > 0:
-        c[FACTOR], c[OWN], c[OTHER] = change[0, k] * c[KEEPS], change[1, k], change[2, k]
+        s["factor"], s["own"], s["other"] = change[0, k] * s["keeps"], change[1, k], change[2, k]
 
 
 @inlined
 def _seat(slid: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> None:
     """Set the torques that the friction's elastic elements hold after a slide."""
-    c, q, g = state.c, state.q, state.g
-    if slid and p["seat"] > 0.0:
-        most = c[SCALE] * solid_friction(g[X_NOW], q[SLIDING], c, p, tables)
-        hold = min(max(bare_load(g[X_NOW], c, p, o, tables) - g[TAU_NOW], -most), most)
+    s, q = state.s[0], state.q[0]
+    if slid and p["seat_rad"] > 0.0:
+        most = s["scale"] * solid_friction(s["x"], q["sliding"], s, p, tables)
+        hold = min(max(bare_load(s["x"], s, p, o, tables) - s["tau"], -most), most)
         for i in range(SEATS):
             state.held[i] = hold / SEATS
 
@@ -386,19 +338,20 @@ def _seat(slid: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> N
 @inlined
 def _mirror_hold(first: bool, state: State, p: Scalars, o: Scalars, tables: Floats) -> None:
     """Convert the torques of the elastic elements to the other spring's coordinates; at the start, set them."""
-    left = bare_load(state.g[X_NOW], state.c, p, o, tables) - state.g[TAU_NOW] if first else 0.0
+    s = state.s[0]
+    left = bare_load(s["x"], s, p, o, tables) - s["tau"] if first else 0.0
     for i in range(SEATS):
         state.held[i] = left / SEATS if first else -state.held[i]
 
 
 @inlined
-def _give(k: int, samples: Samples, c: Floats, g: Floats, springs: NDArray[np.void]) -> float:
+def _give(k: int, samples: Samples, s: Scalars, springs: NDArray[np.void]) -> float:
     """Set the cold springs' relaxation and the fixed ends' slip to those of a sample; return the unwinding of A.
 
     The disk is at rest meanwhile. A spring whose end slips unwinds elastically at its present phase.
     """
     if samples.load_change.shape[1] > 0:
-        c[KEEPS] = samples.load_change[3, k]
+        s["keeps"] = samples.load_change[3, k]
     if samples.slipped.shape[1] == 0:
         return 0.0
     slipped_a, slipped_b = samples.slipped[0, k], samples.slipped[1, k]
@@ -408,20 +361,19 @@ def _give(k: int, samples: Samples, c: Floats, g: Floats, springs: NDArray[np.vo
     for i in range(2):
         springs[i]["theta_p"] -= by_a + by_b
         springs[i]["slipped_a"], springs[i]["slipped_b"] = slipped_a, slipped_b
-    if g[WHO] >= 0.0:
-        by, p = (by_a, springs[0]) if g[WHO] == 0.0 else (by_b, springs[1])
-        g[X_NOW], c[X0] = g[X_NOW] - by, c[X0] - by
-        g[TAU_NOW] -= (p["k_a"] + g[XI_NOW] * (p["k_m"] - p["k_a"])) * by
+    if s["who"] >= 0.0:
+        by, p = (by_a, springs[0]) if s["who"] == 0.0 else (by_b, springs[1])
+        s["x"], s["x0"] = s["x"] - by, s["x0"] - by
+        s["tau"] -= (p["k_a"] + s["xi"] * (p["k_m"] - p["k_a"])) * by
     return by_a
 
 
 @compiled
 def _new_state(sections: int) -> State:
     """Return the state before the first sample, with the given number of wire sections and θ_max not yet set."""
-    c, q, g, w = np.zeros(17), np.zeros(8), np.zeros(18), np.ones((7, sections))
-    c[FACTOR], c[KEEPS], c[GUESS] = 1.0, 1.0, 1e-3
-    g[WHO] = -1.0
-    return State(c, q, g, w, q.copy(), w.copy(), np.empty(2), np.zeros(SEATS))
+    s, q, w = np.zeros(1, STEP), np.zeros(3, REFERENCE), np.ones((7, sections))
+    s[0]["factor"], s[0]["keeps"], s[0]["guess"], s[0]["who"] = 1.0, 1.0, 1e-3, -1.0
+    return State(s, q, w, w.copy(), np.empty(2), np.zeros(SEATS), np.zeros(2))
 
 
 @shared
@@ -432,93 +384,72 @@ def step_through(
     """Fill ``out`` as :func:`run` returns it; at the end ``state.wound`` holds the unwinding of both springs, rad."""
     per_s, temps, active, half = samples.per_s, samples.temps, samples.active, samples.half
     directions, friction_scale = samples.directions, samples.friction_scale
-    c, q, g, w, wound = state.c, state.q, state.g, state.w, state.wound
-    theta_a, p, o = theta_start - _give(0, samples, c, g, springs), springs[0], springs[1]
-    _wind_home(wound, theta_a, active[0], friction_scale[0], c[KEEPS], springs, tables)
+    s, q, w, wound = state.s[0], state.q[0], state.w, state.wound
+    theta_a, p, o = theta_start - _give(0, samples, s, springs), springs[0], springs[1]
+    _wind_home(wound, theta_a, active[0], friction_scale[0], s["keeps"], springs, tables)
     for k in range(active.size):
-        theta_a -= _give(k, samples, c, g, springs)
+        theta_a -= _give(k, samples, s, springs)
         starts = k == 0 or half[k] != half[k - 1]
         turns = not starts and directions[0, k] != directions[0, k - 1]
         if starts or turns:
-            own, left = beside(g[X_NOW], c, p, tables), cycling[half[k]]
+            own, left = beside(s["x"], s, p, tables), cycling[half[k]]
             if starts:
                 _start_half_cycle(active[k], theta_a, friction_scale[k], left, own, state, springs, tables)
                 p, o = springs[active[k]], springs[1 - active[k]]
             else:
                 _turn(directions[0, k] > 0, left, own, state, p, tables)
         fresh = starts or turns
-        who = int(g[WHO])
-        c[TEMP], c[HEATING] = temps[0, k] - cycling[half[k], 2 if directions[0, k] > 0 else 3], directions[0, k]
-        if not fresh and _nothing_to_do(c, g, w, p, tables, sections):
+        who = int(s["who"])
+        s["temp"], s["heating"] = temps[0, k] - cycling[half[k], 2 if directions[0, k] > 0 else 3], directions[0, k]
+        if not fresh and _nothing_to_do(s, w, p, tables, sections):
             for i in range(5):
                 out[i, k] = out[i, k - 1]
-            _pass_over(per_s[k], c, g)
+            _pass_over(per_s[k], s)
             continue
-        _keep_rates(per_s[k], starts, turns, c, g, w)
-        _load(k, samples, wound[1 - who], c, g, p, o, tables)
+        _keep_rates(per_s[k], starts, turns, s, w)
+        _load(k, samples, wound[1 - who], s, p, o, tables)
         if starts:
             _mirror_hold(k == 0, state, p, o, tables)
-        total = g[XI_NOW]
+        total = s["xi"]
         # Newton's steps only after a sample in which the disk slid.
-        easy = not fresh and g[REST_S] == 0.0 and q[SLIDING] * c[HEATING] < 0.0
-        slid = (easy and glide(c, q, g, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
-        if starts and slid and g[XI_NOW] == 1.0:
+        easy = not fresh and s["rest_s"] == 0.0 and q["sliding"] * s["heating"] < 0.0
+        slid = (easy and glide(s, q, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
+        if starts and slid and s["xi"] == 1.0:
             # A spring that cooled above its loading curve yields when it is released: the heating starts after that.
-            q[X_REF], q[TAU_REF], q[SLIDING] = g[X_NOW], g[TAU_NOW] - beside(g[X_NOW], c, p, tables), 0.0
+            q["x"], q["tau"], q["sliding"] = s["x"], s["tau"] - beside(s["x"], s, p, tables), 0.0
         _seat(slid, state, p, o, tables)
         # The time at rest before the record is unknown: it is taken as longer than any law over the rest reaches.
-        g[REST_S] = 0.0 if slid else g[REST_S] + (np.inf if k == 0 else 1.0 / per_s[k])
-        if g[XI_NOW] != total or g[X_NOW] != c[X0]:
-            g[CHANGED] = 1.0
-        wound[1 - who] = max(wound[1 - who], p["theta_p"] - g[X_NOW])
-        theta_a = g[X_NOW] if who == 0 else p["theta_p"] - g[X_NOW]
-        out[0, k], out[5, k], out[6, k] = theta_a + p["slipped_a"], c[SIGN] * g[JUMP], g[LET_GO]
-        out[1 + who, k] = g[XI_NOW]
-        out[2 - who, k] = g[XI_P]
-        out[3 + who, k] = g[TAU_NOW]
-        out[4 - who, k] = passive_and_slope(g[X_NOW], c, o, tables)[0]
+        s["rest_s"] = 0.0 if slid else s["rest_s"] + (np.inf if k == 0 else 1.0 / per_s[k])
+        if s["xi"] != total or s["x"] != s["x0"]:
+            s["changed"] = 1.0
+        wound[1 - who] = max(wound[1 - who], p["theta_p"] - s["x"])
+        theta_a = s["x"] if who == 0 else p["theta_p"] - s["x"]
+        out[0, k], out[5, k], out[6, k] = theta_a + p["slipped_a"], s["sign"] * s["jump"], s["let_go"]
+        out[1 + who, k] = s["xi"]
+        out[2 - who, k] = s["xi_p"]
+        out[3 + who, k] = s["tau"]
+        out[4 - who, k] = passive_and_slope(s["x"], s, o, tables)[0]
     # The unwinding of both springs, as the next half-cycle will use it.
     wound[0], wound[1] = max(wound[0] - theta_a, 0.0), max(wound[1] - p["theta_p"] + theta_a, 0.0)
-    who = int(g[WHO])
-    own = beside(g[X_NOW], c, p, tables)
-    wound[who] = max(_wound_for(g[X_NOW], (g[TAU_NOW] - own) / c[KEEPS], p, tables) - g[X_NOW], 0.0)
+    who = int(s["who"])
+    own = beside(s["x"], s, p, tables)
+    wound[who] = max(_wound_for(s["x"], (s["tau"] - own) / s["keeps"], p, tables) - s["x"], 0.0)
 
 
 @compiled
 def run(
-    samples: Samples,
-    cycling: Floats,
-    springs: NDArray[np.void],
-    tables: Floats,
-    sections: Floats,
-    theta_start: float,
+    samples: Samples, cycling: Floats, springs: NDArray[np.void], tables: Floats, sections: Floats, theta_start: float
 ) -> tuple[Floats, Floats]:
-    """Step through all samples.
+    """Step through all samples from θ^A at the start, rad.
 
-    Parameters
-    ----------
-    samples : Samples
-        Temperatures, and the values that change with time.
-    cycling : (halves, 4) float64
-        Changes from cycle to cycle, per half-cycle: factor on the recoverable angle, loss of this angle independent of
-        the winding (rad), and shift of the driven spring's transformation temperatures on heating and on cooling (°C).
-    springs : (2,) :data:`~torsight.actuator.stepping.kernel_laws.SCALARS`
-        Scalars in SI units, with the values of spring A and with those of spring B. They are changed in
-        place: where ends slip, θ_P is reduced by the slip.
-    tables : (11, m) float64
-        See :mod:`torsight.actuator.stepping.kernel_laws`.
-    sections : (3, m) float64
-        Wire sections: weight, and temperature below the sensor's (absolute, and as a share of the excess over room).
-    theta_start : float
-        θ^A at the start, rad.
+    ``cycling`` (halves, 4) are changes from cycle to cycle, per half-cycle: factor on the recoverable angle, loss of
+    this angle independent of the winding (rad), and shift of the driven spring's transformation temperatures on heating
+    and on cooling (°C). ``springs`` (2,) of :data:`~torsight.actuator.stepping.kernel_laws.SCALARS` hold the values of
+    A and of B; they are changed in place: where ends slip, θ_P is reduced by the slip.
 
-    Returns
-    -------
-    (7, n) float64
-        θ^A without the slip of A's end (rad), ξ of A and B, torque of A and B (N·m); jump of θ^A where the disk breaks
-        loose after a rest (rad, else 0), and the part of the sample that has passed at the jump.
-    (2,) float64
-        θ_max minus the winding at the end, of A and B (rad).
+    Returns (7, n): θ^A without the slip of A's end (rad), ξ of A and B, torque of A and B (N·m), jump of θ^A where the
+    disk breaks loose after a rest (rad, else 0), and the part of the sample that has passed at the jump; and (2,):
+    θ_max minus the winding at the end, of A and B (rad).
     """
     out, state = np.zeros((7, samples.active.size)), _new_state(sections.shape[1])
     step_through(out, state, samples, cycling, springs, tables, sections, theta_start)

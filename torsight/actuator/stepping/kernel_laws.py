@@ -16,9 +16,10 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.actuator.stepping.phase import LN_100, PLACES
-from torsight.core.compiled import inlined, lending
+from torsight.core.compiled import inlined, lending, numbers
 from torsight.core.units import Floats
 
 _FIRST_PLACE: Final = float(PLACES[0])
@@ -30,23 +31,32 @@ SEATS: Final = 5
 lines, within 1 % of τ_c of the parabola 1 − (1 − u)² (its sagitta over a fifth, 2 / (8 · 25))."""
 
 Scalars = np.void
-"""The rig's scalars with the values of one spring, one element of an array of :data:`SCALARS`."""
+"""One element of an array of :data:`SCALARS`, :data:`STEP` or :data:`REFERENCE`."""
 
-SCALARS: Final = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            # Of one spring (SI units, °C).
-            "k_a", "k_m", "k_s", "a_start", "a_width", "m_finish", "m_width", "temp_per_torque_a", "temp_per_torque_m",
-            "theta_cr", "side_row", "loading_row", "follows",
-            # Of the rig.
-            "theta_p", "tau_c", "viscous", "viscous_power", "speed_step", "dwell_step", "passive_share", "tanaka",
-            "room_c", "grid_start", "grid_step", "fixed_theta_l", "has_friction", "has_stray", "steady", "home_hold",
-            "first_share", "heating_bend", "cooling_bend", "unwound_a", "unwound_b", "latent", "swing", "place_step",
-            "memory", "seat", "seat_spread", "slipped_a", "slipped_b",
-        )
-    ]
-)  # fmt: skip
+
+SCALARS: Final = numbers(
+    # Of one spring (SI units, °C).
+    "k_a k_m k_s a_start a_width m_finish m_width temp_per_torque_a temp_per_torque_m theta_cr side_row loading_row "
+    "follows "
+    # Of the rig.
+    "theta_p tau_c viscous_nms viscous_power speed_step dwell_step passive_share tanaka room_c grid_start grid_step "
+    "fixed_theta_l has_friction has_stray steady home_hold first_share heating_bend cooling_bend unwound_a unwound_b "
+    "latent_c_s swing place_step loop_memory seat_rad seat_spread slipped_a slipped_b"
+)
+"""The rig's scalars with the values of one spring."""
+STEP: Final = numbers(
+    # Of one sample: temperatures, scale of the friction, what acts on the springs, and the sample before.
+    "temp temp_passive heating turn_now scale wound cross factor own other keeps sign x0 per_s before ahead guess "
+    # From sample to sample: the driven spring, and the phase of the other one.
+    "who x tau xi rest_s changed xi_p xi_0_p turn_p "
+    # Divided differences of the last slides, and the durations of the last two samples, s.
+    "rate rate_2 rate_3 span span_2 "
+    # Jump of a disk that had been at rest, and the part of the sample after which it broke loose.
+    "jump let_go"
+)
+"""Values of one sample, and those that persist from sample to sample (SI units, °C)."""
+REFERENCE: Final = numbers("x tau xi theta_l sliding floor begun at_rest")
+"""The driven spring's reference state."""
 
 # Rows of the tables.
 FRICTION_DOWN, FRICTION_UP, STRAY, SIDE_A, SIDE_B, LOADING_A, LOADING_B, SPEED, DWELL = 0, 1, 2, 3, 4, 5, 6, 7, 8
@@ -54,20 +64,22 @@ LEAD_HEATING, LEAD_COOLING = 9, 10
 
 
 class State(NamedTuple):
-    """State of one run: ``c``, ``q``, ``g`` and ``w``, and the largest winding so far of both springs, ``wound``.
+    """State of one run."""
 
-    ``saved_q`` and ``saved_w`` are the reference state before the last turn of the temperature. ``held`` is the torque
-    that each of the :data:`SEATS` elastic elements of the friction holds, N·m, positive against a growing x.
-    """
-
-    c: Floats
-    q: Floats
-    g: Floats
+    s: NDArray[np.void]
+    """(1,) of :data:`STEP`: Values of the sample, and those that persist."""
+    q: NDArray[np.void]
+    """(3,) of :data:`REFERENCE`: The reference state, that before the last turn, and room to exchange them."""
     w: Floats
-    saved_q: Floats
     saved_w: Floats
+    """(7, m): Per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, the rate
+    of ξ over the sample before, and ξ at its end; and the same before the last turn."""
     wound: Floats
+    """(2,): Largest winding so far of both springs, rad."""
     held: Floats
+    """(SEATS,): Torque that each elastic element of the friction holds, N·m, positive against a growing x."""
+    short: Floats
+    """(2,): Torque by which either direction fell short of sliding, N·m."""
 
 
 @inlined
@@ -115,13 +127,17 @@ def transforms(part: float, done: float, p: Scalars) -> float:
     as much of the complete law remains.
     """
     scaled = part * done
-    return scaled if p["memory"] == 0.0 else scaled + p["memory"] * (max(0.0, part - 1.0 + done) - scaled)
+    return scaled if p["loop_memory"] == 0.0 else scaled + p["loop_memory"] * (max(0.0, part - 1.0 + done) - scaled)
 
 
 @inlined
 def transforms_slope(part: float, done: float, p: Scalars) -> float:
     """Return the derivative of :func:`transforms` by ``done``."""
-    return part if p["memory"] == 0.0 else part + p["memory"] * ((1.0 if part - 1.0 + done > 0.0 else 0.0) - part)
+    return (
+        part
+        if p["loop_memory"] == 0.0
+        else part + p["loop_memory"] * ((1.0 if part - 1.0 + done > 0.0 else 0.0) - part)
+    )
 
 
 @lending

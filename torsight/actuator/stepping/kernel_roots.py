@@ -14,31 +14,6 @@ from __future__ import annotations
 from typing import Final
 
 from torsight.actuator.stepping.kernel_balance import (
-    AT_REST,
-    BEGUN,
-    GUESS,
-    PER_S,
-    RATE,
-    RATE_2,
-    RATE_3,
-    SCALE,
-    SLIDING,
-    SPAN,
-    SPAN_2,
-    TAU_NOW,
-    TAU_REF,
-    TEMP_PASSIVE,
-    THETA_L,
-    TURN_NOW,
-    TURN_P,
-    WOUND,
-    X0,
-    X_NOW,
-    X_REF,
-    XI_0_P,
-    XI_NOW,
-    XI_P,
-    XI_REF,
     advance,
     beside,
     cold_and_slope,
@@ -90,7 +65,7 @@ def slide(
 
     The first step has the length ``guess``; secant steps follow until the root is bracketed, then Anderson–Björck.
     """
-    a, fa, b, fb = state.c[X0], first, state.c[X0], 0.0
+    a, fa, b, fb = state.s[0]["x0"], first, state.s[0]["x0"], 0.0
     bracketed = False
     step = max(guess, 1e-7)
     x = a + sense * step
@@ -117,44 +92,44 @@ def slide(
 
 
 @inlined
-def keep_slide(way: float, c: Floats, g: Floats) -> None:
+def keep_slide(way: float, s: Scalars) -> None:
     """Store the length of a sample's slide in Newton's divided differences over the last slides."""
-    if c[PER_S] > 0.0:
-        span, before, bent = 1.0 / c[PER_S], g[RATE], g[RATE_2]
-        g[RATE] = way * c[PER_S]
-        g[RATE_2] = (g[RATE] - before) / (span + g[SPAN])
-        g[RATE_3] = (g[RATE_2] - bent) / (span + g[SPAN] + g[SPAN_2])
-        g[SPAN], g[SPAN_2] = span, g[SPAN]
+    if s["per_s"] > 0.0:
+        span, before, bent = 1.0 / s["per_s"], s["rate"], s["rate_2"]
+        s["rate"] = way * s["per_s"]
+        s["rate_2"] = (s["rate"] - before) / (span + s["span"])
+        s["rate_3"] = (s["rate_2"] - bent) / (span + s["span"] + s["span_2"])
+        s["span"], s["span_2"] = span, s["span"]
 
 
 @shared
-def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
+def glide(s: Scalars, q: Scalars, w: Floats, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Continue the slide of the sample before by Newton steps; return False, with no change, if that fails.
 
     Because the excess is monotone, a root in the direction of the slide is the solution.
     """
-    sense, x = q[SLIDING], g[X_NOW]
+    sense, x = q["sliding"], s["x"]
     # Without a transformation a slide continues only if the load changes or viscous friction had slowed it.
-    may_creep = p["steady"] == 0.0 or p["viscous"] > 0.0 or p["speed_step"] > 0.0
+    may_creep = p["steady"] == 0.0 or p["viscous_nms"] > 0.0 or p["speed_step"] > 0.0
     bare = not may_creep and p["has_friction"] + p["has_stray"] + p["side_row"] + o["side_row"] + p["dwell_step"] == 0.0
     least_excess = 0.0 if bare else SLIP_TOLERANCE
-    x += sense * max(c[GUESS], 0.0)
+    x += sense * max(s["guess"], 0.0)
     for _ in range(_NEWTON_STEPS):
         if bare:
-            load, load_slope = cold_and_slope(x, c, o, tables)
+            load, load_slope = cold_and_slope(x, s, o, tables)
             load -= sense * p["tau_c"]
         else:
-            load, load_slope = load_and_slope(x, sense, c[SCALE], c, p, o, tables)
-        xi, xi_slope, advances = fraction_and_slope(load, c, p, tables, sections, w)
+            load, load_slope = load_and_slope(x, sense, s["scale"], s, p, o, tables)
+        xi, xi_slope, advances = fraction_and_slope(load, s, p, tables, sections, w)
         if not (advances or may_creep):
             return False
-        made, by_x, by_xi = made_and_slopes(x, xi, c, q, p, tables)
+        made, by_x, by_xi = made_and_slopes(x, xi, s, q, p, tables)
         slope = by_x + by_xi * xi_slope * load_slope
         if abs(load - made) <= TORQUE_TOLERANCE:
-            if sense * (x - g[X_NOW]) * abs(load_slope - slope) < least_excess:
+            if sense * (x - s["x"]) * abs(load_slope - slope) < least_excess:
                 return False
-            keep_slide(abs(x - g[X_NOW]), c, g)
-            g[X_NOW], g[TAU_NOW], g[XI_NOW] = x, load, xi
+            keep_slide(abs(x - s["x"]), s)
+            s["x"], s["tau"], s["xi"] = x, load, xi
             keep_trial(w)
             return True
         x -= (load - made) / (load_slope - slope)
@@ -162,7 +137,7 @@ def glide(c: Floats, q: Floats, g: Floats, w: Floats, p: Scalars, o: Scalars, ta
 
 
 @lending
-def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Floats, p: Scalars) -> float:
+def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Scalars, p: Scalars) -> float:
     """Return ξ between ``xi_from`` and ``xi_to`` at which the own torque reaches the load at a constant angle.
 
     This is the end of sticking, (21) and (24).
@@ -171,7 +146,7 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Floats,
     slope = p["k_m"] - p["k_a"]
     for _ in range(60):
         xi = 0.5 * (a + b)
-        torque = q[TAU_REF] + (p["k_a"] + xi * slope) * (x - q[X_REF] - q[THETA_L] * (xi - q[XI_REF]))
+        torque = q["tau"] + (p["k_a"] + xi * slope) * (x - q["x"] - q["theta_l"] * (xi - q["xi"]))
         # While ξ falls the torque grows towards the load, while ξ grows it falls towards it.
         if (torque - load) * (xi_to - xi_from) > 0.0:
             a = xi
@@ -187,12 +162,12 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
     ξ equals the phase law at the torque for this ξ, and ξ minus this law grows with ξ: Newton steps, bracketed by the
     last trials on either side.
     """
-    c, q, g, w = state.c, state.q, state.g, state.w
+    s, q, w = state.s[0], state.q[0], state.w
     # The first bracket contains the range of ξ, 0 to 1, with a margin of the same width on either side.
-    xi, low, high = g[XI_NOW], -1.0, 2.0
+    xi, low, high = s["xi"], -1.0, 2.0
     for _ in range(80):
-        made, _, by_xi = made_and_slopes(g[X_NOW], xi, c, q, p, tables)
-        law, slope, _ = fraction_and_slope(made, c, p, tables, sections, w)
+        made, _, by_xi = made_and_slopes(s["x"], xi, s, q, p, tables)
+        law, slope, _ = fraction_and_slope(made, s, p, tables, sections, w)
         off = xi - law
         if off > 0.0:
             high = xi
@@ -203,8 +178,8 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
         xi -= off / (1.0 - slope * by_xi)
         if not low < xi < high:
             xi = 0.5 * (low + high)
-    q[AT_REST] += abs(law - g[XI_NOW])
-    g[XI_NOW], g[TAU_NOW] = law, made
+    q["at_rest"] += abs(law - s["xi"])
+    s["xi"], s["tau"] = law, made
     keep_trial(w)
 
 
@@ -216,8 +191,8 @@ def give_way(
 
     Load minus own torque falls as x grows, as for a slide.
     """
-    c, g, w, x = state.c, state.g, state.w, state.g[X_NOW]
-    before = g[XI_NOW]
+    s, w, x = state.s[0], state.w, state.s[0]["x"]
+    before = s["xi"]
     a, fa = low, seated_excess(low, hold, state, p, o, tables, sections)
     b, fb = high, seated_excess(high, hold, state, p, o, tables, sections)
     at = low if fa <= 0.0 else high
@@ -228,12 +203,12 @@ def give_way(
             at = b
             if abs(fb) <= TORQUE_TOLERANCE or abs(b - a) < ROUNDED or fa == fb:
                 break
-    g[TAU_NOW] = seated_load(at, hold, state, p, o, tables)
+    s["tau"] = seated_load(at, hold, state, p, o, tables)
     for i in range(SEATS):
         state.held[i] = seat_holds(i, at - x, hold, state, p, tables)
-    g[X_NOW] = at
-    g[XI_NOW] = advance(g[TAU_NOW], c, p, tables, sections, w)
-    state.q[AT_REST] += abs(g[XI_NOW] - before)
+    s["x"] = at
+    s["xi"] = advance(s["tau"], s, p, tables, sections, w)
+    state.q[0]["at_rest"] += abs(s["xi"] - before)
 
 
 @lending
@@ -245,55 +220,55 @@ def slide_anew(sense: float, limit: float, reached: float, state: State, p: Scal
     before a long standstill may change the angle. So the reference state is renewed by the share of the transformation
     since the first slide that happened at rest.
     """
-    c, q, x, end = state.c, state.q, state.g[X_NOW], state.g[XI_NOW]
-    own = beside(x, c, p, tables)
-    held = made_torque(x, end, c, q, p, tables)
+    s, q, x, end = state.s[0], state.q[0], state.s[0]["x"], state.s[0]["xi"]
+    own = beside(x, s, p, tables)
+    held = made_torque(x, end, s, q, p, tables)
     # Where the torque exceeds the limit before any transformation, as at a start, it is not limited: the disk slips.
     if reached != end and sense * (limit - held) < 0.0:
         end, held = sticking_end(x, limit - own, end, reached, q, p), limit
-    if q[SLIDING] != sense:
-        q[X_REF], q[TAU_REF], q[XI_REF], q[SLIDING], q[BEGUN] = x, held - own, end, sense, end
+    if q["sliding"] != sense:
+        q["x"], q["tau"], q["xi"], q["sliding"], q["begun"] = x, held - own, end, sense, end
     else:
-        rested = q[AT_REST] + abs(end - state.g[XI_NOW])
-        share = min(1.0, rested / max(abs(end - q[BEGUN]), rested))
-        stretch = x - q[X_REF] - q[THETA_L] * (end - q[XI_REF])
-        q[TAU_REF] += share * (p["k_a"] + end * (p["k_m"] - p["k_a"])) * stretch
-        q[X_REF], q[XI_REF] = x - (1.0 - share) * stretch, end
-        q[BEGUN] += share * (end - q[BEGUN])
-    q[AT_REST] = 0.0
+        rested = q["at_rest"] + abs(end - state.s[0]["xi"])
+        share = min(1.0, rested / max(abs(end - q["begun"]), rested))
+        stretch = x - q["x"] - q["theta_l"] * (end - q["xi"])
+        q["tau"] += share * (p["k_a"] + end * (p["k_m"] - p["k_a"])) * stretch
+        q["x"], q["xi"] = x - (1.0 - share) * stretch, end
+        q["begun"] += share * (end - q["begun"])
+    q["at_rest"] = 0.0
 
 
 @inlined
 def _passive_excess(
-    xi: float, base: float, angle: float, heating: bool, c: Floats, g: Floats, o: Scalars, tables: Floats
+    xi: float, base: float, angle: float, heating: bool, s: Scalars, o: Scalars, tables: Floats
 ) -> float:
     """Return the passive spring's ξ by the phase law at the torque for a trial ξ, minus the trial."""
     torque = base + (o["k_a"] + xi * (o["k_m"] - o["k_a"])) * angle * (1.0 - xi)
-    done = share_done(heating, window_place(heating, c[TEMP_PASSIVE], torque, o, tables)[0], o)
-    return transformed(heating, g[XI_0_P], done, o) - xi
+    done = share_done(heating, window_place(heating, s["temp_passive"], torque, o, tables)[0], o)
+    return transformed(heating, s["xi_0_p"], done, o) - xi
 
 
 @shared
-def crosstalk(theta: float, c: Floats, g: Floats, o: Scalars, tables: Floats) -> float:
+def crosstalk(theta: float, s: Scalars, o: Scalars, tables: Floats) -> float:
     """Let the passive spring transform at its own temperature and return the torque of its recovery."""
-    base = cold_torque(theta, c[WOUND], o, tables)
-    angle = left_by_winding(c[WOUND], o, tables) * o["passive_share"]
-    if c[TURN_NOW] != g[TURN_P]:
-        g[XI_0_P], g[TURN_P] = g[XI_P], c[TURN_NOW]
-    heating, xi = g[TURN_P] > 0.0, g[XI_P]
+    base = cold_torque(theta, s["wound"], o, tables)
+    angle = left_by_winding(s["wound"], o, tables) * o["passive_share"]
+    if s["turn_now"] != s["turn_p"]:
+        s["xi_0_p"], s["turn_p"] = s["xi_p"], s["turn_now"]
+    heating, xi = s["turn_p"] > 0.0, s["xi_p"]
     # The law at the torque for a trial ξ, minus the trial, falls as the trial grows, in both directions of change.
-    a, fa = xi, _passive_excess(xi, base, angle, heating, c, g, o, tables)
+    a, fa = xi, _passive_excess(xi, base, angle, heating, s, o, tables)
     fraction = xi
     if (fa < 0.0) if heating else (fa > 0.0):
         b = 0.0 if heating else 1.0
-        fb = _passive_excess(b, base, angle, heating, c, g, o, tables)
+        fb = _passive_excess(b, base, angle, heating, s, o, tables)
         for _ in range(80):
             if abs(fb) <= ROUNDED or abs(b - a) < ROUNDED or fa == fb:
                 break
             x = b - fb * (b - a) / (fb - fa)
-            a, fa, b, fb = tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, c, g, o, tables))
+            a, fa, b, fb = tightened(a, fa, b, fb, x, _passive_excess(x, base, angle, heating, s, o, tables))
         fraction = b
     if abs(fraction - xi) > ROUNDED:
-        g[XI_P] = fraction
-    fraction = g[XI_P]
+        s["xi_p"] = fraction
+    fraction = s["xi_p"]
     return (o["k_a"] + fraction * (o["k_m"] - o["k_a"])) * angle * (1.0 - fraction)

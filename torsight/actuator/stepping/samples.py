@@ -15,37 +15,27 @@ from torsight.core.units import Floats, Ints
 
 
 class Samples(NamedTuple):
-    """The inputs of the stepping rule, sample by sample.
-
-    Attributes
-    ----------
-    per_s : (n,) float64
-        One over the time since the sample before, 1/s (0 for the first).
-    temps : (2, n) float64
-        Wire temperature of the driven spring of this half-cycle, and of the other spring, °C.
-    active : (n,) int8
-        0 while A is driven, 1 while B is.
-    half : (n,) int64
-        Number of the half-cycle, from 0.
-    directions : (2, n) int8
-        From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``.
-    friction_scale : (n,) float64
-        Factor on the friction at each sample.
-    load_change : (4, n) float64
-        Factor on the passive spring's torque; additional torques of the active and the passive spring (N·m); factor on
-        the torque of cold martensite in either spring, which multiplies the first. No columns where nothing changes.
-    slipped : (2, n) float64
-        Slip of the fixed ends of A and of B, by which their windings are reduced, rad. No columns where none slips.
-    """
+    """The inputs of the stepping rule, sample by sample."""
 
     per_s: Floats
+    """(n,): One over the time since the sample before, 1/s (0 for the first)."""
     temps: Floats
+    """(2, n): Wire temperature of the driven spring of this half-cycle, and of the other spring, °C."""
     active: NDArray[np.int8]
+    """(n,): 0 while A is driven, 1 while B is."""
     half: Ints
+    """(n,): Number of the half-cycle, from 0."""
     directions: NDArray[np.int8]
+    """(2, n): From :func:`torsight.actuator.record.turns.turning_points`, for either row of ``temps``."""
     friction_scale: Floats
+    """(n,): Factor on the friction at each sample."""
     load_change: Floats
+    """(4, n): Factor on the passive spring's torque; additional torques of the active and the passive spring (N·m);
+    factor on the torque of cold martensite in either spring, which multiplies the first. No columns where nothing
+    changes."""
     slipped: Floats
+    """(2, n): Slip of the fixed ends of A and of B, by which their windings are reduced, rad. No columns where none
+    slips."""
 
 
 @compiled

@@ -35,39 +35,27 @@ _TURNS_RAD: Final = np.arange(0.0, 2.0 * np.pi, np.pi / 12)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axis:
-    """A rotation axis in the (left) camera's coordinates.
-
-    Attributes
-    ----------
-    point_mm : (3,) float64
-        A point on the axis, in the plane of the first marker. From one camera lengths are in units of the distance of
-        the moving stick's two markers, until this distance is known in mm.
-    direction : (3,) float64
-        Unit vector along the axis, towards the camera.
-    direction_sigma_rad : float
-        Largest standard deviation of the axis' tilt over all directions; correlated errors are included.
-    radius_mm, height_mm : (k,) float64
-        Radius of each marker's circle, and its height along ``direction`` above ``point_mm``.
-    misfit : float
-        Root of χ² per degree of freedom: 1 where the residuals agree with the positions' sigmas.
-    arc_rad : float
-        Part of a turn that the paths cover.
-    mirror_gap : float
-        Gain in χ² over the mirror-image tilt, which one camera can distinguish by perspective alone; infinite for two
-        cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it).
-    direction_covariance : (3, 3) float64
-        Covariance of ``direction``, including errors that are correlated with the stick's direction.
-    """
+    """A rotation axis in the (left) camera's coordinates."""
 
     point_mm: Floats
+    """(3,): A point on the axis, in the plane of the first marker. From one camera lengths are in units of the distance
+    of the moving stick's two markers, until this distance is known in mm."""
     direction: Floats
+    """(3,): Unit vector along the axis, towards the camera."""
     direction_sigma_rad: float
+    """Largest standard deviation of the axis' tilt over all directions; correlated errors are included."""
     radius_mm: Floats
     height_mm: Floats
+    """(k,): Radius of each marker's circle, and its height along ``direction`` above ``point_mm``."""
     misfit: float
+    """Root of χ² per degree of freedom: 1 where the residuals agree with the positions' sigmas."""
     arc_rad: float
+    """Part of a turn that the paths cover."""
     mirror_gap: float = np.inf
+    """Gain in χ² over the mirror-image tilt, which one camera can distinguish by perspective alone; infinite for two
+    cameras. Below about 10 the sign of the tilt is not certain (angles hardly depend on it)."""
     direction_covariance: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    """(3, 3): Covariance of ``direction``, including errors that are correlated with the stick's direction."""
 
     @property
     def tilt_rad(self) -> float:

@@ -31,12 +31,7 @@ _R = TypeVar("_R")
 
 
 def in_copies(
-    work: Sequence[_T],
-    function: Callable[[_T], _R],
-    *,
-    known: object,
-    step: str = "",
-    progress: Progress = silent,
+    work: Sequence[_T], function: Callable[[_T], _R], *, known: object, step: str = "", progress: Progress = silent
 ) -> list[_R]:
     """Return ``function`` of each item in order, as :func:`in_parallel` does, computed in copies of this process.
 
@@ -104,12 +99,13 @@ def _begin(copy: _Copy, *shared: Any) -> None:
     gc.freeze()
     # Only the parent handles an interrupt: it ends its copies.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     share_work(*shared)
     _COPY.append(copy)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Wait until the parent process has ended, then end this one."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

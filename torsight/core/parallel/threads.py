@@ -85,11 +85,7 @@ def _opencv() -> Iterator[None]:
 
 
 def in_parallel(
-    work: Sequence[_T],
-    function: Callable[[_T], _R],
-    *,
-    step: str = "",
-    progress: Progress = silent,
+    work: Sequence[_T], function: Callable[[_T], _R], *, step: str = "", progress: Progress = silent
 ) -> list[_R]:
     """Return ``function`` of each item in order; results do not depend on the number of workers.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final, NamedTuple, get_type_hints
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import lending
+from torsight.core.compiled import lending, numbers
 from torsight.core.units import DEG, Floats
 from torsight.synthetic.effects.hidden import NonuniformTemperature
 from torsight.synthetic.effects.mechanisms import HiddenEffect, UnlikeSprings
@@ -20,108 +20,46 @@ ONSET_SCALE_RAD: Final = 100.0 * DEG
 """Torques that grow past an onset are given at this distance from it."""
 
 
-class Constants(NamedTuple):
-    """All numbers of one rig, SI units and °C; forms are small integers (0 is the usual law).
+Constants: TypeAlias = Any
+"""All numbers of one rig as a record, SI units and °C; forms are small integers (0 is the usual law)."""
 
-    Constants of hidden effects have their nulls as defaults.
-    """
-
-    k_a: float
-    k_m: float
-    k_s: float
-    theta_cr: float
-    theta_p: float
-    stress_per_nm: float
-    a_s: float
-    a_width: float
-    m_s: float
-    m_width: float
-    c_a: float
-    c_m: float
-    tau_c: float
-    inertia: float
-    damping: float
-    bristle: float
-    room_c: float
-    resistance: float
-    capacity: float
-    to_room: float
-    to_body: float
-    between: float
-    body_capacity: float
-    body_to_room: float
-    gain_p: float
-    gain_i: float
-    current_max: float
-    quantum_c: float
-    between_more: float = 0.0
-    lag_s: float = 0.0
-    lag_b_s: float = 0.0
-    lag_stages: int = 1
-    sensor_gain: float = 1.0
-    sensor_form: int = 0
-    bulge_c: float = 0.0
-    crosstalk: int = 0
-    crosstalk_share: float = 1.0
-    zone_scale: float = 5.0
-    zone_form: int = 0
-    coil: float = 0.0
-    coil_onset: float = 0.0
-    coil_form: int = 0
-    viscous: float = 0.0
-    viscous_form: int = 0
-    position: float = 0.0
-    position_phase: float = 0.0
-    position_form: int = 0
-    stiff: float = 0.0
-    stiff_onset: float = 0.0
-    stiff_form: int = 0
-    fatigue: float = 0.0
-    fatigue_cycles: float = 1.0
-    fatigue_form: int = 0
-    creep: float = 0.0
-    creep_onset: float = 1.0
-    bias: float = 0.0
-    gravity: float = 0.0
-    gravity_phase: float = 0.0
-    grease: float = 0.0
-    static_excess: float = 0.0
-    static_ageing: float = 1.0
-    asymmetry: float = 0.0
-    r_step: float = 0.0
-    r_start: float = 0.0
-    r_width: float = 1.0
-    latent: float = 0.0
-    stop_low: float = -1e9
-    stop_high: float = 1e9
-    stop_stiffness: float = 0.0
-    imbalance: float = 0.0
-    local: float = 0.0
-    local_angle: float = 0.0
-    local_width: float = 1.0
-    local_form: int = 0
-    bend: float = 0.0
-    tanaka: float = 0.0
-    loop_memory: float = 0.0
-    c_a_scale: float = 1.0
-    c_m_scale: float = 1.0
-    drift_heating: float = 0.0
-    drift_cooling: float = 0.0
+_NUMBERS: Final = numbers(
+    # Springs and friction.
+    "k_a k_m k_s theta_cr theta_p stress_per_nm a_s a_width m_s m_width c_a c_m tau_c bristle "
+    # Sections of a scene.
+    "inertia damping room_c resistance capacity to_room to_body between body_capacity body_to_room gain_p gain_i "
+    "current_max quantum_c "
+    # Hidden effects.
+    "between_more lag_s lag_b_s lag_stages sensor_gain sensor_form bulge_c crosstalk crosstalk_share zone_scale "
+    "zone_form coil coil_onset coil_form viscous viscous_form position position_phase position_form stiff stiff_onset "
+    "stiff_form fatigue fatigue_cycles fatigue_form creep creep_onset bias gravity gravity_phase grease static_excess "
+    "static_ageing asymmetry r_step r_start r_width latent stop_low stop_high stop_stiffness imbalance local "
+    "local_angle local_width local_form bend tanaka loop_memory c_a_scale c_m_scale drift_heating drift_cooling"
+)
+_ONES: Final = "lag_stages sensor_gain crosstalk_share fatigue_cycles creep_onset static_ageing r_width local_width"
+_NULLS: Final = {
+    **dict.fromkeys((*_ONES.split(), "c_a_scale", "c_m_scale"), 1.0),
+    "zone_scale": 5.0,
+    "stop_low": -1e9,
+    "stop_high": 1e9,
+}
+"""Constants without their effects, where they are not zero."""
 
 
-_WHOLE: Final = frozenset(name for name, kind in get_type_hints(Constants).items() if kind is int)
-
-
-def to_records(constants: Constants, effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw]) -> NDArray[np.void]:
+def to_records(
+    constants: Mapping[str, float], effects: Mapping[str, HiddenEffect], laws: Sequence[RigLaw]
+) -> NDArray[np.void]:
     """Return the constants as two records, with spring A's and with B's values, as the compiled functions take them.
 
     ``law`` holds each law's values on its nodes, one row per slot; a slot with ``law_step`` 0 is empty.
     """
-    layout: list[Any] = [(name, np.int64 if name in _WHOLE else np.float64) for name in Constants._fields]
-    layout += [("law", np.float64, (len(SLOTS), NODES)), ("law_start", np.float64, len(SLOTS))]
-    records = np.zeros(2, dtype=[*layout, ("law_step", np.float64, len(SLOTS))])
+    layout = [
+        ("law", np.float64, (len(SLOTS), NODES)),
+        *((name, np.float64, len(SLOTS)) for name in ("law_start", "law_step")),
+    ]
+    records = np.zeros(2, dtype=[*_NUMBERS.descr, *layout])
     for record, own in zip(records, (constants, _second(constants, effects)), strict=True):
-        for name, value in own._asdict().items():
+        for name, value in {**_NULLS, **own}.items():
             record[name] = value
     for item in laws:
         if (item.port, item.driver) in SLOTS:
@@ -133,13 +71,14 @@ def to_records(constants: Constants, effects: Mapping[str, HiddenEffect], laws: 
     return records
 
 
-def _second(constants: Constants, effects: Mapping[str, HiddenEffect]) -> Constants:
+def _second(constants: Mapping[str, float], effects: Mapping[str, HiddenEffect]) -> Mapping[str, float]:
     """Return the constants with spring B's values."""
     effect = effects.get("unlike_springs")
     if not isinstance(effect, UnlikeSprings):
         return constants
-    scaled = {name: getattr(constants, name) * effect.modulus_scale for name in ("k_a", "k_m", "k_s")}
-    return constants._replace(a_s=constants.a_s + effect.a_shift_c, m_s=constants.m_s + effect.m_shift_c, **scaled)
+    scaled = {name: constants[name] * effect.modulus_scale for name in ("k_a", "k_m", "k_s")}
+    moved = {"a_s": constants["a_s"] + effect.a_shift_c, "m_s": constants["m_s"] + effect.m_shift_c}
+    return {**constants, **scaled, **moved}
 
 
 @lending
@@ -161,9 +100,9 @@ def law(c: Any, slot: int, x: float) -> float:
 
 def pack(
     values: RigValues, sections: Iterable[Any], *, presliding_rad: float, effects: Mapping[str, HiddenEffect]
-) -> Constants:
+) -> dict[str, float]:
     """Return a rig's constants from its springs and friction, sections of the scene, and its hidden effects."""
-    plain: dict[str, Any] = {
+    plain = {
         "k_a": values.rig.k_austenite,
         "k_m": values.rig.k_martensite,
         "k_s": values.rig.k_stress_induced,
@@ -183,7 +122,7 @@ def pack(
         plain |= constants_of(section)
     for effect in effects.values():
         plain |= effect.constants()
-    return Constants(**plain)
+    return plain
 
 
 def zones(effects: Mapping[str, HiddenEffect]) -> tuple[Floats, Floats]:

@@ -1,3 +1,5 @@
+# mypy: disable-error-code="no-any-return"
+# Records carry no types of their fields.
 """Heat, sensors and current control of the moving rig, compiled.
 
 Two wires and the body (Heun's rule)::

@@ -1,3 +1,5 @@
+# mypy: disable-error-code="no-any-return"
+# Records carry no types of their fields.
 """Time integration of the moving rig, compiled: switches, control, heat, phase and motion in fixed steps."""
 
 from __future__ import annotations
@@ -184,7 +186,7 @@ def integrate(
     integral, since_s, active, sliding, before = 0.0, 0.0, -1, 0, 0
     for k in range(command.size):
         for i in range(2):
-            reading[i] = sense(c, lagged_c[i, c.lag_stages - 1] - c.latent * pace[i], noise_c[k, i])
+            reading[i] = sense(c, lagged_c[i, int(c.lag_stages) - 1] - c.latent * pace[i], noise_c[k, i])
         if command[k] != before:
             before, sliding = command[k], 0
             active = switch(pair, springs, motion[PHI], felt_c, active, before, cycle[k], share[k])

@@ -1,3 +1,5 @@
+# mypy: disable-error-code="no-any-return"
+# Records carry no types of their fields.
 """Motion of the rig, compiled: springs against each other, friction, mass.
 
 Backward Euler; the torques are those at the end of the step, phase included::

@@ -14,7 +14,7 @@ from torsight.synthetic.effects.hidden import Eccentricity, MarkerSlip
 from torsight.synthetic.effects.mechanisms import Backlash, HiddenEffect, ReadingDrift, RoomDrift
 from torsight.synthetic.effects.rig_laws import RigLaw, read_with, recoverable_share
 from torsight.synthetic.keys import key
-from torsight.synthetic.rig.constants import Constants, pack, to_records, zones
+from torsight.synthetic.rig.constants import pack, to_records, zones
 from torsight.synthetic.rig.integrator import Course, integrate
 from torsight.synthetic.rig.protocol import Commands, Protocol, commands
 from torsight.synthetic.rig.rig_values import RigValues
@@ -175,7 +175,7 @@ def simulate_rig(
 
 def scaled_constants(
     values: RigValues, protocol: Protocol, effects: Mapping[str, HiddenEffect], *, setup: Setup
-) -> Constants:
+) -> dict[str, float]:
     """Return the rig's constants scaled to the protocol's pace.
 
     Heat capacities and integral time scale with the time factor f, inertia with f², damping with f: a shortened record
@@ -184,13 +184,9 @@ def scaled_constants(
     sections = (setup.mechanics, setup.thermal, setup.sensor)
     plain = pack(values, sections, presliding_rad=setup.mechanics.presliding_deg * DEG, effects=effects)
     factor = protocol.time_factor
-    return plain._replace(
-        capacity=plain.capacity * factor,
-        body_capacity=plain.body_capacity * factor,
-        inertia=plain.inertia * factor**2,
-        damping=plain.damping * factor,
-        gain_i=plain.gain_i / factor,
-    )
+    paces = {"capacity": factor, "body_capacity": factor, "inertia": factor**2, "damping": factor}
+    paced = {name: plain[name] * pace for name, pace in paces.items()}
+    return {**plain, **paced, "gain_i": plain["gain_i"] / factor}
 
 
 def home_angle(values: RigValues) -> float:

@@ -1,3 +1,5 @@
+# mypy: disable-error-code="no-any-return"
+# Records carry no types of their fields.
 """Phase fraction and torque of one spring in the moving rig, compiled.
 
 A spring is cold martensite (being wound or unwound), heating, or cooling. Phase and torque hold each other: stress
@@ -47,7 +49,6 @@ is steeper."""
 
 TORQUE_TOLERANCE_NM: Final = 1e-12
 """A spring that is wound beyond θ_cr turns by 1e-12 N·m / K_S = 4e-9 rad for it: no camera sees that."""
-_LN_100: Final = math.log(100.0)
 
 
 @shared
@@ -144,7 +145,7 @@ def progress(c: Constants, share: float) -> float:
     usual = 0.5 * (1.0 - math.cos(math.pi * x))
     if c.tanaka == 0.0:
         return usual
-    return (1.0 - c.tanaka) * usual + c.tanaka * (1.0 - math.exp(-_LN_100 * max(share, 0.0)))
+    return (1.0 - c.tanaka) * usual + c.tanaka * (1.0 - math.pow(0.01, max(share, 0.0)))
 
 
 @lending

@@ -20,7 +20,7 @@ from torsight.core.units import DEG
 from torsight.core.words.wording import estimate
 from torsight.viewer import view_layout
 from torsight.viewer.film_preview import WIDEST_PX
-from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, LiveFrame, Pictures, comes_in_time
+from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, Picture, Pictures, comes_in_time
 from torsight.viewer.live.measure.growing_log import LogClock, LogFollower, WatchedLog
 from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
@@ -153,7 +153,7 @@ class Session:
 
     # --- each frame -------------------------------------------------------------------------------------------------
 
-    def _take(self, frame: LiveFrame) -> None:
+    def _take(self, frame: Picture) -> None:
         self.now_s, self._frame = frame.time_s, frame.index
         self._look_at_size(frame)
         seen = self._tracker.step(frame)
@@ -183,7 +183,7 @@ class Session:
             for one in earlier:
                 self._model.angle(one.time_s, one.angle_rad, one.sigma_rad)
 
-    def _look_at_size(self, frame: LiveFrame) -> None:
+    def _look_at_size(self, frame: Picture) -> None:
         if frame.luma is None:
             return
         size_px = (frame.luma.shape[1], frame.luma.shape[0])
@@ -191,7 +191,7 @@ class Session:
             require_size(self._camera.intrinsics, size_px, where="the film")
         self._size_px = size_px
 
-    def _show(self, frame: LiveFrame, seen: Seen) -> None:
+    def _show(self, frame: Picture, seen: Seen) -> None:
         if self._feed is None:
             return
         counts = self.steady and not frame.dropped

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,37 +23,23 @@ WAITING_AT_START: Final = 400
 phones, 240 frames per second."""
 
 
-class Picture(NamedTuple):
+@dataclass(slots=True, eq=False)
+class Picture:
     """A picture of a source with its time on the source's clock, counted from the first picture.
 
-    ``luma`` (h, w) is None where the picture could not be decoded; ``damaged``: it was decoded incompletely; ``missed``
-    is the number of pictures that the source lost just before. ``arrived_s`` is ``time.perf_counter()`` at its arrival;
-    None: the moment at which it is handed over, or, for a film, at which it is due after that.
+    ``luma`` (h, w) is None where the picture was dropped or could not be decoded; ``damaged``: it was decoded
+    incompletely; ``missed`` is the number of pictures that the source lost just before. ``arrived_s`` is
+    ``time.perf_counter()`` at its arrival; 0: the moment at which it is handed over, or, for a film, at which it is due
+    after that. The intake numbers pictures from 0 without gaps: one that was ``dropped`` keeps its number and its time.
     """
 
     time_s: float
     luma: NDArray[np.uint8] | None
     damaged: bool = False
-    arrived_s: float | None = None
+    arrived_s: float = 0.0
     missed: int = 0
-
-
-@dataclass(slots=True, eq=False)
-class LiveFrame:
-    """One frame as it arrived.
-
-    Numbers count from 0 without gaps: a frame that was dropped keeps its number and its time, counted from the first
-    frame. ``luma`` (h, w) is None where it was dropped or could not be decoded, ``arrived_s`` is
-    ``time.perf_counter()`` at its arrival, ``missed`` the number of pictures that the source lost just before.
-    """
-
-    index: int
-    time_s: float
-    luma: NDArray[np.uint8] | None
-    arrived_s: float
-    damaged: bool = False
+    index: int = 0
     dropped: bool = False
-    missed: int = 0
 
 
 class Pictures:
@@ -100,7 +86,7 @@ class Intake:
         self._patience = WAITING_AT_START
         self._go = threading.Event()
         self._stop = threading.Event()
-        self._frames: deque[LiveFrame] = deque()
+        self._frames: deque[Picture] = deque()
         self._changed = threading.Condition()
         self._ended = False
         self._thread = threading.Thread(target=self._read, name="intake", daemon=True)
@@ -128,7 +114,7 @@ class Intake:
         with self._changed:
             return self._ended and not self._frames
 
-    def take(self, wait_s: float) -> LiveFrame | None:
+    def take(self, wait_s: float) -> Picture | None:
         """Return the next frame, or None where none came in time."""
         with self._changed:
             if not self._frames and not self._ended:
@@ -165,15 +151,12 @@ class Intake:
                 due_s = pace.due_s(picture.time_s)
                 if due_s is not None and self._stop.wait(max(0.0, due_s - time.perf_counter())):
                     return
-                arrived_s = picture.arrived_s or max(given_s, due_s or given_s)
-                frame = LiveFrame(
-                    index, picture.time_s, picture.luma, arrived_s, damaged=picture.damaged, missed=picture.missed
-                )
-                pace.hold(self._put(frame))
+                picture.index, picture.arrived_s = index, picture.arrived_s or max(given_s, due_s or given_s)
+                pace.hold(self._put(picture))
                 if self._stop.is_set():
                     return
 
-    def _put(self, frame: LiveFrame) -> float:
+    def _put(self, frame: Picture) -> float:
         """Let a frame wait for the tracker, and return for how long (s) there was no room for it."""
         with self._changed:
             begin_s = time.perf_counter()

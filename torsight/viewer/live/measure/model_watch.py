@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import signal
 import threading
 import time
@@ -12,13 +11,14 @@ from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from torsight.actuator.drive import ROW_RATE_HZ
 from torsight.core.errors import TorsightError
+from torsight.core.parallel.processes import end_with_parent
 from torsight.core.progress import ATTENTION_S
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG, Floats
@@ -269,11 +269,4 @@ def _quiet() -> None:
     """Ignore Ctrl-C, lower this process's priority, and end when the measuring process is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     step_back()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(0)
+    threading.Thread(target=end_with_parent, daemon=True).start()

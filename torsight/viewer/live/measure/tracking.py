@@ -19,7 +19,7 @@ from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
 from torsight.core.tracks import MARKERS, MarkerTracks, mean_sigma
 from torsight.core.units import Floats
-from torsight.viewer.live.frames.intake import LiveFrame
+from torsight.viewer.live.frames.intake import Picture
 from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.model_watch import STEP_S
 from torsight.viewer.live.measure.which_markers import ENDS, OTHERS, Decision, WhichMarkers
@@ -130,7 +130,7 @@ class LiveTracker:
         """Whether markers have been found."""
         return self._follower is not None
 
-    def step(self, frame: LiveFrame) -> Seen:
+    def step(self, frame: Picture) -> Seen:
         """Process the next frame.
 
         Raises
@@ -167,7 +167,7 @@ class LiveTracker:
         angle, sigma, position_mm = self._angle.step(frame.time_s, position, covariance)
         return Seen(position, covariance, angle, sigma, position_mm)
 
-    def _start(self, frame: LiveFrame) -> bool:
+    def _start(self, frame: Picture) -> bool:
         if frame.luma is None or frame.damaged or frame.time_s - self._looked_s < _LOOK_EVERY_S:
             return False
         first_look = self._looked_s == -math.inf
@@ -220,7 +220,7 @@ class LiveTracker:
             self._keep_still(*one)
         self._look_back(_SAME)
 
-    def _decide(self, frame: LiveFrame, picture: Frame) -> bool:
+    def _decide(self, frame: Picture, picture: Frame) -> bool:
         """Decide which dots are the markers if that is due; return whether other dots are followed from now on."""
         if self.which is None or not self.undecided or not self.which.add(picture):
             return False
@@ -293,7 +293,7 @@ class LiveTracker:
                 self._earlier.append(EarlierAngle(time_s, angle, sigma))
         self._still.clear()
 
-    def _watch(self, frame: LiveFrame, state: NDArray[np.uint8]) -> None:
+    def _watch(self, frame: Picture, state: NDArray[np.uint8]) -> None:
         """Report each loss and each return of a marker, once."""
         seen = state == CODE["seen"]
         self._away = np.where(seen, np.minimum(self._away, 0) - 1, np.maximum(self._away, 0) + 1)
@@ -306,7 +306,7 @@ class LiveTracker:
                 self._reported[marker] = False
                 self._tell(frame.time_s, frame.index, "found", f"{MARKERS[marker]} is found again")
 
-    def _give_up_early(self, frame: LiveFrame, state: NDArray[np.uint8]) -> None:
+    def _give_up_early(self, frame: Picture, state: NDArray[np.uint8]) -> None:
         """Search for the markers again where the found ones are lost before anything has moved."""
         if (state == CODE["seen"]).all():
             self._lost_since_s = None
@@ -338,4 +338,4 @@ def warm_up() -> None:
             cv2.line(luma, corner[0], corner[3], 220, 18, cv2.LINE_AA, 4)
             for place in corner[1:3]:
                 cv2.circle(luma, place, 16 * 5, 30, -1, cv2.LINE_AA, 4)
-        tracker.step(LiveFrame(index, index / 30.0, luma, 0.0))
+        tracker.step(Picture(index / 30.0, luma, index=index))
