@@ -55,11 +55,11 @@ def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence
     """
     if name not in table.columns:
         return None
-    numbers: Floats = number_column(table, name, where=where, lines=lines).to_numpy(np.float64)
+    numbers = np.asarray(number_column(table, name, where=where, lines=lines), dtype=np.float64)
     wrong = ~(np.isnan(numbers) | np.isin(numbers, (0.0, 1.0)))
     for row, place in first_row(wrong, where=where, column=name, lines=lines):
         raise InputError("is no switch", where=place, value=f"{numbers[row]:g}", limit="0 or 1", do="mend that row")
-    return np.asarray(numbers == 1.0)
+    return np.equal(numbers, 1.0)
 
 
 def switches_and_extra(
