@@ -184,7 +184,7 @@ def _sources(
     source = open_source(video, fps=fps, timestamps=timestamps)
     second = None if right is None else open_source(right, fps=fps, timestamps=timestamps)
     if lens is not None:
-        require_size(lens.intrinsics, source.size_px, where="the film" if right is None else "the left film")
+        require_size(lens, source.size_px, film="the film" if right is None else "the left film")
     if second is not None and lens is not None and lens.right is not None:
-        require_size(lens.right.intrinsics, second.size_px, where="the right film", table="right.intrinsics")
+        require_size(lens, second.size_px, film="the right film", right=lens.right)
     return source, second
