@@ -172,7 +172,7 @@ def measure_axis(
         When the board is not found in one of them.
     """
     seen = find_views(images, board, progress=progress)
-    require_size(intrinsics, seen.size_px, where=seen.sources[0].name)
+    require_size(Camera(intrinsics), seen.size_px, film=seen.sources[0].name)
     if device and seen.device and device != seen.device:
         raise InputError(
             "is from another camera or focal length than the calibration",

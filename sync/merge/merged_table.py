@@ -3,15 +3,16 @@
 Temperatures are interpolated linearly between the two timestamps around a frame's instant. Nothing is averaged: a mean
 over neighbouring rows rounds the corners of the temperature, where an incomplete transformation ends, and noise is
 better removed before a model is driven, with the same filter for measurement and simulation. Where a frame coincides
-with a timestamp the reading is unchanged. Switches and all other columns have the value of the last row at or before
-the instant. Where the readings around are further apart than the longest gap the temperature is empty. Where the film
-lacks frames for longer than the log lacks readings, the log's rows are added without an angle, because the temperature
-there, such as the top of a heating, drives the actuator whether it is filmed or not.
+with a timestamp the reading is unchanged. Switches and the log's other columns have the value of the last row at or
+before the instant; further columns of the angles stay at their frames. Where the readings around are further apart than
+the longest gap the temperature is empty. Where the film lacks frames for longer than the log lacks readings, the log's
+rows are added without an angle, because the temperature there, such as the top of a heating, drives the actuator
+whether it is filmed or not.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,13 @@ from numpy.typing import NDArray
 from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
 from torsight.core.errors import InputError
+from torsight.core.files.kinds import TABLE_KINDS
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog, clock_sigma_s
 from torsight.core.series import usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import Flags, Floats, Ints
+
+_OWN_NAMES: Final = (*TABLE_KINDS["merged"].signs, "heat_a", "heat_b")
 
 
 def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_s: float | None = None) -> SyncedTable:
@@ -54,7 +58,10 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
     last = np.searchsorted(log.time_s, instant_s, side="right") - 1
     covered = (last >= 0) & (instant_s <= log.time_s[-1])
     row = np.maximum(last, 0)
-    extra = {name: _held(values, row, covered) for name, values in log.extra.items()}
+    filmed = np.isin(np.arange(len(time_s)), frames)
+    at_frame = np.maximum(np.cumsum(filmed) - 1, 0)
+    extra = {name: _held(values, at_frame, filmed) for name, values in angles.extra.items()}
+    extra |= {name: _held(values, row, covered) for name, values in log.extra.items()}
     return SyncedTable(
         time_s=time_s,
         angle_rad=angle,
@@ -63,7 +70,7 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
         temp_b_c=at_instants(log.time_s, log.temp_b_c, instant_s, max_gap_s=gap_s),
         heat_a=None if log.heat_a is None else log.heat_a[row] & covered,
         heat_b=None if log.heat_b is None else log.heat_b[row] & covered,
-        extra={name: values for name, values in extra.items() if name not in ("angle_deg", "angle_sigma_deg")},
+        extra={name: values for name, values in extra.items() if name not in _OWN_NAMES},
         clock_sigma_s=clock_sigma_s(clock.method, clock.offset_ci95_s),
     )
 

@@ -103,6 +103,7 @@ def test_logs_that_are_no_tests_of_a_spring(tmp_path, name, column, factor, told
 @pytest.mark.parametrize(
     ("old", "new", "kind", "told"),
     [
+        ("lever_mm", "mean_diameter_mm = 9\nlever_mm", ConfigError, "both determine the length"),
         ('range = "large"', 'range = "huge"', ConfigError, "huge"),
         ('range = "large"', 'range = "small"', ConfigError, 'range = "large"'),
         ("lever_mm = 26.4", "lever = 26.4", ConfigError, "lever_mm"),

@@ -54,6 +54,7 @@ def test_simulate_answers_every_row(tmp_path, suffix):
     assert np.array_equal(table["time_s"].to_numpy(), log.time_s + 1000.0)
     # CSV keeps ten digits; with switches or without, the same half-cycles.
     assert table["angle_deg"].to_numpy() == pytest.approx(expected, abs=1e-6)
+    assert (table["note"] == "x").all()
 
 
 def test_simulate_reads_the_log_of_an_instrument(tmp_path, capsys):

@@ -10,7 +10,7 @@ import pytest
 
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import actuator_from, read_actuator, reference_spec
-from torsight.actuator.springs import Rig
+from torsight.actuator.springs import Rig, values_of_b
 from torsight.core.errors import ConfigError
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
@@ -35,7 +35,7 @@ def test_a_start_at_the_bound_is_told_as_beyond_it() -> None:
 
 
 def changed(table: str, **keys):
-    content = {name: dict(entries) for name, entries in GOOD.items()}
+    content: dict[str, dict] = {table: {}, **{name: dict(entries) for name, entries in GOOD.items()}}
     for key, value in keys.items():
         if value is None:
             content[table].pop(key, None)
@@ -56,6 +56,14 @@ def test_reads_values_and_priors():
 def test_wire_length_in_place_of_coils():
     content = changed("geometry", mean_diameter_mm=None, active_coils=None, wire_length_mm=64.1)
     assert Rig.from_values(actuator_from(content, where="a").values).wire_length_m == pytest.approx(64.1e-3)
+
+
+def test_spring_b_differs_in_one_of_the_values_that_determine_its_length() -> None:
+    spec = actuator_from({**GOOD, "spring_b": {"mean_diameter_mm": 7.0}}, where="a.toml")
+    assert Rig.from_values(values_of_b(spec.values)).wire_length_m == pytest.approx(3 * math.pi * 7.0e-3)
+    by_length = changed("geometry", mean_diameter_mm=None, active_coils=None, wire_length_mm=64.1)
+    with pytest.raises(ConfigError, match=r"\[spring_b\].*active_coils"):
+        actuator_from({**by_length, "spring_b": {"mean_diameter_mm": 7.0}}, where="a.toml")
 
 
 def test_constants_of_the_paper():
@@ -86,6 +94,9 @@ def test_constants_of_the_paper():
         ("friction", {"tau_c_nmm": 0.1}, ("tau_c_nmm", "tau_c_mnm")),
         ("uncertainty", {"E_X_gpa": 1.0}, ("E_X_gpa",)),
         ("uncertainty", {"E_A_gpa": -1.0}, ("E_A_gpa", "standard deviation")),
+        ("uncertainty", {"zero_deg": 1.0}, ("zero_deg", "no value")),
+        ("spring_b", {"uncertainty": {"A_s_c": 0.4}}, ("[spring_b.uncertainty]", "A_s_c", "no value")),
+        ("spring_b", {"wire_length_mm": 64.1, "mean_diameter_mm": 6.8}, ("[spring_b]", "both determine")),
     ],
 )
 def test_refusals_name_key_value_and_range(table, keys, told):

@@ -163,7 +163,10 @@ ODD: dict[str, Bad] = {
     "actuator that is a device": Bad(SIMULATE.replace("{actuator.toml}", "/dev/zero"), fine, 3, "no ordinary file"),
     "start angle that is none": Bad(SIMULATE.replace("178", "nan"), fine, 2, "start angle"),
     "run: a setting of the clock that is no number": Bad(
-        RUN, written("experiment.toml", EXPERIMENT + "[sync]\noffset_s = true\n"), 2, "'offset_s' is not a number"
+        RUN,
+        written("experiment.toml", EXPERIMENT + "[sync]\noffset_s = true\n"),
+        2,
+        "experiment.toml, [sync]: 'offset_s' is not",
     ),
     "run: a lamp at no place": Bad(
         RUN, written("experiment.toml", EXPERIMENT + "[sync]\nled = [nan, 3]\n"), 2, "no place in the picture"

@@ -9,7 +9,7 @@ import pytest
 import tomli_w
 
 from torsight.core.errors import ConfigError
-from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera, camera_content, read_camera
+from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera, camera_content, read_camera, require_size
 
 
 def _camera() -> Camera:
@@ -40,6 +40,11 @@ def test_round_trip(tmp_path: Path) -> None:
         ({"intrinsics": {"width": 640}}, "no key 'fx_px'"),
         ({"pose": {"rvec": [1, 2], "tvec_mm": [0, 0, 1]}}, "'rvec' is not a list of 3 numbers"),
         ({"pose": 3}, "'pose' is not a table"),
+        ({"pose": {"rvec": [0, 0, 0], "tvec_mm": [0, 0, 300]}}, r"camera.toml, \[pose\].*in front.*found .* -300.0 mm"),
+        (
+            {"planes": {"moving_z_mm": 400}},
+            "in front.*allowed beyond .* at 400 mm.*correct the planes",
+        ),
         ({"planes": {"base_z": 1}}, "did you mean 'base_z_mm'"),
         ({"right": {"intrinsics": 1, "from_left": {}}}, "is not a table"),
     ],
@@ -56,5 +61,12 @@ def test_a_focal_length_of_nothing_is_refused(tmp_path: Path) -> None:
     content["intrinsics"]["fx_px"] = -3.0
     path = tmp_path / "camera.toml"
     path.write_text(tomli_w.dumps(content))
-    with pytest.raises(ConfigError, match="'fx_px' is out of range; found -3"):
+    with pytest.raises(ConfigError, match="'fx_px' is out of range; found -3; allowed 1e-09 or more"):
         read_camera(path)
+
+
+def test_a_picture_of_another_size_names_the_camera_file(tmp_path: Path) -> None:
+    path = tmp_path / "camera.toml"
+    path.write_text(tomli_w.dumps(camera_content(_camera())))
+    with pytest.raises(ConfigError, match=r"camera.toml, \[right.intrinsics\].*a quarter"):
+        require_size(read_camera(path), (480, 640), film="the film", right=_camera().right)

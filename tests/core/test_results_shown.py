@@ -58,7 +58,7 @@ TRACKS = MarkerTracks(
 START_RAD = 3.0
 TAU = Estimate(0.79, 0.01, (0.77, 0.81), "mN·m")
 CAMERA = Camera(Intrinsics((64, 48), np.diag([80.0, 80.0, 1.0]), np.zeros(5)))
-POSE = Pose(np.zeros(3), np.array([0.0, 10.0, 500.0]), 3.0, 0.0)
+POSE = Pose(np.array([np.pi, 0.0, 0.0]), np.array([0.0, 10.0, 500.0]), 3.0, 0.0)
 
 
 def test_a_notebook_that_would_show_no_picture_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -287,3 +287,9 @@ def test_every_result_of_a_public_function_shows_itself() -> None:
     inputs = {"ActuatorSpec", "Board", "Camera", "MarkerHints", "Scene", "SpringTests", "ClosedForm", "LinearProblem"}
     inputs |= {"Parameter", "Candidate", "ModelProblem", "LawPort", "Ode"}
     assert {one.__name__ for one in results() if not issubclass(one, Shown)} <= inputs
+
+
+def test_values_that_a_record_does_not_determine_are_noted(model: FittedModel) -> None:
+    explained = replace(discovery(model), evidence={"over_floor_after": 1.0})
+    assert "does not determine the model's values" in explained.to_json()["notes"][0]
+    assert replace(explained, noise_floor_deg=0.2).to_json()["notes"] == []

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from torsight.core.errors import InputError
@@ -33,6 +35,25 @@ def test_angles_round_trip(tmp_path: Path) -> None:
     again = read_angles(tmp_path / "angle.csv")
     for name in ("frame", "time_s", "angle_rad", "sigma_rad", "valid", "branch_certain"):
         np.testing.assert_allclose(getattr(again, name), getattr(angles, name), rtol=1e-9)
+
+
+def test_angles_keep_unknown_columns(tmp_path: Path) -> None:
+    angles = replace(_angles(), extra={"light_v": np.arange(float(len(_angles())))})
+    write_angles(tmp_path / "angle.csv", angles)
+    np.testing.assert_allclose(read_angles(tmp_path / "angle.csv").extra["light_v"], angles.extra["light_v"])
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "told"), [("heat_a", 2, "0 or 1"), ("angle_sigma_deg", -0.1, "0° or more")]
+)
+def test_values_that_cannot_be_name_row_and_column(tmp_path: Path, column: str, value: float, told: str) -> None:
+    still = np.full(5, 21.0)
+    write_merged(tmp_path / "merged.csv", SyncedTable(np.arange(5.0), still, still / 1e4, still, still, still < 0))
+    table = pd.read_csv(tmp_path / "merged.csv").astype(float)
+    table.loc[3, column] = value
+    table.to_csv(tmp_path / "merged.csv", index=False)
+    with pytest.raises(InputError, match=f"row 5, column {column}.*found {value:g}; allowed {told}"):
+        read_merged(tmp_path / "merged.csv")
 
 
 def test_merged_round_trip_keeps_unknown_columns(tmp_path: Path) -> None:

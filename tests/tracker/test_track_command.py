@@ -63,9 +63,13 @@ def failing(folder: Path, tmp_path: Path, **options: object) -> TorsightError:
 
     with pytest.raises(TorsightError) as caught:
         track_to_folder(options.pop("video", folder / "film.mkv"), out=tmp_path / "out", **options)
-    # Where no markers are found the picture of what was considered is left, and nothing else.
+    # Where no markers are found the tables have every frame, none with an angle, whatever was there before.
     left = {name for name in OUTPUTS if (tmp_path / "out" / name).exists()}
-    assert left == ({"track.png"} if isinstance(caught.value, NoResultError) else set())
+    assert left == (set(OUTPUTS) if isinstance(caught.value, NoResultError) else set())
+    if left:
+        content = json.loads((tmp_path / "out" / "track.json").read_text())
+        assert content["frames"]["total"] == len(pd.read_csv(tmp_path / "out" / "markers.csv")) > 0
+        assert not pd.read_csv(tmp_path / "out" / "angle.csv")["valid"].any()
     return caught.value
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from torsight.actuator.springs import LENGTH_KEYS, SPRING_B, common, own_of_b, values_of_b
+from torsight.actuator.springs import SPRING_B, common, own_of_b, values_of_b
 from torsight.core.errors import ConfigError
 from torsight.core.files.config import get_number, get_table
 from torsight.core.files.paths import AnyPath
@@ -209,14 +209,14 @@ def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
         place = f"{where}, [{table_name}]"
         names = keys_of(table_name)
         check_keys(table, names, where=place)
-        values |= _numbers(table, _wanted(table_name, table, names, where=place), where=place)
+        values |= geometry_from(table, where=place) if table_name == "geometry" else _numbers(table, names, where=place)
     sticks = get_table(content, "sticks", where=where)
     check_keys(sticks, ("zero_deg",), where=f"{where}, [sticks]")
     values |= _numbers(sticks, tuple(sticks), where=f"{where}, [sticks]")
     uncertainty = _uncertainty(content, values, where=f"{where}, [uncertainty]")
     own = get_table(content, "spring_b", where=where)
     if own:
-        own_values, own_uncertainty = _spring_b(own, where=f"{where}, [spring_b]")
+        own_values, own_uncertainty = _spring_b(own, values, where=f"{where}, [spring_b]")
         values |= {SPRING_B + name: value for name, value in own_values.items()}
         uncertainty |= {SPRING_B + name: sigma for name, sigma in own_uncertainty.items()}
     return ActuatorSpec(values=values, uncertainty=uncertainty, source=where)
@@ -226,39 +226,47 @@ def _numbers(table: Mapping[str, Any], names: Iterable[str], *, where: str) -> d
     return {name: KEYS[name].number(table, name, where=where) for name in names}
 
 
-def _spring_b(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, float], dict[str, float]]:
+def _spring_b(
+    table: Mapping[str, Any], common_values: Mapping[str, float], *, where: str
+) -> tuple[dict[str, float], dict[str, float]]:
     """Return the values and uncertainties for spring B alone: any keys of geometry and material."""
     check_keys(table, (*_OF_SPRINGS, "uncertainty"), where=where)
     given = {name: value for name, value in table.items() if name != "uncertainty"}
-    if LENGTH_KEYS & given.keys():
-        _wanted("geometry", given, _OF_SPRINGS, where=where)
+    whole = values_of_b({**common_values, **{SPRING_B + name: value for name, value in given.items()}})
+    geometry_from(whole, where=where)
     values = _numbers(given, given, where=where)
     return values, _uncertainty(table, values, where=f"{where}, [spring_b.uncertainty]")
 
 
-def _wanted(table_name: str, table: Mapping[str, Any], names: tuple[str, ...], *, where: str) -> tuple[str, ...]:
-    """Return the keys to read: the wire's length, or the number of coils and their mean diameter."""
-    if table_name != "geometry":
-        return names
-    if "wire_length_mm" in table:
-        for name in ("mean_diameter_mm", "active_coils"):
-            if name in table:
-                raise ConfigError(
-                    f"'wire_length_mm' and '{name}' both determine the length of the wire",
-                    where=where,
-                    limit="wire_length_mm, or mean_diameter_mm with active_coils",
-                    do="remove one of them",
-                )
-        return ("wire_diameter_mm", "wire_length_mm")
-    if "mean_diameter_mm" not in table and "active_coils" not in table:
+def geometry_from(table: Mapping[str, Any], *, where: str) -> dict[str, float]:
+    """Return a wire's diameter with its length, or with the number of coils and their mean diameter."""
+    length = ("wire_length_mm",)
+    coils = ("mean_diameter_mm", "active_coils")
+    given = [name for name in coils if name in table]
+    if given and "wire_length_mm" in table:
+        raise ConfigError(
+            f"'wire_length_mm' and '{given[0]}' both determine the length of the wire",
+            where=where,
+            limit="wire_length_mm, or mean_diameter_mm with active_coils",
+            do="remove one of them",
+        )
+    if not given and "wire_length_mm" not in table:
         raise ConfigError(
             "has no key 'wire_length_mm'", where=where, do="add it, or mean_diameter_mm with active_coils"
         )
-    return ("wire_diameter_mm", "mean_diameter_mm", "active_coils")
+    return _numbers(table, ("wire_diameter_mm", *(coils if given else length)), where=where)
 
 
 def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, where: str) -> dict[str, float]:
     table = get_table(content, "uncertainty", where=where)
+    for name in table:
+        if name in KEYS and name not in values:
+            raise ConfigError(
+                f"'{name}' has a standard deviation and no value",
+                where=where,
+                limit=", ".join(values) or "none",
+                do=f"give the value beside it, too, or remove '{name}'",
+            )
     check_keys(table, tuple(values), where=where)
     sigmas = {name: _sigma(table, name, values, where=where) for name in table}
     return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}

@@ -115,9 +115,13 @@ def common(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def values_of_b(values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values of spring B: its own values where given, else the common ones."""
+    """Return the values of spring B: its own values where given, else the common ones.
+
+    A wire's length given in one of the two ways replaces the common one given in the other way.
+    """
     own = own_of_b(values)
-    replaced = LENGTH_KEYS if LENGTH_KEYS & own.keys() else frozenset()
+    coils = LENGTH_KEYS - {"wire_length_mm"}
+    replaced = coils if "wire_length_mm" in own else LENGTH_KEYS - coils if coils & own.keys() else frozenset()
     return {**{name: value for name, value in values.items() if name not in replaced}, **own}
 
 

@@ -38,7 +38,7 @@ class Experiment(Frozen):
     where its header does not.
 
     ``together`` are merged tables of earlier records of this rig that are explained together with this record; True:
-    together with the other experiments of a campaign that have this setting.
+    together with the other experiments of a campaign that have this setting. ``source`` is the file, for messages.
     """
 
     video: str | None
@@ -57,6 +57,7 @@ class Experiment(Frozen):
     angle: Path | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    source: str = field(default="the experiment", compare=False)
 
     def inputs(self) -> list[Path]:
         """Return every file that the experiment reads (films given as a glob are expanded)."""
@@ -209,6 +210,7 @@ def experiment_from(
         seed=get_whole(tables["discover"], "seed", where=places["discover"], default=0, lower=0, upper=2**53),
         together=_together(tables["discover"], files, where=places["discover"]),
         angle=angle,
+        source=where,
         **_log_columns(tables["temperature"], where=places["temperature"]),
     )
 

@@ -12,6 +12,7 @@ from torsight.cli.console import say
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.tracks import MARKERS
+from torsight.core.units import Floats
 
 if TYPE_CHECKING:
     from tracker.frames.source import Source
@@ -73,9 +74,10 @@ def _page(source: Source, out: Path, *, port: int, wait_s: float, no_open: bool)
 
 
 def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
-    from torsight.markers.picks import content_of, write_markers
+    from torsight.markers.beginning import name_tags
+    from torsight.markers.picks import write_markers
     from torsight.markers.preview import write_preview
-    from torsight.markers.session import find_markers, first_picture
+    from torsight.markers.session import NAMING_S, find_markers, first_picture
 
     first, index = first_picture(source)
     seen, named = find_markers(source, first)
@@ -91,7 +93,8 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
         "moving_known": named is not None,
     }  # fmt: skip
     found = named if named is not None or seen.sticks_px is None else seen.sticks_px.reshape(4, 2)
-    if found is None:
+    content = name_tags(source, seconds=NAMING_S) if found is None else _picked(found)
+    if content is None:
         lacking = NoResultError(
             f"the markers were not found: {seen.reason}",
             where=source.name,
@@ -99,8 +102,7 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
         )
         say(f"torsight: {lacking}")
         return Answer(result, files=(picture,), exit_code=lacking.exit_code)
-    content = content_of({"points": dict(zip(MARKERS, found.tolist(), strict=True))}, {})
-    if named is None:
+    if found is not None and named is None:
         say("which stick moves is not seen in the first seconds: check whether base and moving are right")
     for key, value in content.items():
         say(f"{key} = {value!r}".replace("'", '"'))
@@ -109,3 +111,9 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
     write_markers(out, content, film=name, size_px=(first.shape[1], first.shape[0]))
     say(f"wrote {out}")
     return Answer({**result, **content}, files=(picture, out))
+
+
+def _picked(found: Floats) -> dict[str, Any]:
+    from torsight.markers.picks import content_of
+
+    return content_of({"points": dict(zip(MARKERS, found.tolist(), strict=True))}, {})

@@ -170,14 +170,19 @@ def _check(experiment: Experiment) -> None:
     from tracker.detect.marker_file import read_markers
 
     read_temperature_log(experiment.temperature, columns=experiment.columns, units=experiment.units)
-    read_settings(experiment.sync)
+    try:
+        read_settings(experiment.sync)
+        if experiment.markers_file is not None or experiment.markers:
+            read_markers(experiment.markers_file or experiment.markers)
+    except ConfigError as error:
+        if error.where is not None and error.where.startswith("["):
+            error.where = f"{experiment.source}, {error.where}"
+        raise
     read_actuator(experiment.actuator)
     if experiment.angle is not None:
         read_angles(experiment.angle)
     if experiment.camera is not None:
         read_camera(experiment.camera)
-    if experiment.markers_file is not None or experiment.markers:
-        read_markers(experiment.markers_file or experiment.markers)
 
 
 def _stages(

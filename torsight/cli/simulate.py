@@ -50,18 +50,20 @@ def simulate(
 def write_angles_of(
     out: Path, log: TemperatureLog, simulation: Simulation, *, angle_rad: Floats, sigma_rad: Floats | None = None
 ) -> Answer:
-    """Write the angles at a log's instants, NaN as empty fields; return the number of rows, the range and the file."""
-    write_table(
-        out,
-        {
-            "time_s": log.time_s,
-            "angle_deg": angle_rad / DEG,
-            **({} if sigma_rad is None else {"angle_sigma_deg": sigma_rad / DEG}),
-            "xi_a": simulation.xi_a,
-            "xi_b": simulation.xi_b,
-            "friction_mnm": simulation.friction_nm / MNM,
-        },
-    )
+    """Write the angles at a log's instants, NaN as empty fields, and the log's further columns.
+
+    Returns the number of rows, the range and the file.
+    """
+    columns = {
+        "time_s": log.time_s,
+        "angle_deg": angle_rad / DEG,
+        **({} if sigma_rad is None else {"angle_sigma_deg": sigma_rad / DEG}),
+        "xi_a": simulation.xi_a,
+        "xi_b": simulation.xi_b,
+        "friction_mnm": simulation.friction_nm / MNM,
+    }
+    # A merged table is a log, too: its angle is not the model's.
+    write_table(out, {**columns, **{name: kept for name, kept in log.extra.items() if name not in columns}})
     known_deg = angle_rad[np.isfinite(angle_rad)] / DEG
     extremes = {"angle_min_deg": known_deg.min(), "angle_max_deg": known_deg.max()} if len(known_deg) else {}
     if sigma_rad is not None and np.isfinite(sigma_rad).any():

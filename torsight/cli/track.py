@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
+import numpy as np
 import typer
 
 from torsight.cli.answer import Answer
@@ -18,7 +19,7 @@ from torsight.core.files.storage import read_json, write_json, write_table
 from torsight.core.files.tables import write_angles
 from torsight.core.optics.camera import Camera, read_camera, require_second, require_size
 from torsight.core.progress import Progress, silent
-from torsight.core.tracks import StickAngles, marker_columns
+from torsight.core.tracks import MarkerTracks, StickAngles, marker_columns
 
 if TYPE_CHECKING:
     from tracker.detect.marker_file import MarkerHints
@@ -54,8 +55,8 @@ def track(
 ) -> Answer:
     """Follow the markers through a film: every frame's angle.
 
-    Ends with exit code 4 where less than half of the frames have an angle, or where nothing shows which dots are the
-    markers; the files are still written.
+    Ends with exit code 4 where less than half of the frames have an angle, where no markers are found, or where nothing
+    shows which dots they are; the files are still written.
 
     Example: torsight track film.mp4 --out out
     """
@@ -101,7 +102,6 @@ def track_to_folder(
     from tracker.detect.marker_file import in_second_film, read_markers
     from tracker.quality.account import account
     from tracker.quality.track_warnings import doubts, doubts_of_length, doubts_of_tilt
-    from tracker.track import track_film
 
     inputs = [Path(video), None if right is None else Path(right), camera, timestamps]
     require_apart([out / name for name in FILES], inputs)
@@ -119,12 +119,12 @@ def track_to_folder(
     with only_writer(out):
         keep_pictures(source)
         kept = [out / ".track", out / ".track-right"]
-        result = _tracked(source, hints, out=out, resume=resume, progress=progress)
+        result = _tracked(source, hints, kept=kept[0], left=source, resume=resume, progress=progress)
         other = None
         if second is not None and lens is not None:
             from tracker.angle.stereo import orient_pair
 
-            other = track_film(second, markers=right_hints, out=kept[1], resume=resume, progress=progress)
+            other = _tracked(second, right_hints, kept=kept[1], left=source, resume=resume, progress=progress)
             known_mm = {} if hints is None else hints.length_mm
             orientation = orient_pair(result.tracks, other.tracks, lens, known_mm=known_mm)
         else:
@@ -141,28 +141,33 @@ def track_to_folder(
         write_json(out / "track.json", content)
         for film, doubt in doubtful:
             say(f"warning: {film}: {doubt}")
-        unsure, few = unsure_markers(content, where=str(video)), few_angles(content, where=str(video))
-        for lacking in (unsure, few):
-            if lacking is not None:
-                say(f"{'torsight' if is_no_result(content) else 'warning'}: {lacking}")
+        lacking = unsure_markers(content, where=str(video)) or few_angles(content, where=str(video))
+        if lacking is not None:
+            say(f"{'torsight' if is_no_result(content) else 'warning'}: {lacking}")
         write_track_picture(out / TRACK_PICTURE, source, result, orientation.angles)
         for folder in kept:
             drop(folder)
     return orientation.angles
 
 
-def _tracked(source: Source, hints: MarkerHints | None, *, out: Path, resume: bool, progress: Progress) -> TrackResult:
-    """Follow the markers; where that fails, write a picture of all candidates with the reasons for rejecting them."""
+def _tracked(
+    source: Source, hints: MarkerHints | None, *, kept: Path, left: Source, resume: bool, progress: Progress
+) -> TrackResult:
+    """Follow the markers; where that fails, write tables without an angle, and a picture of all candidates.
+
+    The picture gives the reasons for rejecting them. ``kept`` is the folder of the checkpoints, among the outputs;
+    ``left`` is the film whose frames the tables list.
+    """
     from tracker.track import track_film
 
     try:
-        return track_film(source, markers=hints, out=out / ".track", resume=resume, progress=progress)
+        return track_film(source, markers=hints, out=kept, resume=resume, progress=progress)
     except NoResultError as error:
         from torsight.markers.preview import write_preview
         from tracker.detect.candidates import look
         from tracker.detect.given_positions import first_frame
 
-        frame = first_frame(source)
+        out, frame = kept.parent, first_frame(source)
         if frame.luma is not None:
             write_preview(
                 out / TRACK_PICTURE,
@@ -172,6 +177,7 @@ def _tracked(source: Source, hints: MarkerHints | None, *, out: Path, resume: bo
                 message=str(error),
                 given_px=None if hints is None or "tag" in hints.kinds else hints.position_px,
             )
+        _write_nothing(out, left, str(error))
         do = f"{error.do}; {out / TRACK_PICTURE} shows what was considered in the first frame"
         raise NoResultError(error.what, where=error.where, value=error.value, limit=error.limit, do=do) from error
 
@@ -185,7 +191,22 @@ def _sources(
     source = open_source(video, fps=fps, timestamps=timestamps)
     second = None if right is None else open_source(right, fps=fps, timestamps=timestamps)
     if lens is not None:
-        require_size(lens.intrinsics, source.size_px, where="the film" if right is None else "the left film")
+        require_size(lens, source.size_px, film="the film" if right is None else "the left film")
     if second is not None and lens is not None and lens.right is not None:
-        require_size(lens.right.intrinsics, second.size_px, where="the right film", table="right.intrinsics")
+        require_size(lens, second.size_px, film="the right film", right=lens.right)
     return source, second
+
+
+def _write_nothing(out: Path, source: Source, why: str) -> None:
+    """Write the tables of a film without markers, in place of those of an earlier film: every frame, no angle."""
+    from tracker.frames.sample import read_timestamps
+
+    time_s = read_timestamps(source).time_s
+    count = len(time_s)
+    frame, unknown, unseen = np.arange(count), np.full(count, np.nan), np.zeros((count, 4), np.bool_)
+    position, covariance = np.full((count, 4, 2), np.nan), np.full((count, 4, 2, 2), np.nan)
+    tracks = MarkerTracks(frame, time_s, position, covariance, unseen, source.size_px)
+    write_table(out / "markers.csv", marker_columns(tracks))
+    write_angles(out / "angle.csv", StickAngles(frame, time_s, unknown, unknown, unseen[:, 0], ~unseen[:, 0]))
+    frames = {"total": count, "with_angle": 0, "without_angle": count}
+    write_json(out / "track.json", {"source": source.describe(), "frames": frames, "advice": [why], "events": []})

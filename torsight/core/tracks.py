@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
@@ -109,6 +111,8 @@ class StickAngles(Shown):
         Whether the angle is known in this frame.
     branch_certain : (n,) bool
         False after a gap over which the motion on both sides does not determine the whole turn.
+    extra : mapping of str to (n,) array
+        Further columns of a table that was read, kept under their own names.
     """
 
     frame: Ints
@@ -117,6 +121,7 @@ class StickAngles(Shown):
     sigma_rad: Floats
     valid: Flags
     branch_certain: Flags
+    extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -176,4 +181,5 @@ def angle_columns(angles: StickAngles) -> dict[str, Any]:
         "angle_sigma_deg": angles.sigma_rad / DEG,
         "valid": angles.valid,
         "branch_certain": angles.branch_certain,
+        **angles.extra,
     }

@@ -161,6 +161,20 @@ def name_sticks(source: FrameSource, sticks_px: Floats, *, seconds: float) -> Fl
     return None if moving is None else np.array([*one, *two] if moving else [*two, *one])
 
 
+def name_tags(source: FrameSource, *, seconds: float) -> dict[str, Any] | None:
+    """Return the content of the marker file of a film whose tags are found automatically.
+
+    None where they are not, or where neither moves in the first ``seconds`` of the film.
+    """
+    from tracker.track import track_film
+
+    try:
+        found = track_film(Beginning(source, seconds=seconds)).report["markers"]
+    except TorsightError:
+        return None
+    return {key: found[key] for key in ("kind", "family", "base_id", "moving_id")} if found["kind"] == "tag" else None
+
+
 def _turned_deg(tracks: MarkerTracks) -> float:
     """Return the range of the moving stick's angle, degrees; NaN where the stick is not seen."""
     offset = (tracks.position_px[:, 3] - tracks.position_px[:, 2])[tracks.valid[:, 2:].all(axis=1)]

@@ -123,12 +123,10 @@ def write_markers(path: Path, content: Mapping[str, Any], *, film: str, size_px:
     """Write ``markers.toml``."""
     import tomli_w
 
-    head = (
-        f"# Markers in the first frame of {' '.join(film.split())} ({size_px[0]} × {size_px[1]} px): x to the right, "
-        "y down, inner marker first.\n"
-    )
+    head = f"# Markers in the first frame of {' '.join(film.split())} ({size_px[0]} × {size_px[1]} px)"
+    head += ": x to the right, y down, inner marker first.\n" if STICKS[0] in content else ".\n"
     # One line per stick, as in the documentation; the library would write one line per number.
-    sticks = "".join(f"{stick} = {json.dumps(content[stick])}\n" for stick in STICKS)
+    sticks = "".join(f"{stick} = {json.dumps(content[stick])}\n" for stick in STICKS if stick in content)
     write_text(path, head + sticks + tomli_w.dumps({key: content[key] for key in content if key not in STICKS}))
 
 

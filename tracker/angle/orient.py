@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from torsight.core.errors import ConfigError, NoResultError
+from torsight.core.errors import NoResultError
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
 from torsight.core.optics.geometry import carried, on_plane, rotation_matrix
@@ -41,13 +41,12 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     Raises
     ------
     ConfigError
-        When the camera file is for another picture size, or its axis points away from the camera.
+        When the camera file is for another picture size.
     """
     if camera is None:
         return _without_camera(unmoved(tracks, pixel_aspect=pixel_aspect), Readout.of(tracks), pixel_aspect)
-    require_size(camera.intrinsics, tracks.size_px, where="the film")
+    require_size(camera, tracks.size_px, film="the film")
     if camera.pose is not None:
-        _check_pose(camera.pose)
         readout = Readout.of(tracks)
         tracks = unmoved(tracks, camera.intrinsics).tracks
         plane, position_mm = in_planes(tracks, camera.intrinsics, camera.pose)
@@ -203,19 +202,6 @@ def _variance(flat: list[Points], tilt: Tilt, readout: Readout) -> Floats:
 
     # Interpolated over frames in which one of the moving markers is hidden.
     return bridged(variance_by(angle, tilt.values, tilt.covariance))
-
-
-def _check_pose(pose: Pose) -> None:
-    rotation = rotation_matrix(pose.rvec)
-    centre = -rotation.T @ pose.tvec_mm
-    if centre[2] <= max(pose.base_z_mm, pose.moving_z_mm):
-        raise ConfigError(
-            "the world's z axis points away from the camera",
-            where="the camera file, [pose]",
-            value=f"the camera is at z = {centre[2]:.1f} mm",
-            limit=f"above the sticks' planes, at {max(pose.base_z_mm, pose.moving_z_mm):g} mm",
-            do="turn the board's axes over: z is the rotation axis, towards the camera",
-        )
 
 
 def _tilt_deg(pose: Pose) -> float:

@@ -99,9 +99,9 @@ def films_of(left: MarkerTracks, right: MarkerTracks, camera: Camera) -> list[Fi
 
     Raises ConfigError when the camera file has no second camera, or is for another picture size.
     """
-    second = require_second(camera, where="the camera file")
-    require_size(camera.intrinsics, left.size_px, where="the left film")
-    require_size(second.intrinsics, right.size_px, where="the right film", table="right.intrinsics")
+    second = require_second(camera, where=camera.source)
+    require_size(camera, left.size_px, film="the left film")
+    require_size(camera, right.size_px, film="the right film", right=second)
     other = _matching(left, right)
     there = other >= 0
     films = []

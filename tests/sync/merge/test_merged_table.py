@@ -1,5 +1,7 @@
 """Temperatures at the film's instants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,15 @@ def test_angle_and_sigma_are_carried_and_switches_hold():
     np.testing.assert_array_equal(table.angle_sigma_rad, angles.sigma_rad)
     np.testing.assert_array_equal(table.heat_a, (angles.time_s >= 5.0) & (angles.time_s < 9.0))
     np.testing.assert_array_equal(np.isnan(table.extra["current_a_a"]), angles.time_s > 19.0)
+
+
+def test_further_columns_of_the_angles_stay_at_their_frames():
+    film_s, log_s = np.r_[np.arange(0.0, 30.0), np.arange(33.0, 40.0)], np.arange(0.0, 50.0)
+    angles = replace(angles_at(film_s), extra={"light_v": film_s, "temp_a_c": film_s})
+    table = merge(angles, TemperatureLog(log_s, 20.0 + log_s, log_s), exact())
+    np.testing.assert_array_equal(table.extra["light_v"], np.where(np.isin(table.time_s, film_s), table.time_s, np.nan))
+    np.testing.assert_array_equal(table.temp_a_c, 20.0 + table.time_s)
+    assert set(table.extra) == {"light_v"}
 
 
 def test_no_overlap_is_told():

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from tests.tracker.films import Rig
-from torsight.core.errors import ConfigError
 from torsight.core.optics.camera import Camera, read_camera
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.orient import orient
@@ -183,14 +182,6 @@ def test_pixels_that_are_not_square() -> None:
     tracks = tracks_of(rig)
     squeezed = replace(tracks, position_px=tracks.position_px * [0.5, 1.0], size_px=(320, 480))
     check(rig, orient(squeezed, None, pixel_aspect=2.0).angles, factor=2.0)
-
-
-def test_an_axis_that_points_away_is_refused(tmp_path: Path) -> None:
-    camera = camera_of(TILTED, tmp_path)
-    assert camera.pose is not None
-    away = replace(camera, pose=replace(camera.pose, rvec=np.zeros(3)))
-    with pytest.raises(ConfigError, match="points away"):
-        orient(tracks_of(TILTED), away)
 
 
 @pytest.mark.parametrize("seed", range(4))

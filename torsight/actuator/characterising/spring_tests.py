@@ -38,7 +38,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.actuator.spec import KEYS, keys_of
+from torsight.actuator.spec import KEYS, geometry_from, keys_of
 from torsight.actuator.springs import strain_per_angle, stress_per_torque, wire_length_mm
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.config import get_number, get_table, get_tables, get_text
@@ -50,7 +50,6 @@ from torsight.core.units import DEG, GPA, MM, Flags, Floats
 
 LARGE_RANGE_DEG: Final = (300.0, 400.0)
 """Part of the large range that the paper fits: such a log begins with the slope of E_M, and may end with stiffening."""
-_GEOMETRY: Final = keys_of("geometry")
 _MOST_ROWS: Final = 4000
 """Largest number of rows of a test that are fitted; denser logs are averaged, without loss for so smooth a curve."""
 _LEAST_PRE_DEFORMATION_DEG: Final = 5.0
@@ -144,18 +143,8 @@ def read_tests(path: AnyPath) -> SpringTests:
     where = str(path)
     check_keys(content, ("spring", "free_recovery", "force_angle", "block", "assembly", "friction"), where=where)
     spring = get_table(content, "spring", where=where, required=True)
-    check_keys(spring, (*_GEOMETRY, "lever_mm"), where=f"{where}, [spring]")
-    geometry = {
-        name: KEYS[name].number(spring, name, where=f"{where}, [spring]") for name in _GEOMETRY if name in spring
-    }
-    if "wire_diameter_mm" not in geometry or not (
-        {"wire_length_mm"} <= set(geometry) or {"mean_diameter_mm", "active_coils"} <= set(geometry)
-    ):
-        raise ConfigError(
-            "lacks the spring's geometry",
-            where=f"{where}, [spring]",
-            limit="wire_diameter_mm, and wire_length_mm or mean_diameter_mm with active_coils",
-        )
+    check_keys(spring, (*keys_of("geometry"), "lever_mm"), where=f"{where}, [spring]")
+    geometry = geometry_from(spring, where=f"{where}, [spring]")
     block = get_table(content, "block", where=where, required=True)
     others = {}
     for name, key in (("assembly", "theta_p_deg"), ("friction", "tau_c_mnm")):

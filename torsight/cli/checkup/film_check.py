@@ -52,7 +52,7 @@ def check_film(
     try:
         source = open_source(video, fps=fps, timestamps=timestamps)
         if camera is not None:
-            require_size(camera.intrinsics, source.size_px, where="the film")
+            require_size(camera, source.size_px, film="the film")
         taken = read_timestamps(source, progress=progress)
         check.content |= source.describe()
         tick_s = check.content.get("tick_s", 0.0)

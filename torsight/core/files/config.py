@@ -40,9 +40,8 @@ def get_number(
     if not is_number(value):
         raise ConfigError(f"'{key}' is not a number", where=where, value=repr(value), limit="a finite number", do=hint)
     if not lower <= value <= upper:
-        raise ConfigError(
-            f"'{key}' is out of range", where=where, value=f"{value:g}", limit=f"{lower:g} to {upper:g}", do=hint
-        )
+        limit = f"{lower:g} or more" if upper == math.inf else f"{lower:g} to {upper:g}"
+        raise ConfigError(f"'{key}' is out of range", where=where, value=f"{value:g}", limit=limit, do=hint)
     return float(value)
 
 

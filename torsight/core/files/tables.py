@@ -51,11 +51,15 @@ def frame_numbers(table: pd.DataFrame, *, path: Path) -> Ints:
 def switch_column(table: pd.DataFrame, name: str, *, where: str, lines: Sequence[int] | None = None) -> Flags | None:
     """Return a column of zeros and ones as flags; None where the table has no such column.
 
-    Raises InputError when a field is no number.
+    An empty field counts as 0. Raises InputError when a field is neither 0 nor 1.
     """
     if name not in table.columns:
         return None
-    return number_column(table, name, where=where, lines=lines).to_numpy(np.float64) > 0.5
+    numbers = np.asarray(number_column(table, name, where=where, lines=lines), dtype=np.float64)
+    wrong = ~(np.isnan(numbers) | np.isin(numbers, (0.0, 1.0)))
+    for row, place in first_row(wrong, where=where, column=name, lines=lines):
+        raise InputError("is no switch", where=place, value=f"{numbers[row]:g}", limit="0 or 1", do="mend that row")
+    return np.equal(numbers, 1.0)
 
 
 def switches_and_extra(
@@ -68,12 +72,12 @@ def switches_and_extra(
 
 
 def read_angles(path: AnyPath) -> StickAngles:
-    """Read ``angle.csv``.
+    """Read ``angle.csv``; unknown columns are kept in ``extra``.
 
     Raises
     ------
     InputError
-        When a column is missing, or frames or times do not increase.
+        When a column is missing, frames or times do not increase, or a standard deviation is negative.
     """
     path = Path(path)
     table = read_table(path, required=_ANGLE)
@@ -81,14 +85,15 @@ def read_angles(path: AnyPath) -> StickAngles:
     certain = switch_column(table, "branch_certain", where=str(path))
     time_s = table["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
-    angle_rad = _angle_rad(table, path=path)
+    angle_rad, sigma_rad = _angle_rad(table, path=path)
     return StickAngles(
         frame=frame_numbers(table, path=path),
         time_s=time_s,
         angle_rad=np.where(valid, angle_rad, np.nan),
-        sigma_rad=np.where(valid, table["angle_sigma_deg"].to_numpy(np.float64) * DEG, np.nan),
+        sigma_rad=np.where(valid, sigma_rad, np.nan),
         valid=valid & np.isfinite(angle_rad),
         branch_certain=np.ones(len(valid), bool) if certain is None else certain,
+        extra={str(name): table[name].to_numpy() for name in table.columns if name not in (*_ANGLE, "branch_certain")},
     )
 
 
@@ -114,9 +119,17 @@ def require_increasing(
     require_timestamps(time_s, where=f"{path}, column {column}")
 
 
-def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:
-    """Return a table's angles, rad; implausibly large ones are refused."""
-    angle_deg = table["angle_deg"].to_numpy(np.float64)
+def _angle_rad(table: pd.DataFrame, *, path: Path) -> tuple[Floats, Floats]:
+    """Return a table's angles and their standard deviations, rad; impossible ones are refused."""
+    angle_deg, sigma_deg = (table[name].to_numpy(np.float64) for name in ("angle_deg", "angle_sigma_deg"))
+    for row, place in first_row(sigma_deg < 0.0, where=path, column="angle_sigma_deg"):
+        raise InputError(
+            "is no standard deviation",
+            where=place,
+            value=f"{sigma_deg[row]:g}",
+            limit="0° or more, or an empty field",
+            do="mend that row",
+        )
     for row, place in first_row(np.abs(angle_deg) > MOST_TURNED_DEG, where=path, column="angle_deg"):
         raise InputError(
             "is no angle of a stick",
@@ -125,7 +138,7 @@ def _angle_rad(table: pd.DataFrame, *, path: Path) -> Floats:
             limit=f"{MOST_TURNED_DEG:g}°, either sign",
             do="track the film again",
         )
-    return np.asarray(angle_deg * DEG)
+    return angle_deg * DEG, sigma_deg * DEG
 
 
 def marker_values(table: pd.DataFrame, *parts: str, names: Sequence[str] = MARKERS) -> Floats:
@@ -154,12 +167,12 @@ def read_merged(path: AnyPath) -> SyncedTable:
     frame = read_table(path, required=_MERGED)
     time_s = frame["time_s"].to_numpy(np.float64)
     require_increasing(time_s, path=path)
-    angle_rad = _angle_rad(frame, path=path)
+    angle_rad, sigma_rad = _angle_rad(frame, path=path)
     require_units(time_s, {name: frame[name].to_numpy(np.float64) for name in _MERGED[3:]}, where=str(path))
     return SyncedTable(
         time_s=time_s,
         angle_rad=angle_rad,
-        angle_sigma_rad=frame["angle_sigma_deg"].to_numpy(np.float64) * DEG,
+        angle_sigma_rad=sigma_rad,
         temp_a_c=frame["temp_a_c"].to_numpy(np.float64),
         temp_b_c=frame["temp_b_c"].to_numpy(np.float64),
         **switches_and_extra(frame, known=_MERGED, where=str(path)),

@@ -14,6 +14,7 @@ from torsight.core.files.config import get_number, get_numbers, get_table, get_w
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
+from torsight.core.optics.geometry import rotation_matrix
 from torsight.core.units import Floats
 
 _INTRINSICS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
@@ -69,13 +70,30 @@ class RightCamera:
 class Camera(Frozen):
     """One calibrated camera, with the pose of the axis (mono) or a second camera (stereo).
 
-    ``extra`` keeps the calibration's description (board, pictures, errors) as in the file.
+    ``extra`` keeps the calibration's description (board, pictures, errors) as in the file, ``source`` is its path, for
+    messages.
     """
 
     intrinsics: Intrinsics
     pose: Pose | None = None
     right: RightCamera | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+    source: str = "the camera file"
+
+    def __post_init__(self) -> None:
+        Frozen.__post_init__(self)
+        if self.pose is None:
+            return
+        height_mm = float(-(rotation_matrix(self.pose.rvec).T @ self.pose.tvec_mm)[2])
+        highest_mm = max(self.pose.base_z_mm, self.pose.moving_z_mm)
+        if height_mm <= highest_mm:
+            raise ConfigError(
+                "the camera is not in front of the sticks",
+                where=f"{self.source}, [pose], [planes]",
+                value=f"the camera at z = {height_mm:.1f} mm",
+                limit=f"beyond the sticks' planes, at {highest_mm:g} mm",
+                do="z is the rotation axis, towards the camera: turn the board's axes over, or correct the planes",
+            )
 
     def __repr__(self) -> str:
         width, height = self.intrinsics.size_px
@@ -121,7 +139,7 @@ def read_camera(path: AnyPath) -> Camera:
             ),
             **_place(motion, where=f"{path}, [right.from_left]"),
         )
-    return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}))
+    return Camera(intrinsics=intrinsics, pose=pose, right=right, extra=content.get("calibration", {}), source=str(path))
 
 
 def _place(table: Mapping[str, Any], *, where: str) -> dict[str, Floats]:
@@ -143,11 +161,12 @@ def require_second(camera: Camera | None, *, where: str) -> RightCamera:
     return camera.right
 
 
-def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str, table: str = "intrinsics") -> None:
+def require_size(camera: Camera, size_px: tuple[int, int], *, film: str, right: RightCamera | None = None) -> None:
     """Refuse a camera file for another picture size; the message names swapped width and height, or a scaling.
 
-    ``where`` is the film or picture that the camera is used for, ``table`` the table of the file with the intrinsics.
+    ``film`` is the film or picture that the camera, or the ``right`` one of a pair, is used for.
     """
+    intrinsics, table = (camera.intrinsics, "intrinsics") if right is None else (right.intrinsics, "right.intrinsics")
     if size_px == intrinsics.size_px:
         return
     width, height = intrinsics.size_px
@@ -157,10 +176,10 @@ def require_size(intrinsics: Intrinsics, size_px: tuple[int, int], *, where: str
     elif size_px[0] * height == size_px[1] * width:
         do = "the picture was scaled or filmed in another mode: film as in the calibration, or " + do
     raise ConfigError(
-        "the camera file is for another picture size",
-        where=f"[{table}] width, height",
+        "is for another picture size",
+        where=f"{camera.source}, [{table}] width, height",
         value=f"{width} × {height}",
-        limit=f"{size_px[0]} × {size_px[1]}, the size of {where}",
+        limit=f"{size_px[0]} × {size_px[1]}, the size of {film}",
         do=do,
     )
 

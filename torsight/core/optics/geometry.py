@@ -12,12 +12,14 @@ Every function takes arrays with any leading shape and propagates NaN.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
 from torsight.core.units import Floats
+
+if TYPE_CHECKING:
+    from torsight.core.optics.camera import Intrinsics, Pose, RightCamera
 
 _NEWTON_STEPS: Final = 30
 """Most Newton steps: lenses with k1 from −0.4 to 0.2 take 3 to 9; where the model folds over there is no ray."""

@@ -188,7 +188,7 @@ class Session:
             return
         size_px = (frame.luma.shape[1], frame.luma.shape[0])
         if size_px != self._size_px and self._camera is not None:
-            require_size(self._camera.intrinsics, size_px, where="the film")
+            require_size(self._camera, size_px, film="the film")
         self._size_px = size_px
 
     def _show(self, frame: Picture, seen: Seen) -> None:
