@@ -104,14 +104,8 @@ def read_temperature_log(
     extra: dict[str, NDArray[np.generic]] = {
         name: values for name, values in numbers.items() if name not in (*NEEDED_NAMES, *_SWITCHES)
     }
-    log = TemperatureLog(
-        time_s=time_s,
-        temp_a_c=temperatures["temp_a_c"],
-        temp_b_c=temperatures["temp_b_c"],
-        heat_a=switches.get("heat_a"),
-        heat_b=switches.get("heat_b"),
-        extra=extra | texts,
-    )
+    a_c, b_c = temperatures.values()
+    log = TemperatureLog(time_s, a_c, b_c, switches.get("heat_a"), switches.get("heat_b"), extra | texts)
     repairs += _gaps(time_s)
     coarse_s = usual_step(ordered.time_s) if any(repair.kind == "coarse_stamp" for repair in repairs) else 0.0
     return LogReading(

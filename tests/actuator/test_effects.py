@@ -14,9 +14,8 @@ from actuator_programmes import programme
 
 from torsight.actuator import fit_model
 from torsight.actuator.effects import always_fitted, chosen_effects, load_effects
-from torsight.actuator.effects.stiffening import extra_torque
 from torsight.actuator.model import ActuatorModel
-from torsight.actuator.ports import History
+from torsight.actuator.ports import REACH_RAD, History
 from torsight.actuator.quantities import OF_THE_ACTUATOR, with_title
 from torsight.actuator.spec import ActuatorSpec, reference_spec
 from torsight.core.errors import ConfigError
@@ -179,12 +178,8 @@ def test_own_parameters_come_back_from_another_integrator(name):
     if name == "stiffening":
         # Rise, onset and exponent can stand in for one another; the torque itself cannot.
         past_rad, made = np.radians([60.0, 100.0]), found.values
-        torque = extra_torque(
-            math.radians(640.0) + past_rad,
-            cubic_nm=made["stiffening_mnm_per_rad3"],
-            onset_rad=math.radians(made["stiffening_onset_deg"]),
-            exponent=made["stiffening_exponent"],
-        )
+        past = np.maximum(0.0, math.radians(640.0 - made["stiffening_onset_deg"]) + past_rad) / REACH_RAD
+        torque = made["stiffening_mnm_per_rad3"] * REACH_RAD**3 * past ** made["stiffening_exponent"]
         assert torque == pytest.approx(0.4 * (past_rad / RISE_RAD) ** 3, rel=0.25)
     tau = record(name).played.scene.values.public["tau_c_mnm"]
     assert found.values["tau_c_mnm"] == pytest.approx(tau, rel=0.05)

@@ -14,7 +14,7 @@ from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive, filled_in
 from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
-from torsight.actuator.model import ActuatorModel, PhaseLaw
+from torsight.actuator.model import ActuatorModel, PhaseLaw, too_far
 from torsight.actuator.ports import History
 from torsight.actuator.record.full_cycle import full_cycle
 from torsight.actuator.simulation import Prediction, Simulation
@@ -222,17 +222,7 @@ class FittedModel(Frozen, Shown):
             for turns, own_rad in known:
                 if abs(own_rad) < most_rad:
                     return turns
-        wound_deg = wound_rad / DEG
-        middles_deg = [360.0 * turns for turns in dict.fromkeys((0, self.turns))]
-        limits = [f"more than {number(m - wound_deg)}° and less than {number(m + wound_deg)}°" for m in middles_deg]
-        raise ConfigError(
-            "the start angle is further than the springs are wound",
-            where=f"{where}, first row",
-            value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°".replace("-", "−"),
-            limit=" or ".join(limits),
-            do="give the angle as read at the first row, without whole turns that were counted before it: degrees in a "
-            "command, radians in Python (were these degrees?)",
-        )
+        raise too_far(start_angle_rad, wound_rad / DEG, turns=dict.fromkeys((0, self.turns)), where=where)
 
 
 def fitted_model(

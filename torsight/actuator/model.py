@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
@@ -26,7 +26,7 @@ from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.series import extent
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.plausible import require_units
-from torsight.core.words.wording import counted
+from torsight.core.words.wording import counted, number
 
 PhaseLaw = Literal["liang_rogers", "tanaka"]
 _NO_HISTORY: Final = History()
@@ -161,13 +161,7 @@ class ActuatorModel:
         require_kind(log, TemperatureLog, where=f"prepare_log, {where}", do="read_log(path) gives one")
         reach_deg = self.spec.values["theta_p_deg"] / 2.0
         if not abs(start_angle_rad) < reach_deg * DEG:
-            raise ConfigError(
-                "the start angle is further than the springs are wound",
-                where=f"{where}, first row",
-                value=f"{start_angle_rad / DEG:g}°".replace("-", "−"),
-                limit=f"more than −{reach_deg:g}° and less than {reach_deg:g}°",
-                do="give the angle as read at the first row (radians in Python, degrees in files and commands)",
-            )
+            raise too_far(start_angle_rad, reach_deg, where=where)
         require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where=where)
         return prepare_log(log, start_angle_rad=start_angle_rad, where=where, readings=readings)
 
@@ -276,6 +270,19 @@ class ActuatorModel:
     def _run_options(self, drive: Drive) -> dict[str, Any]:
         tanaka = self.phase_law == "tanaka"
         return {"start_angle_rad": drive.start_angle_rad, "tanaka": tanaka, "theta_l_deg": self.theta_l_deg}
+
+
+def too_far(start_angle_rad: float, wound_deg: float, *, where: str, turns: Iterable[int] = (0,)) -> ConfigError:
+    """Return the error of a start beyond the springs' winding around each of some whole turns."""
+    middles = [(360.0 * one - wound_deg, 360.0 * one + wound_deg) for one in turns]
+    return ConfigError(
+        "the start angle is further than the springs are wound",
+        where=f"{where}, first row",
+        value=f"{start_angle_rad:g} rad = {start_angle_rad / DEG:g}°".replace("-", "−"),
+        limit=" or ".join(f"more than {number(low)}° and less than {number(high)}°" for low, high in middles),
+        do="give the angle as read at the first row, without whole turns that were counted before it: degrees in a "
+        "command, radians in Python (were these degrees?)",
+    )
 
 
 def _begins_within(drive: Drive, simulation: Simulation, rig: Rig) -> bool:

@@ -14,12 +14,7 @@ from typing import Final
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import PPM, Floats
-
-
-def temperature_time(time_s: Floats, *, offset_s: float, drift_ppm: float) -> Floats:
-    """Return the temperature log's time at film times, s."""
-    return time_s * (1.0 + drift_ppm * PPM) + offset_s
+from torsight.core.units import PPM
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -27,7 +22,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     offset_s, drift_ppm = values["clock_offset_s"], values["clock_drift_ppm"]
     if offset_s == 0.0 and drift_ppm == 0.0:
         return ports
-    return ports.at_log_times(temperature_time(ports.time_s, offset_s=offset_s, drift_ppm=drift_ppm))
+    return ports.at_log_times(ports.time_s * (1.0 + drift_ppm * PPM) + offset_s)
 
 
 EFFECT: Final = Effect(

@@ -16,27 +16,15 @@ import numpy as np
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import REACH_RAD, Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG, MNM, Floats
-
-
-def rubbing_torque(
-    theta_a_rad: Floats, *, theta_p_rad: float, slope_nm: float, onset_rad: float, exponent: float
-) -> Floats:
-    """Return k R Σ ((θ − θ_on)₊ / R)^p of both springs, N·m."""
-    past_a = np.maximum(0.0, theta_a_rad - onset_rad) / REACH_RAD
-    past_b = np.maximum(0.0, theta_p_rad - theta_a_rad - onset_rad) / REACH_RAD
-    return slope_nm * REACH_RAD * (past_a**exponent + past_b**exponent)
+from torsight.core.units import DEG, MNM
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Add the rubbing torque to the friction, the same for both directions."""
-    added = rubbing_torque(
-        ports.grid_rad(),
-        theta_p_rad=ports.rig.theta_p_rad,
-        slope_nm=values["coil_friction_mnm_per_rad"] * MNM,
-        onset_rad=values["coil_onset_deg"] * DEG,
-        exponent=values["coil_exponent"],
-    )
+    """Add k R Σ ((θ − θ_on)₊ / R)^p of both springs to the friction, the same for both directions."""
+    theta_a_rad, onset_rad, power = ports.grid_rad(), values["coil_onset_deg"] * DEG, values["coil_exponent"]
+    past_a = np.maximum(0.0, theta_a_rad - onset_rad) / REACH_RAD
+    past_b = np.maximum(0.0, ports.rig.theta_p_rad - theta_a_rad - onset_rad) / REACH_RAD
+    added = values["coil_friction_mnm_per_rad"] * MNM * REACH_RAD * (past_a**power + past_b**power)
     one = np.ones_like(added)
     return ports.with_friction(one, one, added)
 

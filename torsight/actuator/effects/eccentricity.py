@@ -26,17 +26,15 @@ _SYMBOLS: Final = (
 )
 
 
-def read_angle(phi_rad: Floats, *, once: tuple[float, float], twice: tuple[float, float]) -> Floats:
-    """Return the reading; ``once`` and ``twice`` are the errors' sine and cosine parts, rad."""
-    error = once[0] * np.sin(phi_rad) + once[1] * np.cos(phi_rad)
-    return phi_rad + error + twice[0] * np.sin(2.0 * phi_rad) + twice[1] * np.cos(2.0 * phi_rad)
-
-
 def apply(ports: Ports, values: Values) -> Ports:
     """Add the error to the camera's reading."""
-    parts = [values[name] * DEG for name in _NAMES]
-    once, twice = (parts[0], parts[1]), (parts[2], parts[3])
-    return ports.with_reading(lambda phi_rad, _time_s: read_angle(phi_rad, once=once, twice=twice))
+    sine, cosine, twice_sine, twice_cosine = (values[name] * DEG for name in _NAMES)
+
+    def read(phi_rad: Floats, _time_s: Floats) -> Floats:
+        error = sine * np.sin(phi_rad) + cosine * np.cos(phi_rad)
+        return phi_rad + error + twice_sine * np.sin(2.0 * phi_rad) + twice_cosine * np.cos(2.0 * phi_rad)
+
+    return ports.with_reading(read)
 
 
 EFFECT: Final = Effect(

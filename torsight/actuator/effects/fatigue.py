@@ -37,14 +37,9 @@ def settling(cycle: Ints, persistence: float) -> Floats:
     return count if persistence == 1.0 else np.asarray((1.0 - persistence**count) / (1.0 - persistence), np.float64)
 
 
-def recoverable_share(cycle: Ints, *, loss: float, persistence: float) -> Floats:
-    """Return (1 − r)^(1 + q + … + q^(n−1))."""
-    return np.asarray((1.0 - loss) ** settling(cycle, persistence), np.float64)
-
-
 def apply(ports: Ports, values: Values) -> Ports:
     """Scale the recoverable angle of every half-cycle, and subtract the plastic part of the loss."""
-    share = recoverable_share(ports.cycle, loss=values["fatigue_per_cycle"], persistence=values["fatigue_persistence"])
+    share = (1.0 - values["fatigue_per_cycle"]) ** settling(ports.cycle, values["fatigue_persistence"])
     plastic = values["fatigue_plastic_share"]
     whole_rad = ports.rig.recoverable_angle(_WOUND * ports.rig.theta_p_rad)
     return replace(

@@ -19,20 +19,13 @@ import numpy as np
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import Floats
-
-
-def passive_temperature(own_c: Floats, driven_c: Floats, *, leak: float) -> Floats:
-    """Return T_p, °C."""
-    return own_c + leak * (driven_c - own_c)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Let the passive spring transform at its own temperature."""
-    leak = values["heat_leak"]
-    is_a = ports.active == 0
-    temp_a_c = np.where(is_a, ports.temp_a_c, passive_temperature(ports.temp_a_c, ports.temp_b_c, leak=leak))
-    temp_b_c = np.where(is_a, passive_temperature(ports.temp_b_c, ports.temp_a_c, leak=leak), ports.temp_b_c)
+    a_c, b_c, is_a, leak = ports.temp_a_c, ports.temp_b_c, ports.active == 0, values["heat_leak"]
+    temp_a_c = np.where(is_a, a_c, a_c + leak * (b_c - a_c))
+    temp_b_c = np.where(is_a, b_c + leak * (a_c - b_c), b_c)
     return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, passive_share=values["passive_share"])
 
 

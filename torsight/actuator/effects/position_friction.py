@@ -18,26 +18,16 @@ import numpy as np
 from torsight.actuator.effects import Effect, Values, amplitude_and_phase
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import Floats
-
-
-def friction_factor(phi_rad: Floats, *, sine: float, cosine: float, third_harmonic: float = 0.0) -> Floats:
-    """Return 1 + a (sin ψ + h sin 3ψ) with a sin ψ = a_s sin φ + a_c cos φ, never below zero."""
-    wave = sine * np.sin(phi_rad) + cosine * np.cos(phi_rad)
-    square = sine**2 + cosine**2
-    if square > 0.0:
-        wave = wave * (1.0 + third_harmonic * (3.0 - 4.0 * wave**2 / square))
-    return np.maximum(0.0, 1.0 + wave)
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Multiply the friction by the wave, the same for both directions."""
-    factor = friction_factor(
-        ports.phi_grid_rad(),
-        sine=values["friction_sine"],
-        cosine=values["friction_cosine"],
-        third_harmonic=values["friction_third_harmonic"],
-    )
+    """Multiply the friction by 1 + a (sin ψ + h sin 3ψ), never below zero, the same for both directions."""
+    sine, cosine, phi_rad = values["friction_sine"], values["friction_cosine"], ports.phi_grid_rad()
+    wave = sine * np.sin(phi_rad) + cosine * np.cos(phi_rad)
+    square = sine**2 + cosine**2
+    if square > 0.0:
+        wave = wave * (1.0 + values["friction_third_harmonic"] * (3.0 - 4.0 * wave**2 / square))
+    factor = np.maximum(0.0, 1.0 + wave)
     return ports.with_friction(factor, factor)
 
 

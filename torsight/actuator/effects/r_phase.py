@@ -16,19 +16,15 @@ import numpy as np
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG, Floats
-
-
-def step_done(temp_c: Floats, *, start_c: float, width_c: float) -> Floats:
-    """Return the completed share of the step at wire temperatures, 0 to 1."""
-    return 0.5 * (1.0 - np.cos(np.pi * np.clip((temp_c - start_c) / width_c, 0.0, 1.0)))
+from torsight.core.units import DEG
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Add the step's torque to that of either spring."""
-    law = {"start_c": values["r_phase_start_c"], "width_c": values["r_phase_width_c"]}
+    start_c, width_c = values["r_phase_start_c"], values["r_phase_width_c"]
     whole_nm = ports.rig.k_martensite * values["r_phase_deg"] * DEG
-    side_a_nm, side_b_nm = (whole_nm * step_done(temp_c, **law) for temp_c in (ports.temp_a_c, ports.temp_b_c))
+    places = (np.clip((temp_c - start_c) / width_c, 0.0, 1.0) for temp_c in (ports.temp_a_c, ports.temp_b_c))
+    side_a_nm, side_b_nm = (whole_nm * (0.5 * (1.0 - np.cos(np.pi * place))) for place in places)
     return ports.changed(side_a_nm=side_a_nm, side_b_nm=side_b_nm)
 
 

@@ -14,20 +14,12 @@ from typing import Final
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import Floats
-
-
-def wire_temperature(temp_c: Floats, *, gain: float, room_c: float) -> Floats:
-    """Return T = T_room + (T_m − T_room) / g, °C."""
-    return room_c + (temp_c - room_c) / gain
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Undo the gain of both sensors."""
-    gain = values["contact_gain"]
-    return ports.with_temperatures(
-        lambda temp, rate: (wire_temperature(temp, gain=gain, room_c=ports.room_c), rate / gain)
-    )
+    gain, room_c = values["contact_gain"], ports.room_c
+    return ports.with_temperatures(lambda temp, rate: (room_c + (temp - room_c) / gain, rate / gain))
 
 
 EFFECT: Final = Effect(

@@ -21,22 +21,14 @@ from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM, Floats
 
 
-def extra_torque(
-    theta_rad: Floats, *, cubic_nm: float, onset_rad: float, exponent: float, steepest_nm: float = np.inf
-) -> Floats:
-    """Return k_3 R³ ((θ − θ_on)₊ / R)^p at rising angles, N·m, nowhere steeper than ``steepest_nm`` (N·m/rad)."""
-    law_nm = cubic_nm * REACH_RAD**3 * (np.maximum(0.0, theta_rad - onset_rad) / REACH_RAD) ** exponent
-    return no_steeper(law_nm, theta_rad, steepest_nm)
-
-
 def apply(ports: Ports, values: Values) -> Ports:
-    """Let both springs stiffen."""
+    """Let both springs stiffen: k_3 R³ ((θ − θ_on)₊ / R)^p at rising angles, with a limited slope."""
     share, theta_rad = values["stiffening_loading_share"], ports.grid_rad()
-    law = {"onset_rad": values["stiffening_onset_deg"] * DEG, "exponent": values["stiffening_exponent"]}
+    past = np.maximum(0.0, theta_rad - values["stiffening_onset_deg"] * DEG) / REACH_RAD
 
     def part_nm(of_it: float, steepest_nm: float) -> Floats:
         cubic_nm = of_it * values["stiffening_mnm_per_rad3"] * MNM
-        return extra_torque(theta_rad, cubic_nm=cubic_nm, **law, steepest_nm=steepest_nm)
+        return no_steeper(cubic_nm * REACH_RAD**3 * past ** values["stiffening_exponent"], theta_rad, steepest_nm)
 
     if share > 0.0:
         ports = ports.with_loading(part_nm(share, ports.steepest_bend_nm))

@@ -68,7 +68,7 @@ def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
 
     ``tau_c_mnm`` is the friction torque's start value, which scales all torques.
     """
-    found = []
+    found, shared = [], ("id", "port", "driver", "unit", "title", "spring", "time_like")
     for family in FAMILIES.values():
         nodes = family.nodes(drive)
         if nodes is None:
@@ -76,17 +76,11 @@ def laws_of(drive: Drive, tau_c_mnm: float) -> tuple[Law, ...]:
         scale = family.scale * tau_c_mnm if family.unit == "mN·m" else family.scale
         found.append(
             Law(
-                id=family.id,
-                port=family.port,
-                driver=family.driver,
-                unit=family.unit,
-                title=family.title,
+                **{name: getattr(family, name) for name in shared},
                 nodes=nodes.values,
                 covered=(nodes.low, nodes.high),
                 scale=scale,
                 kernels=family.kernels(nodes.values),
-                spring=family.spring,
-                time_like=family.time_like,
             )
         )
     return tuple(found)

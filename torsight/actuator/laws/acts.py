@@ -36,19 +36,23 @@ def friction_angle(ports: Ports, law: Curve) -> Ports:
     return ports.with_friction(factor, factor)
 
 
-def _friction_over(driver: Callable[[Ports], Floats]) -> Callable[[Ports, Curve], Ports]:
-    """Return the function that changes the friction over a driver (n,) by a share."""
+def _scaled(factor: str, driver: Callable[[Ports], Floats]) -> Callable[[Ports, Curve], Ports]:
+    """Return the function that changes a factor of the ports over a driver by a share."""
 
     def apply(ports: Ports, law: Curve) -> Ports:
-        return ports.changed(friction_scale=ports.friction_scale * np.maximum(0.0, 1.0 + law(driver(ports))))
+        return ports.changed(**{factor: getattr(ports, factor) * np.maximum(0.0, 1.0 + law(driver(ports)))})
 
     return apply
 
 
-friction_active = _friction_over(lambda ports: by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[0])
-friction_passive = _friction_over(lambda ports: by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[1])
-friction_temp_rate = _friction_over(lambda ports: by_role(ports.active, ports.rate_a_c_s, ports.rate_b_c_s)[0])
-friction_cycle = _friction_over(lambda ports: ports.half_cycle[ports.half].astype(np.float64))
+friction_active = _scaled("friction_scale", lambda ports: by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[0])
+friction_passive = _scaled("friction_scale", lambda ports: by_role(ports.active, ports.temp_a_c, ports.temp_b_c)[1])
+friction_temp_rate = _scaled(
+    "friction_scale", lambda ports: by_role(ports.active, ports.rate_a_c_s, ports.rate_b_c_s)[0]
+)
+friction_cycle = _scaled("friction_scale", lambda ports: ports.half_cycle[ports.half].astype(np.float64))
+theta_l_half = _scaled("theta_l_scale", lambda ports: ports.half_cycle.astype(np.float64))
+theta_l_cycle = _scaled("theta_l_scale", lambda ports: ports.cycle.astype(np.float64))
 
 
 def friction_speed(ports: Ports, law: Curve) -> Ports:
@@ -192,20 +196,6 @@ def _gentle(ports: Ports, torque_nm: Floats) -> Floats:
 def phase_lead(ports: Ports, law: Curve) -> Ports:
     """Let the transformation run ahead of the phase law on heating and on cooling, in windows."""
     return ports.with_lead(law(_STEPS), law(BRANCH + _STEPS))
-
-
-def theta_l_half(ports: Ports, law: Curve) -> Ports:
-    """Change the recoverable angle from half-cycle to half-cycle by a share."""
-    return _scaled_recoverable(ports, law(ports.half_cycle.astype(np.float64)))
-
-
-def theta_l_cycle(ports: Ports, law: Curve) -> Ports:
-    """Change the recoverable angle over either spring's own cycles by a share."""
-    return _scaled_recoverable(ports, law(ports.cycle.astype(np.float64)))
-
-
-def _scaled_recoverable(ports: Ports, share: Floats) -> Ports:
-    return ports.changed(theta_l_scale=ports.theta_l_scale * np.maximum(0.0, 1.0 + share))
 
 
 def differing(ports: Ports, law: Curve) -> Ports:

@@ -76,11 +76,9 @@ def read_log(
     require_units(time_s, called, where=str(path), time_name=spelled["time_s"])
     for note in table.notes:
         tell(note)
+    a_c, b_c = numbers.values()
     return TemperatureLog(
-        time_s=time_s,
-        temp_a_c=numbers["temp_a_c"],
-        temp_b_c=numbers["temp_b_c"],
-        **switches_and_extra(frame, known=NEEDED_NAMES, where=str(path), lines=lines),
+        time_s, a_c, b_c, **switches_and_extra(frame, known=NEEDED_NAMES, where=str(path), lines=lines)
     )
 
 

@@ -48,8 +48,6 @@ CSV_SUFFIXES: Final = (".csv", ".txt", ".tsv")
 PARQUET_SUFFIXES: Final = (".parquet", ".pq")
 DECIMAL_COMMA: Final = re.compile(r"(?<=\d),(?=\d)")
 """A comma between two digits, where a number is meant."""
-_FIRST_BYTES: Final = 16
-"""As many as the longest mark of :func:`binary_kind` needs."""
 _CSV_BLOCK: Final = 4096
 """Rows per block that is converted to text: lists are faster than single numbers, and memory stays small. Eight columns
 of 120,000 rows take a quarter of a second with 64 rows as with 65,536, which need 40 MB more."""
@@ -352,9 +350,9 @@ def read_table(path: Path, *, required: Sequence[str] = ()) -> pd.DataFrame:
         raise unreadable(path, error) from error
     except _damages_of(path) as error:
         first_line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        # A film may be larger than the memory.
+        # A film may be larger than the memory: one buffer of it is enough.
         with path.open("rb") as file:
-            kind = binary_kind(file.read(_FIRST_BYTES))
+            kind = binary_kind(file.peek())
         value, do = (None, _PLAIN_CSV) if kind is None else (kind.name, kind.source)
         if is_parquet(path):
             do = _WHOLE_PARQUET

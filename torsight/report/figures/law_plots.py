@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+from numpy.typing import NDArray
 
 from torsight.core.files.storage import write_bytes, write_table
 from torsight.core.parameter import REACH
@@ -21,7 +23,7 @@ _OWN_FILES: Final = re.compile(rf"law_({'|'.join(GIVES)})_[a-z0-9_]+\.(csv|png)"
 
 def law_figure(law: MeasuredLaw) -> Figure:
     """Draw one law as a curve with its 95 % interval; the range of the driver that the record covers is shaded."""
-    panel = law_panel(law)
+    panel = _panel(law)
     title = f"{capital(law.gives)} against {variable_name(law.driver)}"
     about = "" if law.spring == "both" else f" Spring {law.spring.upper()}."
     named = (
@@ -32,29 +34,36 @@ def law_figure(law: MeasuredLaw) -> Figure:
     return Figure(law.csv_name.removesuffix(".csv"), title, caption, (panel,), source=law.csv_name)
 
 
-def law_panel(law: MeasuredLaw, *, across: str = "") -> Panel:
-    """Return the plot of one law; ``across`` names its driver with the unit where the driver's id does not."""
-    x, half = law.driver_values, REACH * law.sigma
-    low, high = law.value - half, law.value + half
-    counts = law.driver == "spring"
-    unit = DRIVER_UNITS.get(law.driver)
-    across = across or variable_name(law.driver).removeprefix("the ") + (f" ({unit})" if unit else "")
+def _panel(law: MeasuredLaw) -> Panel:
+    across = with_unit(variable_name(law.driver).removeprefix("the "), DRIVER_UNITS.get(law.driver))
+    return law_panel(law.table(), across=across, gives=with_unit(law.gives, law.unit), counts=law.driver == "spring")
+
+
+def with_unit(words: str, unit: str | None) -> str:
+    """Return an axis' label: words, and the unit where there is one."""
+    return f"{words} ({unit})" if unit else words
+
+
+def law_panel(table: Mapping[str, NDArray[Any]], *, across: str, gives: str, counts: bool = False) -> Panel:
+    """Return the plot of a law's table over its driver; ``counts``: the driver is spring A or B."""
+    x, value, sigma, covered = table.values()
+    low, high = value - REACH * sigma, value + REACH * sigma
     panel = Panel(
         Axis.around(across, x, margin=0.3 if counts else 0.0),
-        Axis.around(law.gives + (f" ({law.unit})" if law.unit else ""), low, high),
+        Axis.around(gives, low, high),
         height=300.0,
         x_names=[(0.0, "A"), (1.0, "B")] if counts else None,
     )
-    for begin, end in [] if counts else runs(law.covered):
+    for begin, end in [] if counts else runs(covered > 0):
         panel.band(x[begin], x[end - 1], "covered", label="the record reached this")
     panel.rule(0.0, "zero", upright=False)
     if counts:
         for at, bottom, top in zip(x, low, high, strict=True):
             panel.line([at, at], [bottom, top], "after interval")
-        panel.points(x, law.value, "after", label="measured law, with its 95 % interval", radius=4.5)
+        panel.points(x, value, "after", label="measured law, with its 95 % interval", radius=4.5)
         return panel
     panel.ribbon(x, low, high, "after ribbon", label="95 %")
-    panel.line(x, law.value, "after", label="measured law")
+    panel.line(x, value, "after", label="measured law")
     return panel
 
 
@@ -64,7 +73,7 @@ def write_laws(folder: Path, laws: Iterable[MeasuredLaw]) -> None:
     for law in laws:
         picture = folder / law.csv_name.replace(".csv", ".png")
         write_table(folder / law.csv_name, law.table())
-        write_bytes(picture, png([law_panel(law)]))
+        write_bytes(picture, png([_panel(law)]))
         kept |= {law.csv_name, picture.name}
     for path in folder.glob("law_*"):
         if path.name not in kept and _OWN_FILES.fullmatch(path.name):

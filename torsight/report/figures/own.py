@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Any
 
@@ -12,12 +11,11 @@ from torsight.core.parameter import estimates_to_json
 from torsight.core.series import rms
 from torsight.core.units import Floats
 from torsight.core.words.wording import capital
-from torsight.discovery.measured_law import MeasuredLaw
 from torsight.discovery.own.answer.findings import Findings
 from torsight.discovery.own.answer.laws import MeasuredCurve
 from torsight.discovery.own.answer.pictures import Series, series_of
 from torsight.report.figures.evidence import candidates, errors, pulls
-from torsight.report.figures.law_plots import law_panel
+from torsight.report.figures.law_plots import law_panel, with_unit
 from torsight.report.figures.motion import CURVES, Figure, models
 from torsight.report.figures.residuals import over_variable, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
@@ -76,26 +74,12 @@ def before_and_after(one: Series, count: int, *, floor: float | None) -> Figure:
 def law_drawn(law: MeasuredCurve) -> Figure:
     """Draw a measured law with its 95 % interval; the range of the driver that the record covers is shaded."""
     named = "No candidate has this form." if law.effect is None else f"The candidate is {law.effect}."
-    sentence = law.sentence
-    shown = MeasuredLaw(
-        effect=law.effect,
-        port=law.id,
-        driver=law.driver,
-        spring="both",
-        unit=law.unit,
-        share=math.nan,
-        driver_values=law.nodes,
-        value=law.values,
-        sigma=law.sigma,
-        covered=law.covered,
-        sentence=sentence,
-    )
-    across = f"{law.driver} ({law.driver_unit})" if law.driver_unit else law.driver
+    across, gives = with_unit(law.driver, law.driver_unit), with_unit(law.id, law.unit)
     return Figure(
         law.csv_name.removesuffix(".csv"),
         f"The law {law.id} over {law.driver}",
-        f"{capital(sentence)}. {named}",
-        (law_panel(shown, across=across),),
+        f"{capital(law.sentence)}. {named}",
+        (law_panel(law.table(), across=across, gives=gives),),
         source=law.csv_name,
     )
 
