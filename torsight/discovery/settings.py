@@ -27,6 +27,8 @@ class Settings:
         Number of effects and laws in the largest set that is tried.
     beam : int
         Number of sets of each size that are extended.
+    starts : int
+        Number of draws of the base values from which the best sets are fitted again where they leave more than noise.
     """
 
     missing: float = 0.5
@@ -35,12 +37,13 @@ class Settings:
     form_share: float = 0.97
     most: int = 4
     beam: int = 2
+    starts: int = 4
 
     def __post_init__(self) -> None:
         for name in ("missing", "certain", "credible", "form_share"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise ConfigError(f"{name} is no probability", value=getattr(self, name), limit="between 0 and 1")
-        for name in ("most", "beam"):
+        for name in ("most", "beam", "starts"):
             if not getattr(self, name) >= 1:
                 raise ConfigError(f"{name} is too small", value=getattr(self, name), limit="1 or more")
 

@@ -9,10 +9,12 @@ under one likelihood, whose floor and correlation come from the best of them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
+from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
+from scipy.special import ndtri
+from scipy.stats.qmc import Sobol
 
 from torsight.core.progress import Progress
 from torsight.core.units import Floats
@@ -242,6 +244,8 @@ class Search:
             # little where its starts are far, unless a law can represent it or they are read off the residual. Beside
             # two and more, such an effect promises what it gained beside some of them.
             parent, effect, hope = item[0], candidates.get(item[1]), promise(item)
+            if self._is_open(parent) and item[1] in self._laws:
+                return False
             if effect is not None and (effect.jumps or not (effect.laws or effect.propose)):
                 hope = max(hope, self._gained(*item)) if len(parent) > 1 else np.inf
             return bool(parent) and not self._bar(self._explanations[parent], len(parent) + 1).cleared_by(hope)
@@ -254,6 +258,14 @@ class Search:
             progress = partial(_counted, self._progress, done, len(work))
             self._keep(self._problem.at_once(tried, self._extended, step=step, progress=progress))
             done += len(turn)
+
+    def _is_open(self, members: EffectSet) -> bool:
+        """Return whether a set is the best one and leaves more than noise: then derivatives say little of a law.
+
+        With its values a set absorbs what it lacks: at its optimum the law that is missing may promise nothing.
+        """
+        one = self._explanations[members]
+        return bool(members) and one is self._best() and one.promise > self.needed
 
     def _gained(self, members: EffectSet, name: str) -> float:
         """Return the most that a member gained alone, or beside a part of a set."""
@@ -279,7 +291,10 @@ class Search:
         parent = self._explanations[members]
         bar = self._bar(parent, len(members) + 1)
         if name in self._laws:
-            return self.fits.with_law(parent, self._laws[name], bar=bar, columns=columns)
+            law = self._laws[name]
+            if self._is_open(members):
+                return self.fits.with_law(parent, law, columns=columns, elsewhere=self._drawn, agree=self.needed)
+            return self.fits.with_law(parent, law, bar=bar, columns=columns)
         return self.fits.with_effect(parent, name, bar=bar)
 
     def _bar(self, parent: Explanation, size: int) -> Bar:
@@ -309,6 +324,20 @@ class Search:
             work += [(one, point) for effect in effects for point in effect.starting_points()]
         found: list[Explanation] = self._at_once(work, self._from_elsewhere, step="other starts")
         self._keep(found)
+
+    @cached_property
+    def _drawn(self) -> list[dict[str, float]]:
+        """Base values with a prior, drawn from it: points of a Sobol sequence, the same for all sets and searches."""
+        held = [p for p in self._problem.parameters if p.sigma is not None]
+        if not held:
+            return []
+        starts = self._settings.starts
+        # The sequence begins with a corner and the middle, from which the fits began.
+        shares = Sobol(len(held), scramble=False).random_base2((starts + 1).bit_length())[2 : 2 + starts]
+        return [
+            {p.name: float(np.clip(p.value + p.sigma * z, p.lower, p.upper)) for p, z in zip(held, row, strict=True)}
+            for row in ndtri(shares)
+        ]
 
     def _fit_parts(self, best: Explanation) -> None:
         """Fit the parts of a set from the set's values: a part may have been passed over, or have missed its optimum.
