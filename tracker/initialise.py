@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
-from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
@@ -80,30 +79,31 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the start at the four dots that are clearest in one of the first frames, or else at two tags."""
-    dots, tags = _Dots(source), TagsSeen()
-    last = -1
+    dots, tags, pictures, last = _Dots(), TagsSeen(), list[NDArray[np.uint8]](), -1
     for frame in decoded(source):
-        if frame.index > LOOKED_AT[-1] and not dots.undecided:
+        if dots.settled_by(frame) or (frame.index > LOOKED_AT[-1] and not dots.under_way):
             break
-        settled = dots.followed(frame)
-        if not settled and frame.index in LOOKED_AT and frame.luma is not None:
-            last, luma = frame.index, frame.luma.copy()
+        if frame.index not in LOOKED_AT or frame.luma is None:
+            continue
+        last = frame.index
+        pictures.append(frame.luma.copy())
+        if not dots.hold:
             progress("looking for the markers", last, LOOKED_AT[-1])
-            settled = dots.settled_by(last, luma)
-            if dots.leave_it_to_tags:
-                tags.take(luma)
-        if (tags.pictures > 1 and tags.pair[1]) if dots.leave_it_to_tags else settled:
-            break
-    else:
-        dots.end()
+            dots.search(last, pictures[-1])
+            # The first dots are followed before anything else is looked for.
+            if (len(pictures) > 1 or not dots.under_way) and dots.best()[1] and tags.are_sure_in(pictures):
+                break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if last < 0:
         raise InputError("holds no frame that can be decoded", where=source.name)
     where = f"{source.name}, frames 0 to {last}"
-    family, numbers = tags.pair
-    if dots.leave_it_to_tags and numbers:
-        return _start_at_tags(family, numbers, where=where)
-    if dots.start is None:
+    start, leave_it_to_tags = dots.best()
+    if leave_it_to_tags:
+        tags.take(pictures)
+        family, numbers = tags.pair
+        if numbers:
+            return _start_at_tags(family, numbers, where=where)
+    if start is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=where,
@@ -111,7 +111,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             f"than {SIZES:g} times as large as another; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
-    return dots.start
+    return start
 
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
@@ -123,82 +123,63 @@ def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
 
 
 class _Dots:
-    """The best ``start`` at dots of the pictures so far, None without one.
+    """The dots of some pictures, each followed from its picture on.
 
     Dots of one picture may be the wrong ones: while the light comes on, while something else is before the camera, or
     where one stick lies over a dot of the other. Wrong dots are lost in the frames that follow, their base is not at
-    rest, or nothing moves. So later pictures are tried, until the sticks of one are certain or are read in most of the
-    frames after it; otherwise the picture counts whose sticks are read in the largest share of them. The first picture
-    is tried alone, the later ones together, as the film is read once more.
+    rest, or nothing moves. So further pictures are searched unless a couple holds (``hold``), until the sticks of one
+    are certain or are read in most of the frames after it; otherwise the picture counts whose sticks are read in the
+    largest share of them.
     """
 
-    def __init__(self, source: FrameSource) -> None:
-        self.start: Start | None = None
-        self._in_tags = False
-        self._source = source
-        self._read, self._score = -1.0, -math.inf
-        self._asked: list[NDArray[np.complex128]] = []
-        self.undecided: list[tuple[int, Search]] = []
+    def __init__(self) -> None:
+        self.under_way: list[Search] = []
+        self._settled: list[Search] = []
 
     @property
-    def leave_it_to_tags(self) -> bool:
-        """Whether tags count more than the dots so far: four modules of tags may look like dots on sticks."""
-        return self.start is None or self.start.doubtful or self._in_tags
+    def hold(self) -> bool:
+        """Whether no further picture is to be searched: a couple holds, or those of a picture are still to be asked."""
+        return any(search.holds() or not search.asked for search in self.under_way)
 
-    def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
-        """Search a picture; return whether no later one is needed."""
+    def search(self, index: int, luma: NDArray[np.uint8]) -> None:
+        """Begin to follow the dots of a picture, unless they are followed from these places already."""
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        # Dots that failed where they are fail again; where they have moved since, their motion is seen from elsewhere.
-        at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-        if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
-            return False
-        search = Search(luma, dots)
-        alone = not self._asked
-        self._asked.append(at)
-        if not alone:
-            self.undecided.append((index, search))
-            return False
-        for later in decoded(self._source):
-            if later.index > index and search.add(later):
-                break
-        return self._decide(index, search)
+        if len(dots) >= 4 and not any(search.begins_at(dots) for search in self.under_way):
+            self.under_way.append(Search(index, luma, dots))
 
-    def followed(self, frame: Frame) -> bool:
+    def settled_by(self, frame: Frame) -> bool:
         """Follow the dots of all pictures into a frame; return whether the sticks of one are found."""
-        settled = [one for one in self.undecided if one[1].add(frame)]
-        self.undecided = [one for one in self.undecided if one not in settled]
-        return any(self._decide(*one) for one in settled)
+        settled = [search for search in self.under_way if search.add(frame)]
+        self.under_way = [search for search in self.under_way if search not in settled]
+        self._settled += [search for search in settled if not search.refuted]
+        return any(not search.refuted and _rank(search)[0] for search in settled)
 
-    def end(self) -> None:
-        """Decide what the film leaves open."""
-        for one in self.undecided:
-            if self._decide(*one):
-                break
+    def best(self) -> tuple[Start | None, bool]:
+        """Return the start at the best picture's dots, and whether tags count more.
 
-    def _decide(self, index: int, search: Search) -> bool:
-        """Take the sticks of a picture if they are the best; return whether no other ones are needed."""
-        weighed, read = search.result()
-        if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
-            return False
-        score = min(weighed[0].base.score, weighed[0].moving.score)
-        if score > CLEAR:
-            if read <= self._read:
-                return False
-            self._read = read
-        elif self._read >= 0.0 or score <= self._score:
-            return False
-        self._score = score
+        They do without such a start, and where it is faint or lies in tags: four modules may look like dots on sticks.
+        """
+        searches = sorted([*self._settled, *self.under_way], key=lambda search: search.index)
+        ranked = [(rank, search) for search in searches if any(rank := _rank(search))]
+        if not ranked:
+            return None, True
+        (_, clear, _), search = max(ranked, key=lambda one: one[0])
+        weighed, _ = search.result()
         markers = _markers(search.luma, weighed[0])
-        self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
-        self._in_tags = all(_in_tag(search.luma, marker) for marker in markers)
-        # A couple that is certain remains so where light, focus or a hand hides it afterwards.
-        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
+        start = Start(markers, search.index, None, doubtful=not clear, choice=Choice.of(weighed))
+        return start, not clear or all(_in_tag(search.luma, marker) for marker in markers)
 
 
-def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
-    """Return whether all dots are at positions of earlier dots, within their radii."""
-    radius_px = np.array([dot.radius_px for dot in dots])
-    return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
+def _rank(search: Search) -> tuple[bool, bool, float]:
+    """Return whether a picture's sticks need no other ones, whether they are clear, and by what equals are compared."""
+    weighed, read = search.result()
+    if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
+        return False, False, 0.0
+    if weighed[0].score <= CLEAR:
+        return False, False, weighed[0].score
+    # A couple that is certain remains so where light, focus or a hand hides it afterwards.
+    enough = read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
+    return enough, True, 0.0 if enough else read
 
 
 def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:

@@ -51,7 +51,7 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
     """Return the dots in a picture (h, w), the clearest first, and the rejected positions, the most similar first."""
     dots: list[Dot] = []
     refused: list[Refused] = []
-    levels = _halved(luma)
+    levels = halved(luma)
     for _, x, y, radius, light_dot in _places(levels):
         if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
             continue
@@ -71,7 +71,7 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
 
 def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
     """Return the dot near a position, fitted within the uniform background around it, or in words why there is none."""
-    luma, (coarse, scale), sign = levels[0], _coarse(levels, radius_px), 1.0 if light_dot else -1.0
+    luma, (coarse, scale), sign = levels[0], level_for(levels, radius_px), 1.0 if light_dot else -1.0
     close = None
     # First in the coarse picture: what is no dot there is none in the fine one, with up to 64 times the pixels.
     for level, size in [(luma, 1.0)] if scale == 1.0 else [(coarse, scale), (luma, 1.0)]:
@@ -105,7 +105,7 @@ def _unexplained(fit: Dot | None) -> str:
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
     """Return the dot whose centre is nearest to a position, within ``reach_px`` or within its own radius."""
     best: tuple[float, Dot] | None = None
-    levels = _halved(luma)
+    levels = halved(luma)
     for _, x, y, radius, light_dot in _places(levels, near=(x_px, y_px, reach_px)):
         dot = _judge_dot(levels, x, y, radius_px=radius, light_dot=light_dot)
         if isinstance(dot, str):
@@ -201,7 +201,7 @@ def _places(levels: Levels, *, near: tuple[float, float, float] | None = None) -
     return kept
 
 
-def _halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
+def halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
     """Return a picture, and its successive halves, as coarse as dots up to a radius need."""
     levels = [luma]
     while radius_px > _SMALL_PX and min(levels[-1].shape) > 4:
@@ -210,7 +210,7 @@ def _halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
     return levels
 
 
-def _coarse(levels: Levels, radius_px: float) -> tuple[NDArray[np.uint8], float]:
+def level_for(levels: Levels, radius_px: float) -> tuple[NDArray[np.uint8], float]:
     """Return the picture in which dots of a radius are small, and its scale."""
     number = min(max(math.ceil(math.log2(radius_px / _SMALL_PX)), 0), len(levels) - 1)
     return levels[number], 0.5**number
@@ -236,13 +236,13 @@ def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, in
     more, (height, width) = math.ceil(2.0 * radius_px), luma.shape
     left, top = max(0, box[0] - more), max(0, box[1] - more)
     part = luma[top : min(height, box[3] + more), left : min(width, box[2] + more)]
-    places = _places_of(_halved(part, radius_px), radius_px)
+    places = _places_of(halved(part, radius_px), radius_px)
     return [(merit, x + left, y + top, radius, light) for merit, x, y, radius, light in places]
 
 
 def _places_of(levels: Levels, radius_px: float) -> list[Place]:
     """Return the positions in a picture that look like a dot of a radius."""
-    level, scale = _coarse(levels, radius_px)
+    level, scale = level_for(levels, radius_px)
     pattern = _disc_picture(radius_px * scale)
     half = pattern.shape[0] // 2
     if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
