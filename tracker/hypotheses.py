@@ -40,7 +40,6 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import EXPLAINED
-from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.pairs import CLEARNESS, Pairs
 from tracker.detect.sticks import (
     CLEAR,
@@ -368,77 +367,6 @@ class Weighing:
         """Return the indices of a stick's dots, the inner one first."""
         dots = [id(dot) for dot in self._paths.dots]
         return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
-
-
-class Search:
-    """The choice among the couples of one picture ``luma``, by as many frames after it as it takes.
-
-    What decides is how far the dots move, not for how long: errors are correlated over a film. So the couples are
-    weighed after 15, 30, 60, … frames, and settled is what twice in succession is :data:`tracker.innovation.SURE`: that
-    a certain couple is right if any is, provided that this is more probable than that none is; or that none is right,
-    ``refuted``, unless the sticks of a clear one are read. If only the choice between base and moving stick is open,
-    the last of ``LOOKED_AT`` decides; otherwise the film's end does.
-    """
-
-    def __init__(self, index: int, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
-        self.index, self.luma, self.refuted = index, luma, False
-        self._weighing, self._at = Weighing(luma, dots), _places_of(dots)
-        self._number, self._due, self._found = 0, STALE, list[Couple]()
-
-    @property
-    def asked(self) -> bool:
-        """Whether the couples were weighed twice."""
-        return self._due > 2 * STALE
-
-    def add(self, frame: Frame) -> bool:
-        """Follow all dots into the next frame; return whether the choice is settled."""
-        self._weighing.add(frame)
-        self._number += 1
-        if self._number < self._due:
-            return False
-        self._due *= 2
-        before, self._found = self._found, self._weighing.weighed()
-        if not self.asked:
-            return False
-        # Twice, the second time with twice as many frames: a couple that fits a short stretch may not fit a longer.
-        if max(_any(before), _any(self._found)) < 1.0 - SURE:
-            self.refuted = not self._found or self._found[0].score <= CLEAR or 2.0 * self.result()[1] < 1.0
-            return self.refuted
-        if not before or not self._found:
-            return False
-        if self._number >= LOOKED_AT[-1] and _alike(self._found) > SURE:
-            return True
-        return self._found[0].is_of(before[0]) and all(
-            found[0].probability > max(0.5, SURE * _any(found)) for found in (before, self._found)
-        )
-
-    def holds(self) -> bool:
-        """Return whether the first couple's sticks are more probable than all others, and one of them is seen."""
-        return bool(self._found) and _alike(self._found) > 0.5 and self._weighing.sees(self._found[0])
-
-    def begins_at(self, dots: Sequence[Dot]) -> bool:
-        """Return whether all dots lie, within their radii, where dots of this search were first."""
-        radius_px = np.array([dot.radius_px for dot in dots])
-        return bool((np.abs(_places_of(dots)[:, None] - self._at).min(axis=1) < radius_px).all())
-
-    def result(self) -> tuple[list[Couple], float]:
-        """Return the couples, the most probable first, and the share of the frames in which the first one is read."""
-        found = self._found if 2 * self._number == self._due else self._weighing.weighed()
-        return found, self._weighing.read(found[0]) if found else 0.0
-
-
-def _places_of(dots: Sequence[Dot]) -> Places:
-    return np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-
-
-def _any(found: Sequence[Couple]) -> float:
-    """Return the probability that any couple is right."""
-    return sum(one.probability for one in found)
-
-
-def _alike(found: Sequence[Couple]) -> float:
-    """Return the probability that the first couple's pairs are the sticks, whichever of them is the base."""
-    return sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
 
 
 def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:

@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
-from tracker.detect.dots import HUGE_PX, find_and_refuse
+from tracker.detect.dots import HUGE_PX
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear
+from tracker.detect.sticks import SIZES
+from tracker.dot_searches import DotSearches, FoundDots
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
-from tracker.hypotheses import Choice, Couple, Search
-from tracker.innovation import SURE
+from tracker.hypotheses import Choice
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the start at the four dots that are clearest in one of the first frames, or else at two tags."""
-    dots, tags, pictures, last = _Dots(), TagsSeen(), list[NDArray[np.uint8]](), -1
+    dots, tags, pictures, last = DotSearches(), TagsSeen(), list[NDArray[np.uint8]](), -1
     for frame in decoded(source):
         if dots.settled_by(frame) or (frame.index > LOOKED_AT[-1] and not dots.under_way):
             break
@@ -91,19 +91,19 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             progress("looking for the markers", last, LOOKED_AT[-1])
             dots.search(last, pictures[-1])
             # The first dots are followed before anything else is looked for.
-            if (len(pictures) > 1 or not dots.under_way) and dots.best()[1] and tags.are_sure_in(pictures):
+            if (len(pictures) > 1 or not dots.under_way) and _left_to_tags(dots.best) and tags.are_sure_in(pictures):
                 break
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if last < 0:
         raise InputError("holds no frame that can be decoded", where=source.name)
     where = f"{source.name}, frames 0 to {last}"
-    start, leave_it_to_tags = dots.best()
-    if leave_it_to_tags:
+    found = dots.best
+    if _left_to_tags(found):
         tags.take(pictures)
         family, numbers = tags.pair
         if numbers:
             return _start_at_tags(family, numbers, where=where)
-    if start is None:
+    if found is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=where,
@@ -111,7 +111,33 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             f"than {SIZES:g} times as large as another; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
-    return start
+    found = _earlier(source, found, dots.searched) if found.rank.enough else found
+    return Start(_markers(found), found.index, None, doubtful=not found.rank.clear, choice=Choice.of(found.couples))
+
+
+def _earlier(source: FrameSource, found: FoundDots, searched: Sequence[int]) -> FoundDots:
+    """Return what an earlier picture shows than the one in which sticks were found, if it is enough, too.
+
+    Pictures were passed over while the dots of an earlier one were followed. Only where a film shows sticks it is read
+    once more for these.
+    """
+    numbers = [number for number in LOOKED_AT if number < found.index and number not in searched]
+    dots = DotSearches()
+    for frame in decoded(source) if numbers else ():
+        if dots.settled_by(frame) or (frame.index > numbers[-1] and not dots.under_way):
+            break
+        if frame.index in numbers and frame.luma is not None:
+            dots.search(frame.index, frame.luma.copy())
+    best = dots.best
+    return best if best is not None and best.rank.enough else found
+
+
+def _left_to_tags(found: FoundDots | None) -> bool:
+    """Return whether tags count more than dots: without any, and where they are faint or lie in tags.
+
+    Four modules may look like dots on sticks.
+    """
+    return found is None or not found.rank.clear or all(_in_tag(found.luma, marker) for marker in _markers(found))
 
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
@@ -122,69 +148,10 @@ def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
     return any(tag.holds(x - left, y - top) for found in usual_tags(part).values() for tag in found)
 
 
-class _Dots:
-    """The dots of some pictures, each followed from its picture on.
-
-    Dots of one picture may be the wrong ones: while the light comes on, while something else is before the camera, or
-    where one stick lies over a dot of the other. Wrong dots are lost in the frames that follow, their base is not at
-    rest, or nothing moves. So further pictures are searched unless a couple holds (``hold``), until the sticks of one
-    are certain or are read in most of the frames after it; otherwise the picture counts whose sticks are read in the
-    largest share of them.
-    """
-
-    def __init__(self) -> None:
-        self.under_way: list[Search] = []
-        self._settled: list[Search] = []
-
-    @property
-    def hold(self) -> bool:
-        """Whether no further picture is to be searched: a couple holds, or those of a picture are still to be asked."""
-        return any(search.holds() or not search.asked for search in self.under_way)
-
-    def search(self, index: int, luma: NDArray[np.uint8]) -> None:
-        """Begin to follow the dots of a picture, unless they are followed from these places already."""
-        dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        if len(dots) >= 4 and not any(search.begins_at(dots) for search in self.under_way):
-            self.under_way.append(Search(index, luma, dots))
-
-    def settled_by(self, frame: Frame) -> bool:
-        """Follow the dots of all pictures into a frame; return whether the sticks of one are found."""
-        settled = [search for search in self.under_way if search.add(frame)]
-        self.under_way = [search for search in self.under_way if search not in settled]
-        self._settled += [search for search in settled if not search.refuted]
-        return any(not search.refuted and _rank(search)[0] for search in settled)
-
-    def best(self) -> tuple[Start | None, bool]:
-        """Return the start at the best picture's dots, and whether tags count more.
-
-        They do without such a start, and where it is faint or lies in tags: four modules may look like dots on sticks.
-        """
-        searches = sorted([*self._settled, *self.under_way], key=lambda search: search.index)
-        ranked = [(rank, search) for search in searches if any(rank := _rank(search))]
-        if not ranked:
-            return None, True
-        (_, clear, _), search = max(ranked, key=lambda one: one[0])
-        weighed, _ = search.result()
-        markers = _markers(search.luma, weighed[0])
-        start = Start(markers, search.index, None, doubtful=not clear, choice=Choice.of(weighed))
-        return start, not clear or all(_in_tag(search.luma, marker) for marker in markers)
-
-
-def _rank(search: Search) -> tuple[bool, bool, float]:
-    """Return whether a picture's sticks need no other ones, whether they are clear, and by what equals are compared."""
-    weighed, read = search.result()
-    if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
-        return False, False, 0.0
-    if weighed[0].score <= CLEAR:
-        return False, False, weighed[0].score
-    # A couple that is certain remains so where light, focus or a hand hides it afterwards.
-    enough = read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
-    return enough, True, 0.0 if enough else read
-
-
-def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:
-    """Return new markers of a couple: tracking modifies them."""
-    return [marker for stick in (couple.base, couple.moving) for marker in markers_on(luma, stick)]
+def _markers(found: FoundDots) -> list[Marker]:
+    """Return new markers of the first couple: tracking modifies them."""
+    couple = found.couples[0]
+    return [marker for stick in (couple.base, couple.moving) for marker in markers_on(found.luma, stick)]
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:
