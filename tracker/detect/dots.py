@@ -216,13 +216,6 @@ def level_for(levels: Levels, radius_px: float) -> tuple[NDArray[np.uint8], floa
     return levels[number], 0.5**number
 
 
-def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
-    picture = level.astype(np.float32)
-    side = (2 * half + 1, 2 * half + 1)
-    mean = cv2.blur(picture, side)
-    return np.asarray(np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0)), dtype=np.float32)
-
-
 def _disc_picture(radius_px: float) -> NDArray[np.float32]:
     """Return a blurred light disc in the smallest square that contains its rim."""
     half = math.ceil(1.35 * radius_px + 0.5)
@@ -248,21 +241,18 @@ def _places_of(levels: Levels, radius_px: float) -> list[Place]:
     if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
         return []
     score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
+    windows = np.lib.stride_tricks.sliding_window_view(level, pattern.shape)
     places: list[Place] = []
-    # Clearness of the dot: a disc explains the square of the correlation, and the spread is proportional to its step.
-    spread = _spread(level, half)
     for sign in (1.0, -1.0):
-        signed = sign * score
+        signed = score if sign > 0.0 else -score
         crest = cv2.dilate(signed, np.ones((2 * half - 1, 2 * half - 1), np.uint8))
-        rows, columns = np.nonzero((signed >= crest) & (signed > _LIKELY) & np.isfinite(signed))
-        places += [
-            (
-                float(signed[row, column]) ** 8 * math.sqrt(spread[row + half, column + half]),
-                (column + half) / scale,
-                (row + half) / scale,
-                radius_px,
-                sign > 0,
-            )
-            for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
-        ]
+        rows, columns = np.nonzero(signed > _LIKELY)
+        like = signed[rows, columns]
+        top = (like >= crest[rows, columns]) & np.isfinite(like)
+        rows, columns, like = rows[top], columns[top], like[top].astype(np.float64)
+        # Clearness of the dot: a disc explains the square of the correlation, and the spread is proportional to its
+        # step.
+        clear = like**8 * np.sqrt(windows[rows, columns].std(axis=(1, 2)))
+        x, y = ((at + half) / scale for at in (columns, rows))
+        places += [(*place, radius_px, sign > 0) for place in zip(clear.tolist(), x.tolist(), y.tolist(), strict=True)]
     return places
