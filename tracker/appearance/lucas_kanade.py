@@ -65,9 +65,12 @@ frames, over which noise averages to a quarter."""
 SHARP_PX: Final = 1.5
 """Motion or motion blur, px per frame, up to which a marker shows its shape: a dot is blurred by less than 0.5 px
 (1.5/√12)."""
-_NEAR: Final = math.sqrt(0.5)
-"""Offset from the model's position, steps of the grid of models, below which a reading has converged: half a diagonal,
-beyond which another model is nearer."""
+_NEAR_PX: Final = math.sqrt(0.5) / PHASES
+"""Offset from the model's position below which a reading has converged: half a diagonal of the grid of models, beyond
+which another model is nearer."""
+_NEAR_COARSE: Final = math.sqrt(2.0)
+"""The same in a coarser grid, in its steps: a diagonal, as readings of a dot with motion blur may alternate between two
+models, which do not have it."""
 
 
 @lending
@@ -301,7 +304,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         models = np.empty((1, 2 * _MOST_COLUMNS + 4, pixels.shape[1]))
         extras = np.empty((1, 2 * _MOST_COLUMNS + 4))
     phases = PHASES if length > 0.0 else phases_of(models)
-    near_px = _NEAR / phases
+    near_px = _NEAR_PX if phases == PHASES else _NEAR_COARSE / phases
     half = math.ceil(radius)
     values = np.empty(pixels.shape[1])
     for round_ in range(_ROUNDS):
