@@ -119,6 +119,9 @@ class DotPaths:
                 level_for(halved(picture[top:bottom, left:right], radius_px), radius_px)
                 for picture in (self._before, luma)
             )
+            if not before.size:
+                # The dot has left the picture.
+                continue
             ends = (ends - complex(left, top)) * scale
             start, guess = np.stack([ends.real, ends.imag], axis=1).astype(np.float32).reshape(2, 1, 1, 2)
             half = math.ceil(2.0 * radius_px * scale)
