@@ -20,9 +20,10 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib.util
+import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, FileFinder
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
@@ -30,8 +31,10 @@ from typing import Any, Final, TypeVar, cast
 import numba
 import numpy as np
 from numba import njit, types
+from numba.core import entrypoints, environment
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
+from numba.core.environment import Environment
 from numba.core.options import DefaultOptions
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
@@ -52,14 +55,15 @@ _UNCOUNTED: Final[dict[str, Any]] = {"_nrt": False} if hasattr(DefaultOptions, "
 
 LOADING: Final = ("0.68",)
 """Versions of numba for which the requirements for loading cached code are known; others load it in their own way."""
+_LOADS: Final = numba.__version__.rpartition(".")[0] in LOADING
 
 
 class _Kept(FunctionCache):
     """Cached machine code, loaded without setting up numba's compiler.
 
-    Before numba reads the cache it sets up its compiler, with its implementations of all of numpy and Python: a sixth
-    of the start-up time of tracking. Cached code needs numba's memory manager alone; where nothing is cached, compiling
-    sets up the compiler anyway.
+    Before numba reads the cache it sets up its compiler, with its implementations of all of numpy and Python, and looks
+    for its extensions among all installed packages: a quarter of the start-up time of tracking. Cached code needs
+    numba's memory manager alone; where nothing is cached, compiling sets up the compiler anyway.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -67,7 +71,28 @@ class _Kept(FunctionCache):
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             load: Any = self._load_overload
-            return load(sig, target_context)
+            found = load(sig, target_context)
+        if found is None:
+            set_up: Any = entrypoints.init_all
+            set_up()
+            lend_blas()
+        return found
+
+
+_MADE: Final[Any] = vars(Environment)["_memo"]
+_REBUILD: Final[Any] = vars(environment)["_rebuild_env"]
+
+
+def _without_its_module(module: str, constants: Sequence[object], name: str) -> object:
+    """Return the environment ``name`` of a function of numba's own in cached code, without importing its module.
+
+    Machine code uses the constants; the module has the names that a function without machine code would look up.
+    """
+    if module.startswith("numba.") and module not in sys.modules and name not in _MADE:
+        made: Any = Environment({"__name__": module})
+        made.consts[:], made.env_name = constants, name
+        _MADE[name] = made
+    return _REBUILD(module, constants, name)
 
 
 class _Internal(CPUDispatcher):
@@ -83,8 +108,9 @@ class _Internal(CPUDispatcher):
 def _prepared(function: Any) -> Any:
     """Return a compiled function with this module's changes: fast loading from the cache, types without literals."""
     kept = vars(function).get("_cache") if isinstance(function, Dispatcher) else None
-    if type(kept) is FunctionCache and numba.__version__.rpartition(".")[0] in LOADING:
+    if type(kept) is FunctionCache and _LOADS:
         kept.__class__ = _Kept
+        vars(function)["_compilation_chain_init_hook"] = lambda: None
     return _for_types(function)
 
 
@@ -203,16 +229,29 @@ def drop_outdated(folders: Iterable[Path], stamp: Path, *, root: Path) -> bool:
 
 def _written(folders: Iterable[Path], imported: Iterable[str]) -> str:
     """Return a digest of the modification times and sizes of all sources in the folders and of imported modules."""
-    below = (path for folder in folders for path in folder.rglob("*.py"))
-    stats = {path: path.stat() for path in sorted([*below, *map(Path, imported)]) if path.is_file()}
-    seen = [f"{path} {stat.st_mtime_ns} {stat.st_size}" for path, stat in stats.items()]
-    return hashlib.sha256("\n".join(seen).encode()).hexdigest()
+    seen = [stats for folder in folders if folder.is_dir() for stats in _stats_below(folder)]
+    for path in map(Path, imported):
+        if path.is_file():
+            stat = path.stat()
+            seen.append((str(path), stat.st_mtime_ns, stat.st_size))
+    return hashlib.sha256("\n".join(f"{path} {time} {size}" for path, time, size in sorted(seen)).encode()).hexdigest()
+
+
+def _stats_below(folder: Path | str) -> Iterator[tuple[str, int, int]]:
+    """Yield path, modification time (ns) and size of each source in a folder; pathlib takes six times as long."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir() and entry.name != "__pycache__":
+                yield from _stats_below(entry.path)
+            elif entry.name.endswith(".py"):
+                stat = entry.stat()
+                yield entry.path, stat.st_mtime_ns, stat.st_size
 
 
 def lend_blas() -> None:
-    """Load the only extension of SciPy that numba needs at start-up, without the rest of its package.
+    """Load the only extension of SciPy that numba's compiler needs, without the rest of its package.
 
-    Numba checks for a BLAS by importing all of ``scipy.linalg``: a third of the start-up time of tracking. The
+    Numba checks for a BLAS by importing all of ``scipy.linalg``, which takes longer than the rest of the compiler. The
     extension alone needs nothing of that.
     """
     name, package = "scipy.linalg.cython_blas", importlib.util.find_spec("scipy")
@@ -230,5 +269,9 @@ def lend_blas() -> None:
             return
 
 
-lend_blas()
+if _LOADS:
+    # Cached code names the function by which it rebuilds environments.
+    vars(environment)["_rebuild_env"] = _without_its_module
+else:
+    lend_blas()
 drop_outdated(FOLDERS, _TORSIGHT / "core" / "__pycache__" / "compiled.stamp", root=_TORSIGHT.parent)
