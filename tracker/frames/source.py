@@ -19,7 +19,7 @@ from torsight.core.files.paths import (
     matching,
     missing_file,
     pictures_in,
-    require_content,
+    require_ordinary,
 )
 from torsight.core.units import Floats
 from tracker.frames.film_source import FilmSource
@@ -62,7 +62,7 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
         raise missing_file(path)
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), do="record or copy the film again")
-    require_content(path)
+    require_ordinary(path)
     if path.suffix.lower() in PICTURE_SUFFIXES:
         return PictureSource([path], name=str(source), fps=fps, times_s=times)
     return FilmSource(path, fps=fps, times_s=times)
