@@ -163,6 +163,8 @@ def test_how_a_planned_record_begins_is_given_or_its_absence_told(
         assert f"{option}: a model of one's own has no use for it" in capsys.readouterr().err
     assert leave(*words, "--initial", "x0_mm") == 2
     assert "write --initial x0=1.5" in capsys.readouterr().err
+    assert leave(*words, "--initial", "gain=1.5") == 2
+    assert "'gain' is no initial state; allowed x0_mm" in capsys.readouterr().err
     assert leave(*words, "--initial", "x0_mm=1.5", "--initial", "x0_mm = 2") == 2
     assert "--initial: 'x0_mm' is given twice" in capsys.readouterr().err
 

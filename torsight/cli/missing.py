@@ -60,9 +60,9 @@ def missing(
         write_json(out / "discovery.json", found.to_json())
         write_model(out / "model.json", found.model(), model_file=model)
         write_table(out / "curves.csv", found.curves())
-        for law in found.laws:
-            if law.chosen:
-                write_table(out / law.csv_name, law.table())
+        chosen = [law for law in found.laws if law.chosen]
+        for law in chosen:
+            write_table(out / law.csv_name, law.table())
         (out / FAILURES).unlink(missing_ok=True)
         if found.failures:
             write_text(out / FAILURES, "\n\n".join(found.failures) + "\n")
@@ -72,5 +72,5 @@ def missing(
         say(f"Tracebacks        {out / FAILURES}")
     say(f"Report            {out / 'report.html'}")
     say(f"Results           {out}")
-    written = [out / name for name in (*FILES, *([FAILURES] if found.failures else []))]
-    return Answer(found.to_json(), files=tuple(written))
+    made = [*FILES, *(law.csv_name for law in chosen), *([FAILURES] if found.failures else [])]
+    return Answer(found.to_json(), files=tuple(out / name for name in made))
