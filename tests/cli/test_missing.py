@@ -123,6 +123,17 @@ def test_a_model_file_and_records_give_results_and_a_report(world: Path) -> None
     assert not (results / "model_errors.txt").exists()
 
 
+def test_the_laws_of_an_earlier_answer_go(world: Path, tmp_path: Path) -> None:
+    results = shutil.copytree(world / "results", tmp_path / "results")
+    content = json.loads((results / "discovery.json").read_text(encoding="utf-8"))
+    content["laws"] = [{"file": "law_x_mm_u.csv"}]
+    (results / "discovery.json").write_text(json.dumps(content), encoding="utf-8")
+    for name in ("law_x_mm_u.csv", "law_of_mine.csv"):
+        (results / name).write_text("driver\n", encoding="utf-8")
+    assert leave("missing", world / "model.py", world / "a.csv", world / "b.csv", "--out", results) == 0
+    assert [path.name for path in results.glob("law_*")] == ["law_of_mine.csv"]
+
+
 def test_figures_show_the_residual_over_every_driver_and_those_of_an_earlier_answer_go(
     world: Path, tmp_path: Path
 ) -> None:
