@@ -45,6 +45,10 @@ from torsight.discovery.report import DiscoveryReport, Errors, FoundEffect, Pull
 
 _DRAWS: Final = 2000
 """Number of draws of a value that follows from others: fifty of them lie beyond each end of its 95 % interval."""
+_NOT_ONE_RIG: Final = (
+    "Nothing explains these records together: they may be of different rigs, or of one that was changed in between; "
+    "explain each alone, and compare the parameters"
+)
 _SETS_LISTED: Final = 12
 """Number of sets of effects whose probabilities are listed in ``discovery.json``, the likeliest first: a choice."""
 
@@ -141,6 +145,7 @@ def decided(
         "plain_pulls": plain_pulls,
         "notes": (
             *notes_of(findings, *(characterised(record.spec, listed) for listed in (pulls, plain_pulls))),
+            *((_NOT_ONE_RIG,) if len(records) > 1 and unexplained(decision.over_floor) else ()),
             *((taken_as_exact(record.spec.exact),) if chosen.members and record.spec.exact else ()),
             *dict.fromkeys(note for one in records for note in notes_of_drive(one.drive)),
         ),
