@@ -154,6 +154,10 @@ def test_its_model_predicts_another_record(world: Path, capsys: pytest.CaptureFi
     made, later = pd.read_csv(out), pd.read_csv(world / "later.csv")
     off = (made["x_mm"] - later["x_mm"]) / made["x_mm_sigma"]
     assert 0.7 < float(np.sqrt(np.mean(off**2))) < 1.3
+    later[["time_s", "x_mm"]].to_csv(world / "no_input.csv", index=False)
+    assert leave("predict", world / "results" / "model.json", world / "no_input.csv", "--out", out) == 3
+    assert "'no_input' has no column 'u'" in (told := capsys.readouterr().err)
+    assert "correct the model, or the record" in told
 
 
 def test_how_a_planned_record_begins_is_given_or_its_absence_told(
