@@ -113,6 +113,9 @@ ODD: dict[str, Bad] = {
     "calibrate: a Git LFS pointer in the place of the film": Bad(
         "calibrate {film.avi} --board {board.toml} --out {out.toml}", written("film.avi", POINTER), 3, "git lfs pull"
     ),
+    "track: an address": Bad(
+        "track rtsp://127.0.0.1/film --out {out}", fine, 3, "rtsp://127.0.0.1/film: is an address, not a file"
+    ),
     "track: Git LFS pointers in the place of pictures": Bad(
         "track {.} --out {out}", written("a.png", POINTER), 3, "Git LFS pointer"
     ),

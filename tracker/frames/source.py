@@ -59,6 +59,9 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
     if not path.exists():
         if is_glob(source):
             return PictureSource(matching(path), name=str(source), fps=fps, times_s=times)
+        if "://" in str(source):
+            do = "save the film to a file, and name that; 'torsight live' follows a stream of this computer"
+            raise InputError("is an address, not a file", where=str(source), do=do)
         raise missing_file(path)
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), do="record or copy the film again")
