@@ -15,7 +15,15 @@ from PIL import Image, UnidentifiedImageError
 from PIL.ExifTags import IFD, Base
 
 from torsight.core.errors import InputError
-from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, is_glob, matching, missing_file, pictures_in
+from torsight.core.files.paths import (
+    PICTURE_SUFFIXES,
+    AnyPath,
+    is_glob,
+    matching,
+    missing_file,
+    pictures_in,
+    require_ordinary,
+)
 from torsight.core.files.provenance import file_hash
 
 MOST_FILM_VIEWS: Final = 30
@@ -51,6 +59,7 @@ def expand(sources: Sequence[AnyPath]) -> list[Path]:
         if source.is_dir():
             found = pictures_in(source)
         elif source.exists():
+            require_ordinary(source)
             found = [source]
         elif is_glob(source):
             found = matching(source)

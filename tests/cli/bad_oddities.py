@@ -108,6 +108,14 @@ ODD: dict[str, Bad] = {
     ),
     "track: sound alone": Bad("track {film.wav} --out {out}", sound_only("film.wav"), 3, "no video stream"),
     "track: a Git LFS pointer in the place of the film": Bad(TRACK, written("film.avi", POINTER), 3, "git lfs pull"),
+    "a Git LFS pointer in the place of the log": Bad(SIMULATE, written("temps.csv", POINTER), 3, "git lfs pull"),
+    "a Git LFS pointer in the place of the model": Bad(PREDICT, written("model.json", POINTER), 3, "git lfs pull"),
+    "calibrate: a Git LFS pointer in the place of the film": Bad(
+        "calibrate {film.avi} --board {board.toml} --out {out.toml}", written("film.avi", POINTER), 3, "git lfs pull"
+    ),
+    "track: an address": Bad(
+        "track rtsp://127.0.0.1/film --out {out}", fine, 3, "rtsp://127.0.0.1/film: is an address, not a file"
+    ),
     "track: Git LFS pointers in the place of pictures": Bad(
         "track {.} --out {out}", written("a.png", POINTER), 3, "Git LFS pointer"
     ),

@@ -123,6 +123,17 @@ def test_a_model_file_and_records_give_results_and_a_report(world: Path) -> None
     assert not (results / "model_errors.txt").exists()
 
 
+def test_the_laws_of_an_earlier_answer_go(world: Path, tmp_path: Path) -> None:
+    results = shutil.copytree(world / "results", tmp_path / "results")
+    content = json.loads((results / "discovery.json").read_text(encoding="utf-8"))
+    content["laws"] = [{"file": "law_x_mm_u.csv"}]
+    (results / "discovery.json").write_text(json.dumps(content), encoding="utf-8")
+    for name in ("law_x_mm_u.csv", "law_of_mine.csv"):
+        (results / name).write_text("driver\n", encoding="utf-8")
+    assert leave("missing", world / "model.py", world / "a.csv", world / "b.csv", "--out", results) == 0
+    assert [path.name for path in results.glob("law_*")] == ["law_of_mine.csv"]
+
+
 def test_figures_show_the_residual_over_every_driver_and_those_of_an_earlier_answer_go(
     world: Path, tmp_path: Path
 ) -> None:
@@ -143,6 +154,10 @@ def test_its_model_predicts_another_record(world: Path, capsys: pytest.CaptureFi
     made, later = pd.read_csv(out), pd.read_csv(world / "later.csv")
     off = (made["x_mm"] - later["x_mm"]) / made["x_mm_sigma"]
     assert 0.7 < float(np.sqrt(np.mean(off**2))) < 1.3
+    later[["time_s", "x_mm"]].to_csv(world / "no_input.csv", index=False)
+    assert leave("predict", world / "results" / "model.json", world / "no_input.csv", "--out", out) == 3
+    assert "'no_input' has no column 'u'" in (told := capsys.readouterr().err)
+    assert "correct the model, or the record" in told
 
 
 def test_how_a_planned_record_begins_is_given_or_its_absence_told(
@@ -163,6 +178,8 @@ def test_how_a_planned_record_begins_is_given_or_its_absence_told(
         assert f"{option}: a model of one's own has no use for it" in capsys.readouterr().err
     assert leave(*words, "--initial", "x0_mm") == 2
     assert "write --initial x0=1.5" in capsys.readouterr().err
+    assert leave(*words, "--initial", "gain=1.5") == 2
+    assert "'gain' is no initial state; allowed x0_mm" in capsys.readouterr().err
     assert leave(*words, "--initial", "x0_mm=1.5", "--initial", "x0_mm = 2") == 2
     assert "--initial: 'x0_mm' is given twice" in capsys.readouterr().err
 

@@ -23,7 +23,7 @@ from tests.discovery.own_models import (
     spring_parameters,
     spring_record,
 )
-from torsight.core.errors import InputError
+from torsight.core.errors import ConfigError, InputError
 from torsight.discovery import Findings, Reading, candidate, find_missing, model_problem, parameter
 from torsight.discovery.own.model.evaluate import Evaluator, Model
 from torsight.discovery.own.own_records import Record
@@ -440,7 +440,7 @@ def test_another_record_is_predicted_with_its_doubt(three_springs: Findings) -> 
         off = (made["x_mm"] - clean) / made["x_mm_sigma"]
         # Errors are of one sigma: three quarters to five quarters of it over 200 readings with their noise.
         assert 0.75 < float(np.sqrt(np.mean(off**2))) < 1.25
-    with pytest.raises(InputError, match="'gain' is no initial state"):
+    with pytest.raises(ConfigError, match="'gain' is no initial state"):
         three_springs.predict(later, initial={"gain": 1.0})
 
 

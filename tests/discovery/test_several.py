@@ -36,7 +36,7 @@ ZEROS_DEG = (4.0, -7.0)
 RAMPS_S = (150.0, 300.0)
 
 
-def record(number: int, effects: Mapping[str, Any] | None = None) -> SyncedTable:
+def record(number: int, effects: Mapping[str, Any] | None = None, *, tau_c_mnm: float = 0.9) -> SyncedTable:
     """Return a record of the one rig: fast or slow, with the sticks put on anew."""
     ramp_s = RAMPS_S[number]
     half_cycles = [
@@ -44,7 +44,7 @@ def record(number: int, effects: Mapping[str, Any] | None = None) -> SyncedTable
     ]
     scene = {
         "motion": {"kind": "rig"},
-        "rig": {"as_declared": True, "true": {"tau_c_mnm": 0.9}},
+        "rig": {"as_declared": True, "true": {"tau_c_mnm": tau_c_mnm}},
         "protocol": {"half_cycle": half_cycles},
         "sticks": {"offset_deg": ZEROS_DEG[number]},
         "effects": effects or {"viscous_friction": {VISCOUS: TRUE}},
@@ -187,6 +187,15 @@ def test_one_record_twice_and_records_of_two_rigs_are_refused(
     assert leave("discover", first, second, *rest) == InputError.exit_code
     assert "another actuator" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_records_of_two_rigs_that_no_file_tells_apart_are_doubted(
+    tables: list[SyncedTable], spec: ActuatorSpec, answer: dict[str, Any]
+) -> None:
+    assert not any("not of one rig" in note for note in answer["notes"])
+    with few_effects():
+        report = discover_together([tables[0], record(1, tau_c_mnm=3.0)], spec)
+    assert any("not of one rig" in note for note in report.notes)
 
 
 def test_rows_of_both_records_stand_after_each_other(problem: SeveralRecords) -> None:

@@ -175,7 +175,7 @@ def test_unknown_offset_writes_nothing(pair, tmp_path):
     table = pd.read_csv(pair / "angle.csv")
     table["angle_deg"] = 12.5
     table.to_csv(tmp_path / "still.csv", index=False)
-    with pytest.raises(NoResultError, match="--offset"):
+    with pytest.raises(NoResultError, match=r"still.csv and .*temps.csv.*--offset"):
         sync_to_folder(tmp_path / "still.csv", pair / "temps.csv", settings={}, out=tmp_path)
     assert not (tmp_path / "sync.json").exists()
 

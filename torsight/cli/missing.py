@@ -11,9 +11,10 @@ from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.discover import FILES
 from torsight.cli.options import Seed
+from torsight.core.errors import InputError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import require_each_once
-from torsight.core.files.storage import write_json, write_table, write_text
+from torsight.core.files.storage import read_json, write_json, write_table, write_text
 
 FAILURES: Final = "model_errors.txt"
 """File for the tracebacks of a model that failed during a fit."""
@@ -57,12 +58,13 @@ def missing(
     require_each_once(records)
     with progress_bar() as progress:
         found = find_missing(problem_of(model, records), seed=seed, progress=progress)
+        _drop_laws(out)
         write_json(out / "discovery.json", found.to_json())
         write_model(out / "model.json", found.model(), model_file=model)
         write_table(out / "curves.csv", found.curves())
-        for law in found.laws:
-            if law.chosen:
-                write_table(out / law.csv_name, law.table())
+        chosen = [law for law in found.laws if law.chosen]
+        for law in chosen:
+            write_table(out / law.csv_name, law.table())
         (out / FAILURES).unlink(missing_ok=True)
         if found.failures:
             write_text(out / FAILURES, "\n\n".join(found.failures) + "\n")
@@ -72,5 +74,16 @@ def missing(
         say(f"Tracebacks        {out / FAILURES}")
     say(f"Report            {out / 'report.html'}")
     say(f"Results           {out}")
-    written = [out / name for name in (*FILES, *([FAILURES] if found.failures else []))]
-    return Answer(found.to_json(), files=tuple(written))
+    made = [*FILES, *(law.csv_name for law in chosen), *([FAILURES] if found.failures else [])]
+    return Answer(found.to_json(), files=tuple(out / name for name in made))
+
+
+def _drop_laws(out: Path) -> None:
+    """Delete the laws of an earlier answer, which its ``discovery.json`` names."""
+    try:
+        named = [Path(str(law.get("file"))).name for law in read_json(out / "discovery.json").get("laws", [])]
+    except (InputError, AttributeError, TypeError):
+        return  # no earlier answer, or nothing of ours
+    for name in named:
+        if name.startswith("law_") and name.endswith(".csv"):
+            (out / name).unlink(missing_ok=True)

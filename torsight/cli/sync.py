@@ -14,7 +14,7 @@ from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.experiment_file import KEYS
 from torsight.cli.options import Columns, Fps, Units, said
-from torsight.core.errors import ConfigError
+from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.config import get_number, is_number
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import check_keys, read_json, write_json, write_table
@@ -140,7 +140,11 @@ def sync_to_folder(
     )
     if slow is not None:
         say(f"warning: {angle}: {slow[0]}; {slow[1]}")
-    found = find_clock(angles, reading, given_offset_s=known.offset_s, given_drift_ppm=known.drift_ppm, light=light)
+    try:
+        found = find_clock(angles, reading, given_offset_s=known.offset_s, given_drift_ppm=known.drift_ppm, light=light)
+    except (InputError, NoResultError) as error:
+        error.where = f"{angle} and {temperature}, {error.where}"
+        raise
     clock, reading = found.clock, found.reading
     progress("one clock", 2.0, steps)
     max_gap_s = longest_gap_s(reading.log.time_s) if known.max_gap_s is None else known.max_gap_s
@@ -204,8 +208,9 @@ def _place(value: Any) -> tuple[float, float]:
 def summary_lines(content: Mapping[str, Any]) -> list[str]:
     """Return the summary of ``sync.json`` for the terminal, line by line."""
     offset, drift = content["offset_s"], content["drift_ppm"]
-    offset_text = f"offset {offset['value']:.3f} s (95 %: {offset['ci95'][0]:.3f} to {offset['ci95'][1]:.3f})"
-    drift_text = f"drift {drift['value']:.0f} ppm (95 %: {drift['ci95'][0]:.0f} to {drift['ci95'][1]:.0f})"
+    # A rounded zero has no sign.
+    offset_text = f"offset {offset['value']:z.3f} s (95 %: {offset['ci95'][0]:z.3f} to {offset['ci95'][1]:z.3f})"
+    drift_text = f"drift {drift['value']:z.0f} ppm (95 %: {drift['ci95'][0]:z.0f} to {drift['ci95'][1]:z.0f})"
     lines = [f"{offset_text}, {drift_text}", f"from {content['method']}"]
     lines += [f"note: {note}" for note in content["notes"]]
     lines += [f"log: {repair['text']}" for repair in content["log"]["repairs"]]

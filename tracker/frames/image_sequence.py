@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.files.paths import PICTURE_SUFFIXES, require_content
+from torsight.core.files.paths import PICTURE_SUFFIXES, require_ordinary
 from torsight.core.units import Floats
 from torsight.core.words.wording import counted
 from tracker.frames.frame import DEFAULT_FPS, Damage, Frame, GivenTimes
@@ -56,7 +56,7 @@ class PictureSource:
             )
         first = _read(self.paths[0])
         if first is None:
-            require_content(self.paths[0])
+            require_ordinary(self.paths[0])
             raise InputError("is not a readable picture", where=str(self.paths[0]), do="record it again")
         self.size_px = (first.shape[1], first.shape[0])
         self.frame_count = len(self.paths)

@@ -19,7 +19,7 @@ from torsight.core.files.paths import (
     matching,
     missing_file,
     pictures_in,
-    require_content,
+    require_ordinary,
 )
 from torsight.core.units import Floats
 from tracker.frames.film_source import FilmSource
@@ -59,10 +59,13 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
     if not path.exists():
         if is_glob(source):
             return PictureSource(matching(path), name=str(source), fps=fps, times_s=times)
+        if "://" in str(source):
+            do = "save the film to a file, and name that; 'torsight live' follows a stream of this computer"
+            raise InputError("is an address, not a file", where=str(source), do=do)
         raise missing_file(path)
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), do="record or copy the film again")
-    require_content(path)
+    require_ordinary(path)
     if path.suffix.lower() in PICTURE_SUFFIXES:
         return PictureSource([path], name=str(source), fps=fps, times_s=times)
     return FilmSource(path, fps=fps, times_s=times)

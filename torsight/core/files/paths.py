@@ -91,26 +91,18 @@ def require_file(path: Path) -> None:
 
 
 def require_ordinary(path: Path) -> None:
-    """Refuse a pipe, a socket or a device, whose reading might never end; a missing file is left to its reader."""
+    """Refuse what has the name of a file but not its content; a missing file is left to its reader.
+
+    That is a pipe, a socket or a device, whose reading might never end, and a Git LFS pointer.
+    """
     try:
         mode = path.stat().st_mode
-    except OSError:
-        return
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise InputError("is no ordinary file", where=str(path), do="save it to a file, and name that")
-
-
-_POINTER: Final = b"version https://git-lfs.github.com/spec/"
-"""Beginning of a Git LFS pointer: a text of some 130 bytes in place of a file that is stored elsewhere."""
-
-
-def require_content(path: Path) -> None:
-    """Refuse a Git LFS pointer, which has the name of a file but not its content."""
-    try:
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise InputError("is no ordinary file", where=str(path), do="save it to a file, and name that")
         with path.open("rb") as file:
             head = file.read(len(_POINTER))
     except OSError:
-        return  # its reader reports it
+        return
     if head == _POINTER:
         raise InputError(
             "is a Git LFS pointer: the file itself was not downloaded",
@@ -118,6 +110,10 @@ def require_content(path: Path) -> None:
             value=f"a text of {path.stat().st_size} bytes",
             do="get it with 'git lfs pull' in the repository that it comes from",
         )
+
+
+_POINTER: Final = b"version https://git-lfs.github.com/spec/"
+"""Beginning of a Git LFS pointer: a text of some 130 bytes in place of a file that is stored elsewhere."""
 
 
 def require_apart(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:

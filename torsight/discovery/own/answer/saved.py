@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.core.errors import InputError
+from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.provenance import file_hash
 from torsight.core.files.storage import read_json, write_json
 from torsight.core.law import LawForm
@@ -234,7 +234,7 @@ class SavedModel:
         """
         unknown = [name for name in given if name not in self.initial]
         if unknown:
-            raise InputError(
+            raise ConfigError(
                 f"'{unknown[0]}' is no initial state", where="initial", limit=", ".join(self.initial) or "there is none"
             )
         values = {**self.values, **given}

@@ -21,8 +21,8 @@ from torsight.discovery.own.model.problem import ModelProblem
 if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Errors, Findings, FittedSet
 
-_WIDTH: Final = 22
-"""Characters of the column with the titles."""
+_WIDTH: Final = 18
+"""Characters of the column with the titles, as in the other commands' summaries."""
 _NO_FLOOR: Final = 1e6
 """Ratio of residual to noise floor above which it is not reported: the record is free of noise."""
 

@@ -115,12 +115,12 @@ class Failure:
         changes = "read-only" in self.message or "cannot be changed" in self.message
         copy = "; what predict is given stays as it is: work on a copy" if changes else ""
         # An InputError (without a kind) needs no introduction.
-        fails, what = ("the model fails: ", "the model") if self.kind else ("", "the model, or the record")
+        fails = "the model fails: " if self.kind else ""
         what_failed = self.sentence()
         if self.place.partition(", line ")[0] in where:
             # The line of an exception says more than that of the function; the file is named once.
             what_failed, where = self._sentence(), self.place
-        error = ModelError(f"{fails}{what_failed}{copy}", where=where, do=f"correct {what}")
+        error = ModelError(f"{fails}{what_failed}{copy}", where=where, do="correct the model, or the record")
         if self.trace:
             error.add_note(f"The model's own traceback:\n{self.trace}")
         return error
