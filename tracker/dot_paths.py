@@ -14,14 +14,10 @@ from torsight.core.units import Floats
 from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import READING, Luma
 from tracker.appearance.motion_blur import smear_slack
-from tracker.detect.dots import halved, level_for
 from tracker.follow.marker import Marker
 from tracker.follow.reading import glance_at
 from tracker.follow.state import RIG
 
-_PHASES: Final = 2
-"""Models of a dot per pixel: a step is wrong by less than 0.01 px, and motion is weighed to ``STANDS_PX``. Most of the
-time would go into the 64 models of the tracker, of which each is used for a few frames."""
 _LEVELS: Final = 3
 """Pyramid levels for dots that moved further than their radius: they are found up to 8 radii away."""
 
@@ -36,7 +32,7 @@ class DotPaths:
     """
 
     def __init__(self, luma: Luma, dots: Sequence[Dot]) -> None:
-        markers = [(dot, Marker(dot, phases=_PHASES)) for dot in dots]
+        markers = [(dot, Marker(dot)) for dot in dots]
         read = [(dot, marker, marker.read(luma, dot.x_px, dot.y_px)) for dot, marker in markers]
         self._markers: list[Marker] = []
         self.dots: list[Dot] = []
@@ -107,33 +103,25 @@ class DotPaths:
         self, luma: Luma, missed: list[int], ahead: NDArray[np.complex128], now: NDArray[np.complex128], spread: Floats
     ) -> None:
         """Read dots at the positions to which pyramidal Lucas–Kanade follows their surroundings from the last frame."""
+        flags = cv2.OPTFLOW_USE_INITIAL_FLOW
         for index in missed:
-            radius_px = self._markers[index].radius_px
-            ends = np.array([self._last[index], ahead[index]])
-            # Only the part of the picture that the coarsest level looks at, in which the dot is small: a start within
-            # the dot is close enough for a reading.
-            far = math.ceil(2.0 * radius_px) << _LEVELS
-            left, top = (max(math.floor(at.min()) - far, 0) for at in (ends.real, ends.imag))
-            right, bottom = (math.ceil(at.max()) + far for at in (ends.real, ends.imag))
-            (before, scale), (after, _) = (
-                level_for(halved(picture[top:bottom, left:right], radius_px), radius_px)
-                for picture in (self._before, luma)
-            )
-            if not before.size:
-                # The dot has left the picture.
-                continue
-            ends = (ends - complex(left, top)) * scale
-            start, guess = np.stack([ends.real, ends.imag], axis=1).astype(np.float32).reshape(2, 1, 1, 2)
-            half = math.ceil(2.0 * radius_px * scale)
+            half = math.ceil(2.0 * self._markers[index].radius_px)
+            from_to = np.array([[at[index].real, at[index].imag] for at in (self._last, ahead)], np.float32)
+            # Only the part of the picture that the coarsest level looks at, with a window of the dot's own size.
+            far = half << _LEVELS
+            left, top = np.maximum(from_to.min(axis=0).astype(int) - far, 0).tolist()
+            right, bottom = (from_to.max(axis=0).astype(int) + far).tolist()
+            part = np.s_[top:bottom, left:right]
+            before, guess = (from_to - np.array([left, top], np.float32)).reshape(2, 1, 1, 2)
             found, status, _ = cv2.calcOpticalFlowPyrLK(
+                self._before[part],
+                luma[part],
                 before,
-                after,
-                start,
                 guess.copy(),
                 winSize=(2 * half + 1, 2 * half + 1),
                 maxLevel=_LEVELS,
-                flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+                flags=flags,
             )
             if status.item():
-                x, y = (found.ravel() / scale).tolist()
+                x, y = found.ravel().tolist()
                 self._read(luma, index, (complex(x + left, y + top),), now, spread)

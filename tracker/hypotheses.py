@@ -40,6 +40,7 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.dots import EXPLAINED
+from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.pairs import CLEARNESS, Pairs
 from tracker.detect.sticks import (
     CLEAR,
@@ -75,15 +76,6 @@ class Couple:
     base: Stick
     moving: Stick
     probability: float
-
-    @property
-    def score(self) -> float:
-        """The score of the fainter stick."""
-        return min(self.base.score, self.moving.score)
-
-    def is_of(self, other: Couple) -> bool:
-        """Return whether both couples have the same base and the same moving stick."""
-        return self.base.is_of(other.base) and self.moving.is_of(other.moving)
 
     def swaps(self, other: Couple) -> bool:
         """Return whether both couples have the same sticks, with base and moving stick exchanged."""
@@ -338,11 +330,6 @@ class Weighing:
         seen = np.isfinite(every[1:])
         return float((seen[:, base].all(axis=1) | seen[:, moving].all(axis=1)).mean())
 
-    def sees(self, couple: Couple) -> bool:
-        """Return whether the dots of one of a couple's sticks, at least, are seen in the last frame."""
-        seen = np.isfinite(self._paths.places[-1])
-        return any(seen[self._numbers(stick)].all() for stick in (couple.base, couple.moving))
-
     def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
         """Return the tracks of a couple's markers in the frames since the picture, or in one of ``every`` frames.
 
@@ -367,6 +354,41 @@ class Weighing:
         """Return the indices of a stick's dots, the inner one first."""
         dots = [id(dot) for dot in self._paths.dots]
         return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
+
+
+class Search:
+    """The choice among the couples of one picture ``luma``, from as many frames after it as it takes.
+
+    It is settled once a couple's probability exceeds :data:`tracker.innovation.SURE` twice in succession, or, if only
+    the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise the film's end settles it.
+    """
+
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
+        self.luma = luma
+        self._weighing = Weighing(luma, dots)
+        self._number, self._due, self._found = 0, STALE, list[Couple]()
+
+    def add(self, frame: Frame) -> bool:
+        """Follow all dots into the next frame; return whether the choice is settled."""
+        self._weighing.add(frame)
+        self._number += 1
+        if self._number < self._due:
+            return False
+        self._due *= 2
+        before, self._found = self._found, self._weighing.weighed()
+        found = self._found
+        # Probability that these two pairs are the sticks, whichever of them is the base.
+        alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
+        if self._number >= LOOKED_AT[-1] and alike > SURE:
+            return True
+        # Twice, the second time with twice as many frames: a couple that fits a short stretch may not fit a longer.
+        return bool(found and before) and min(found[0].probability, before[0].probability) > SURE
+
+    def result(self) -> tuple[list[Couple], float]:
+        """Return the couples, the most probable first, and the share of the frames in which the first one is read."""
+        if 2 * self._number != self._due:
+            self._found = self._weighing.weighed()
+        return self._found, self._weighing.read(self._found[0]) if self._found else 0.0
 
 
 def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:

@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
-from tracker.detect.dots import HUGE_PX
+from tracker.appearance.dot_fit import Dot
+from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
 from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import SIZES
-from tracker.dot_searches import DotSearches, FoundDots
+from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
-from tracker.hypotheses import Choice
+from tracker.hypotheses import Choice, Couple, Search
+from tracker.innovation import SURE
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,31 +80,30 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the start at the four dots that are clearest in one of the first frames, or else at two tags."""
-    dots, tags, pictures, last = DotSearches(), TagsSeen(), list[NDArray[np.uint8]](), -1
+    dots, tags = _Dots(source), TagsSeen()
+    last = -1
     for frame in decoded(source):
-        if dots.settled_by(frame) or (frame.index > LOOKED_AT[-1] and not dots.under_way):
+        if frame.index > LOOKED_AT[-1] and not dots.undecided:
             break
-        if frame.index not in LOOKED_AT or frame.luma is None:
-            continue
-        last = frame.index
-        pictures.append(frame.luma.copy())
-        if not dots.hold:
+        settled = dots.followed(frame)
+        if not settled and frame.index in LOOKED_AT and frame.luma is not None:
+            last, luma = frame.index, frame.luma.copy()
             progress("looking for the markers", last, LOOKED_AT[-1])
-            dots.search(last, pictures[-1])
-            # The first dots are followed before anything else is looked for.
-            if (len(pictures) > 1 or not dots.under_way) and _left_to_tags(dots.best) and tags.are_sure_in(pictures):
-                break
+            settled = dots.settled_by(last, luma)
+            if dots.leave_it_to_tags:
+                tags.take(luma)
+        if (tags.pictures > 1 and tags.pair[1]) if dots.leave_it_to_tags else settled:
+            break
+    else:
+        dots.end()
     progress("looking for the markers", LOOKED_AT[-1], LOOKED_AT[-1])
     if last < 0:
         raise InputError("holds no frame that can be decoded", where=source.name)
     where = f"{source.name}, frames 0 to {last}"
-    found = dots.best
-    if _left_to_tags(found):
-        tags.take(pictures)
-        family, numbers = tags.pair
-        if numbers:
-            return _start_at_tags(family, numbers, where=where)
-    if found is None:
+    family, numbers = tags.pair
+    if dots.leave_it_to_tags and numbers:
+        return _start_at_tags(family, numbers, where=where)
+    if dots.start is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=where,
@@ -111,33 +111,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             f"than {SIZES:g} times as large as another; or a tag on each stick",
             do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
         )
-    found = _earlier(source, found, dots.searched) if found.rank.enough else found
-    return Start(_markers(found), found.index, None, doubtful=not found.rank.clear, choice=Choice.of(found.couples))
-
-
-def _earlier(source: FrameSource, found: FoundDots, searched: Sequence[int]) -> FoundDots:
-    """Return what an earlier picture shows than the one in which sticks were found, if it is enough, too.
-
-    Pictures were passed over while the dots of an earlier one were followed. Only where a film shows sticks it is read
-    once more for these.
-    """
-    numbers = [number for number in LOOKED_AT if number < found.index and number not in searched]
-    dots = DotSearches()
-    for frame in decoded(source) if numbers else ():
-        if dots.settled_by(frame) or (frame.index > numbers[-1] and not dots.under_way):
-            break
-        if frame.index in numbers and frame.luma is not None:
-            dots.search(frame.index, frame.luma.copy())
-    best = dots.best
-    return best if best is not None and best.rank.enough else found
-
-
-def _left_to_tags(found: FoundDots | None) -> bool:
-    """Return whether tags count more than dots: without any, and where they are faint or lie in tags.
-
-    Four modules may look like dots on sticks.
-    """
-    return found is None or not found.rank.clear or all(_in_tag(found.luma, marker) for marker in _markers(found))
+    return dots.start
 
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
@@ -148,10 +122,88 @@ def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
     return any(tag.holds(x - left, y - top) for found in usual_tags(part).values() for tag in found)
 
 
-def _markers(found: FoundDots) -> list[Marker]:
-    """Return new markers of the first couple: tracking modifies them."""
-    couple = found.couples[0]
-    return [marker for stick in (couple.base, couple.moving) for marker in markers_on(found.luma, stick)]
+class _Dots:
+    """The best ``start`` at dots of the pictures so far, None without one.
+
+    Dots of one picture may be the wrong ones: while the light comes on, while something else is before the camera, or
+    where one stick lies over a dot of the other. Wrong dots are lost in the frames that follow, their base is not at
+    rest, or nothing moves. So later pictures are tried, until the sticks of one are certain or are read in most of the
+    frames after it; otherwise the picture counts whose sticks are read in the largest share of them. The first picture
+    is tried alone, the later ones together, as the film is read once more.
+    """
+
+    def __init__(self, source: FrameSource) -> None:
+        self.start: Start | None = None
+        self._in_tags = False
+        self._source = source
+        self._read, self._score = -1.0, -math.inf
+        self._asked: list[NDArray[np.complex128]] = []
+        self.undecided: list[tuple[int, Search]] = []
+
+    @property
+    def leave_it_to_tags(self) -> bool:
+        """Whether tags count more than the dots so far: four modules of tags may look like dots on sticks."""
+        return self.start is None or self.start.doubtful or self._in_tags
+
+    def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
+        """Search a picture; return whether no later one is needed."""
+        dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
+        # Dots that failed where they are fail again; where they have moved since, their motion is seen from elsewhere.
+        at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
+        if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
+            return False
+        search = Search(luma, dots)
+        alone = not self._asked
+        self._asked.append(at)
+        if not alone:
+            self.undecided.append((index, search))
+            return False
+        for later in decoded(self._source):
+            if later.index > index and search.add(later):
+                break
+        return self._decide(index, search)
+
+    def followed(self, frame: Frame) -> bool:
+        """Follow the dots of all pictures into a frame; return whether the sticks of one are found."""
+        settled = [one for one in self.undecided if one[1].add(frame)]
+        self.undecided = [one for one in self.undecided if one not in settled]
+        return any(self._decide(*one) for one in settled)
+
+    def end(self) -> None:
+        """Decide what the film leaves open."""
+        for one in self.undecided:
+            if self._decide(*one):
+                break
+
+    def _decide(self, index: int, search: Search) -> bool:
+        """Take the sticks of a picture if they are the best; return whether no other ones are needed."""
+        weighed, read = search.result()
+        if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
+            return False
+        score = min(weighed[0].base.score, weighed[0].moving.score)
+        if score > CLEAR:
+            if read <= self._read:
+                return False
+            self._read = read
+        elif self._read >= 0.0 or score <= self._score:
+            return False
+        self._score = score
+        markers = _markers(search.luma, weighed[0])
+        self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
+        self._in_tags = all(_in_tag(search.luma, marker) for marker in markers)
+        # A couple that is certain remains so where light, focus or a hand hides it afterwards.
+        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
+
+
+def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
+    """Return whether all dots are at positions of earlier dots, within their radii."""
+    radius_px = np.array([dot.radius_px for dot in dots])
+    return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
+
+
+def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:
+    """Return new markers of a couple: tracking modifies them."""
+    return [marker for stick in (couple.base, couple.moving) for marker in markers_on(luma, stick)]
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:

@@ -68,9 +68,6 @@ SHARP_PX: Final = 1.5
 _NEAR_PX: Final = math.sqrt(0.5) / PHASES
 """Offset from the model's position below which a reading has converged: half a diagonal of the grid of models, beyond
 which another model is nearer."""
-_NEAR_COARSE: Final = math.sqrt(2.0)
-"""The same in a coarser grid, in its steps: a diagonal, as readings of a dot with motion blur may alternate between two
-models, which do not have it."""
 
 
 @lending
@@ -264,18 +261,11 @@ def take_values(luma: Luma, cx: int, cy: int, pixels: Ints, half: int, values: F
     return True
 
 
-@lending
-def phases_of(models: Floats) -> int:
-    """Return the steps per pixel at which a look has models."""
-    return round(math.sqrt(float(models.shape[0])))
-
-
 @internal
 def model_at(pixels: Ints, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
     """Return the index of the model of a dot at rest at ``place`` from the window's middle; computed if not cached."""
-    phases = phases_of(models)
-    off_x, off_y = round(place[0] * phases), round(place[1] * phases)
-    slot = (off_y % phases) * phases + off_x % phases
+    off_x, off_y = round(place[0] * PHASES), round(place[1] * PHASES)
+    slot = (off_y % PHASES) * PHASES + off_x % PHASES
     if extras[slot, -1] == 0.0:
         fill_columns(models[slot, COLUMNS:], pixels, place[0], place[1], shape, 0.0, 0.0)
         fill_model(models[slot], extras[slot], COLUMNS, pixels, shape)
@@ -303,12 +293,10 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         # Temporary models, which are not cached.
         models = np.empty((1, 2 * _MOST_COLUMNS + 4, pixels.shape[1]))
         extras = np.empty((1, 2 * _MOST_COLUMNS + 4))
-    phases = PHASES if length > 0.0 else phases_of(models)
-    near_px = _NEAR_PX if phases == PHASES else _NEAR_COARSE / phases
     half = math.ceil(radius)
     values = np.empty(pixels.shape[1])
     for round_ in range(_ROUNDS):
-        at_x, at_y = math.floor(x_px * phases + 0.5) / phases, math.floor(y_px * phases + 0.5) / phases
+        at_x, at_y = math.floor(x_px * PHASES + 0.5) / PHASES, math.floor(y_px * PHASES + 0.5) / PHASES
         cx, cy = math.floor(at_x + 0.5), math.floor(at_y + 0.5)
         if not take_values(luma, cx, cy, pixels, half, values):
             return False
@@ -326,7 +314,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         dx, dy = found[2] / found[1], found[3] / found[1]
         out.x, out.y = at_x + dx, at_y + dy
         # The model is linear only nearby: another step starts from the nearest position of a cached model.
-        near = abs(dx) <= near_px and abs(dy) <= near_px
+        near = abs(dx) <= _NEAR_PX and abs(dy) <= _NEAR_PX
         if near or round_ == _ROUNDS - 1 or not math.isfinite(out.x) or not math.isfinite(out.y):
             out.converged = near
             take_reading(values, found, models[slot], extras[slot], pixels, marker, out)

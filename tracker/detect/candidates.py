@@ -69,7 +69,7 @@ def look(luma: NDArray[np.uint8], *, taken: tuple[Stick, Stick] | None = None) -
     )
     if found is None:
         tags = TagsSeen()
-        tags.take([luma])
+        tags.take(luma)
         family, numbers = tags.pair
         reason = f"tags of {family} are seen, numbers {listed([str(number) for number in numbers])}" if numbers else ""
         return Sighting(candidates, None, reason or _why_none(luma, dots, paired, sticks))

@@ -51,7 +51,7 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
     """Return the dots in a picture (h, w), the clearest first, and the rejected positions, the most similar first."""
     dots: list[Dot] = []
     refused: list[Refused] = []
-    levels = halved(luma)
+    levels = _halved(luma)
     for _, x, y, radius, light_dot in _places(levels):
         if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
             continue
@@ -71,7 +71,7 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
 
 def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
     """Return the dot near a position, fitted within the uniform background around it, or in words why there is none."""
-    luma, (coarse, scale), sign = levels[0], level_for(levels, radius_px), 1.0 if light_dot else -1.0
+    luma, (coarse, scale), sign = levels[0], _coarse(levels, radius_px), 1.0 if light_dot else -1.0
     close = None
     # First in the coarse picture: what is no dot there is none in the fine one, with up to 64 times the pixels.
     for level, size in [(luma, 1.0)] if scale == 1.0 else [(coarse, scale), (luma, 1.0)]:
@@ -105,7 +105,7 @@ def _unexplained(fit: Dot | None) -> str:
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
     """Return the dot whose centre is nearest to a position, within ``reach_px`` or within its own radius."""
     best: tuple[float, Dot] | None = None
-    levels = halved(luma)
+    levels = _halved(luma)
     for _, x, y, radius, light_dot in _places(levels, near=(x_px, y_px, reach_px)):
         dot = _judge_dot(levels, x, y, radius_px=radius, light_dot=light_dot)
         if isinstance(dot, str):
@@ -201,7 +201,7 @@ def _places(levels: Levels, *, near: tuple[float, float, float] | None = None) -
     return kept
 
 
-def halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
+def _halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
     """Return a picture, and its successive halves, as coarse as dots up to a radius need."""
     levels = [luma]
     while radius_px > _SMALL_PX and min(levels[-1].shape) > 4:
@@ -210,10 +210,17 @@ def halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
     return levels
 
 
-def level_for(levels: Levels, radius_px: float) -> tuple[NDArray[np.uint8], float]:
+def _coarse(levels: Levels, radius_px: float) -> tuple[NDArray[np.uint8], float]:
     """Return the picture in which dots of a radius are small, and its scale."""
     number = min(max(math.ceil(math.log2(radius_px / _SMALL_PX)), 0), len(levels) - 1)
     return levels[number], 0.5**number
+
+
+def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
+    picture = level.astype(np.float32)
+    side = (2 * half + 1, 2 * half + 1)
+    mean = cv2.blur(picture, side)
+    return np.asarray(np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0)), dtype=np.float32)
 
 
 def _disc_picture(radius_px: float) -> NDArray[np.float32]:
@@ -229,30 +236,33 @@ def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, in
     more, (height, width) = math.ceil(2.0 * radius_px), luma.shape
     left, top = max(0, box[0] - more), max(0, box[1] - more)
     part = luma[top : min(height, box[3] + more), left : min(width, box[2] + more)]
-    places = _places_of(halved(part, radius_px), radius_px)
+    places = _places_of(_halved(part, radius_px), radius_px)
     return [(merit, x + left, y + top, radius, light) for merit, x, y, radius, light in places]
 
 
 def _places_of(levels: Levels, radius_px: float) -> list[Place]:
     """Return the positions in a picture that look like a dot of a radius."""
-    level, scale = level_for(levels, radius_px)
+    level, scale = _coarse(levels, radius_px)
     pattern = _disc_picture(radius_px * scale)
     half = pattern.shape[0] // 2
     if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
         return []
     score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
-    windows = np.lib.stride_tricks.sliding_window_view(level, pattern.shape)
     places: list[Place] = []
+    # Clearness of the dot: a disc explains the square of the correlation, and the spread is proportional to its step.
+    spread = _spread(level, half)
     for sign in (1.0, -1.0):
-        signed = score if sign > 0.0 else -score
+        signed = sign * score
         crest = cv2.dilate(signed, np.ones((2 * half - 1, 2 * half - 1), np.uint8))
-        rows, columns = np.nonzero(signed > _LIKELY)
-        like = signed[rows, columns]
-        top = (like >= crest[rows, columns]) & np.isfinite(like)
-        rows, columns, like = rows[top], columns[top], like[top].astype(np.float64)
-        # Clearness of the dot: a disc explains the square of the correlation, and the spread is proportional to its
-        # step.
-        clear = like**8 * np.sqrt(windows[rows, columns].std(axis=(1, 2)))
-        x, y = ((at + half) / scale for at in (columns, rows))
-        places += [(*place, radius_px, sign > 0) for place in zip(clear.tolist(), x.tolist(), y.tolist(), strict=True)]
+        rows, columns = np.nonzero((signed >= crest) & (signed > _LIKELY) & np.isfinite(signed))
+        places += [
+            (
+                float(signed[row, column]) ** 8 * math.sqrt(spread[row + half, column + half]),
+                (column + half) / scale,
+                (row + half) / scale,
+                radius_px,
+                sign > 0,
+            )
+            for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+        ]
     return places

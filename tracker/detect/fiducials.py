@@ -102,18 +102,12 @@ class TagsSeen:
         self.pictures = 0
         self._shown: dict[str, Counter[int]] = {family: Counter() for family in USUAL}
 
-    def take(self, pictures: Sequence[NDArray[np.uint8]]) -> None:
-        """Add the tags of those pictures that are new; a number that a picture shows twice is ignored."""
-        for luma in pictures[self.pictures :]:
-            for family, found in usual_tags(luma).items():
-                numbers = Counter(tag.number for tag in found)
-                self._shown[family].update(number for number, times in numbers.items() if times == 1)
-        self.pictures = len(pictures)
-
-    def are_sure_in(self, pictures: Sequence[NDArray[np.uint8]]) -> bool:
-        """Add the tags of pictures as :meth:`take` does; return whether two were seen, in two pictures each."""
-        self.take(pictures)
-        return self.pictures > 1 and bool(self.pair[1])
+    def take(self, luma: NDArray[np.uint8]) -> None:
+        """Add the tags of a picture; a number that the picture shows twice is ignored."""
+        self.pictures += 1
+        for family, found in usual_tags(luma).items():
+            numbers = Counter(tag.number for tag in found)
+            self._shown[family].update(number for number, times in numbers.items() if times == 1)
 
     @property
     def pair(self) -> tuple[str, list[int]]:

@@ -18,8 +18,8 @@ from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick
 from tracker.frames.frame import Frame, FrameSource
 
-LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 60, 120, 240, 450, 900)
-"""Frames that are searched for markers until these are found, each time about twice as far."""
+LOOKED_AT: Final = (0, 1, 2, 4, 8, 15, 30, 45, 60, 90, 120, 180, 240, 300, 450, 600, 900)
+"""Frames that are searched for markers until these are found."""
 SNAP_PX: Final = 12.0
 """Largest distance of a given position from the centre of its dot, unless it lies inside the dot."""
 

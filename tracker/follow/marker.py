@@ -30,17 +30,11 @@ _MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
 class Marker:
     """A round dot as fitted in the first picture.
 
-    ``strip_px`` is half the width of the stick that carries the dot, ``edges_px`` the distances of its two edges,
-    ``phases`` the steps per pixel at which models are cached.
+    ``strip_px`` is half the width of the stick that carries the dot, ``edges_px`` the distances of its two edges.
     """
 
     def __init__(
-        self,
-        dot: Dot,
-        *,
-        strip_px: float = math.inf,
-        edges_px: tuple[float, float] = (math.inf, math.inf),
-        phases: int = PHASES,
+        self, dot: Dot, *, strip_px: float = math.inf, edges_px: tuple[float, float] = (math.inf, math.inf)
     ) -> None:
         self.record = np.zeros(1, MARKER)
         own = self.record["shape"]
@@ -50,7 +44,7 @@ class Marker:
         self.record["first_radius"] = dot.radius_px
         self.record["miss"] = _MISSES_PX2
         pixels = window_pixels(dot.window_px)
-        slots, rows = phases * phases, 2 * COLUMNS + 4
+        slots, rows = PHASES * PHASES, 2 * COLUMNS + 4
         self.look: Look = (pixels, np.empty((slots, rows, pixels.shape[1])), np.zeros((slots, rows)))
 
     def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> NDArray[np.void] | None:

@@ -120,6 +120,11 @@ class Likelihood:
         scaled = self.left(residual)[rows] ** 2 / (self.floor[rows] ** 2 + self.least**2 + 1e-30)
         return bool(rows.any() and self.count[rows] @ scaled <= np.sum(self.count[rows]))
 
+    def over_floor(self, residual: Floats) -> float:
+        """Return the root mean square of a residual, in noise floors."""
+        noise = max(float(self.count @ self.noise**2), 1e-30)
+        return float(np.sqrt(float(self.count @ residual**2) / noise))
+
     def discrepancy(self, residual: Floats) -> Floats:
         """Return the discrepancy's most probable sizes (3,): in motion, at rest, and in opening blocks."""
         return self._discrepancy(self.left(residual))

@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats.qmc import Sobol
 
 from torsight.core.progress import Progress
 from torsight.core.units import Floats
@@ -55,6 +54,7 @@ class Search:
         self._exchanged: set[tuple[EffectSet, str, str]] = set()
         self._at_once = partial(problem.at_once, progress=progress)
         self._laws = {law.id: law for law in problem.laws}
+        self._most_left = problem.over_floor
 
     def run(self) -> Field:
         """Return the plain model and the sets that grew out of the best ones."""
@@ -260,12 +260,12 @@ class Search:
             done += len(turn)
 
     def _is_open(self, members: EffectSet) -> bool:
-        """Return whether a set is the best one and leaves more than noise: then derivatives say little of a law.
+        """Return whether a set is the best one and leaves the record unexplained: then derivatives say little of a law.
 
         With its values a set absorbs what it lacks: at its optimum the law that is missing may promise nothing.
         """
         one = self._explanations[members]
-        return bool(members) and one is self._best() and one.promise > self.needed
+        return bool(members) and one is self._best() and one.likelihood.over_floor(one.residual) > self._most_left
 
     def _gained(self, members: EffectSet, name: str) -> float:
         """Return the most that a member gained alone, or beside a part of a set."""
@@ -328,6 +328,9 @@ class Search:
     @cached_property
     def _drawn(self) -> list[dict[str, float]]:
         """Base values with a prior, drawn from it: points of a Sobol sequence, the same for all sets and searches."""
+        # Imported here: scipy.stats takes longer to import than most commands run.
+        from scipy.stats.qmc import Sobol
+
         held = [p for p in self._problem.parameters if p.sigma is not None]
         if not held:
             return []

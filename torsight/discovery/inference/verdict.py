@@ -232,10 +232,6 @@ class _Judge:
                     found.append(sets[members])
         return found
 
-    def _square(self, one: Explanation) -> float:
-        return float(np.dot(self._field.likelihood.count, one.residual**2))
-
     def over_floor(self, one: Explanation) -> float:
         """Return the root mean square residual of a set, in noise floors."""
-        likelihood = self._field.likelihood
-        return float(np.sqrt(self._square(one) / max(float(likelihood.count @ likelihood.noise**2), 1e-30)))
+        return self._field.likelihood.over_floor(one.residual)
