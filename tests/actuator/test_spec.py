@@ -29,7 +29,7 @@ GOOD = {
 
 def test_a_start_at_the_bound_is_told_as_beyond_it() -> None:
     log = TemperatureLog(np.arange(3.0), np.full(3, 23.0), np.full(3, 23.0))
-    told = "found −540°; allowed more than −540° and less than 540°"
+    told = "found −9.42478 rad = −540°; allowed more than −540° and less than 540°"
     with pytest.raises(ConfigError, match=told):
         ActuatorModel(reference_spec()).prepare_log(log, start_angle_rad=-540.0 * DEG)
 

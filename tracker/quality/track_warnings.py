@@ -158,7 +158,7 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
     """Return a warning if the marker given as a stick's inner one is the one further from the axis."""
     axis = axis_px(tracks)
     if axis is None:
-        return _still_outer_marker(tracks)
+        return []
     found: list[str] = []
     for name, (inner, outer), first in zip(STICKS, away_px(tracks, axis).reshape(2, 2).tolist(), (0, 2), strict=True):
         offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
@@ -174,25 +174,6 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
     what = "every angle is off by 180 degrees" if len(found) == 1 else "the angles hold, but not the markers' names"
     words = " and ".join(found)
     return [f"{words[0].upper()}{words[1:]}: {what}. Exchange the two positions in the marker file."]
-
-
-def _still_outer_marker(tracks: MarkerTracks) -> list[str]:
-    """Return a warning if the moving stick's outer marker moves less than its inner one, which no stick's does.
-
-    That the directions between the two then show no axis is no reason to trust them: one is a point of the background.
-    """
-    moving_px = tracks.position_px[tracks.valid[:, 2:].all(axis=1), 2:]
-    if not len(moving_px):
-        return []
-    inner, outer = np.sqrt(np.mean(np.sum(np.square(moving_px - moving_px.mean(axis=0)), axis=-1), axis=0)).tolist()
-    if inner <= outer + circle_sigma_px(inner, 0.0):
-        return []
-    words = (
-        f"The outer marker of the moving stick moves by {outer:.1f} px rms and the inner one by {inner:.1f} px: on a "
-        "stick that turns the outer one moves further, so one of them does not lie on it, or they are exchanged. "
-        "Correct the two positions in the marker file."
-    )
-    return [words]
 
 
 def _repeated_texture(result: TrackResult) -> list[str]:
