@@ -27,9 +27,9 @@ from torsight.discovery.actuator.law_tables import measured_laws
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.design.next_experiment import NEEDED_GAIN, NextExperiment, next_experiment
 from torsight.discovery.inference.engine import Findings, law_shares
-from torsight.discovery.inference.evidence import residual_of
 from torsight.discovery.inference.explanation import Explanation, covariance, estimates, predictive_covariance
 from torsight.discovery.inference.fitting import less
+from torsight.discovery.inference.laplace import residual_of
 from torsight.discovery.inference.likelihood import MOTION, REST
 from torsight.discovery.inference.noise import Stretches, reading_noise
 from torsight.discovery.inference.validate import HeldOut

@@ -17,8 +17,8 @@ from torsight.core.law import LawForm
 from torsight.core.parameter import Estimate
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Floats
-from torsight.discovery.inference.evidence import ahead, residual_of
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
+from torsight.discovery.inference.laplace import ahead, residual_of
 from torsight.discovery.inference.law.measure import FURTHER, Bar, Measured
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import Stretches

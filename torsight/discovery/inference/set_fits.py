@@ -16,7 +16,6 @@ import numpy as np
 from torsight.core.law import Law
 from torsight.core.progress import Progress
 from torsight.core.units import Floats
-from torsight.discovery.inference.evidence import log_evidence, residual_of
 from torsight.discovery.inference.explanation import (
     Explanation,
     family_evidence,
@@ -26,6 +25,7 @@ from torsight.discovery.inference.explanation import (
     weighted_fitter,
 )
 from torsight.discovery.inference.fitting import WORTH, EffectSet, Fit, Fitter
+from torsight.discovery.inference.laplace import log_evidence, residual_of
 from torsight.discovery.inference.law.measure import NO_BAR, SETTLED, Bar, Measured, better_form, measure_law
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.noise import (

@@ -19,8 +19,8 @@ from scipy.linalg import solve_triangular
 from torsight.core.progress import Progress, silent
 from torsight.core.series import rms
 from torsight.core.units import Floats, Ints
-from torsight.discovery.inference.evidence import prior_information
 from torsight.discovery.inference.fitting import Fit, Fitter, space_of
+from torsight.discovery.inference.laplace import prior_information
 from torsight.discovery.interface import Problem
 from torsight.discovery.weight import Weight
 

@@ -20,8 +20,8 @@ from torsight.core.parallel.threads import in_parallel
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
 from torsight.core.words.wording import number
-from torsight.discovery.inference.evidence import residual_of
 from torsight.discovery.inference.fitting import EffectSet, Fit, Fitter, space_of
+from torsight.discovery.inference.laplace import residual_of
 from torsight.discovery.inference.noise import Stretches, first_scales, information
 from torsight.discovery.inference.solver import STEP_SHARE, linear_change
 from torsight.discovery.inference.validate import block_labels

@@ -20,8 +20,8 @@ import numpy as np
 
 from torsight.core.law import KEPT, Law, LawForm
 from torsight.core.units import Floats
-from torsight.discovery.inference.evidence import prior_information, residual_of
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
+from torsight.discovery.inference.laplace import prior_information, residual_of
 from torsight.discovery.inference.law.bank import Bank, Member, Picture, precision_of, projected
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.priors import prior_cost_of
