@@ -28,7 +28,8 @@ class Settings:
     beam : int
         Number of sets of each size that are extended.
     starts : int
-        Number of draws of the base values from which the best sets are fitted again where they leave more than noise.
+        Number of draws of the base values from which a law is measured beside a best set that leaves the record
+        unexplained. Of six draws beside a late sensor three led to the best optimum, so that four miss it in one of 16.
     """
 
     missing: float = 0.5

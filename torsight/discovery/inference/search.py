@@ -262,10 +262,13 @@ class Search:
     def _is_open(self, members: EffectSet) -> bool:
         """Return whether a set is the best one and leaves the record unexplained: then derivatives say little of a law.
 
-        With its values a set absorbs what it lacks: at its optimum the law that is missing may promise nothing.
+        With its values a set absorbs what it lacks: at its optimum the law that is missing may promise nothing. Without
+        priors there is nothing to draw other values from.
         """
         one = self._explanations[members]
-        return bool(members) and one is self._best() and one.likelihood.over_floor(one.residual) > self._most_left
+        if not members or one is not self._best() or one.likelihood.over_floor(one.residual) <= self._most_left:
+            return False
+        return bool(self._drawn)
 
     def _gained(self, members: EffectSet, name: str) -> float:
         """Return the most that a member gained alone, or beside a part of a set."""
@@ -293,7 +296,7 @@ class Search:
         if name in self._laws:
             law = self._laws[name]
             if self._is_open(members):
-                return self.fits.with_law(parent, law, columns=columns, elsewhere=self._drawn, agree=self.needed)
+                return self.fits.with_law(parent, law, columns=columns, drawn=self._drawn, agree=self.needed)
             return self.fits.with_law(parent, law, bar=bar, columns=columns)
         return self.fits.with_effect(parent, name, bar=bar)
 

@@ -106,7 +106,7 @@ class SetFits:
         curve: Floats | None = None,
         bar: Bar = NO_BAR,
         columns: Mapping[str, Floats] | None = None,
-        elsewhere: Sequence[Mapping[str, float]] = (),
+        drawn: Sequence[Mapping[str, float]] = (),
         agree: float = 0.0,
     ) -> Explanation:
         """Measure a law beside a set: from the set's optimum and, where base values are pulled, the priors' means.
@@ -116,19 +116,19 @@ class SetFits:
         problem's other starts (``elsewhere``) are used, too. From a given ``curve`` the law is measured from the set's
         optimum alone. ``columns`` are derivatives by the law's values at the optimum, where they are known.
 
-        With base values ``elsewhere`` both starts are used, and as long as no two have led to the best evidence, to
-        within ``agree``, these are starts, too: there are several optima then.
+        With ``drawn`` base values both starts are used, and as long as no two have led to the best evidence, to within
+        ``agree``, the drawn ones are starts, too: there are several optima then.
         """
         problem, fit = parent.fitter.problem, parent.fit
         measure = partial(measure_law, problem, law, effects=parent.members, likelihood=parent.likelihood, bar=bar)
         found = [measure(fit.values, known=columns_of(fit) | dict(columns or {}), curve=curve)]
-        if elsewhere or (curve is None and parent.pulled > SETTLED and (found[0].hopes or not parent.members)):
+        if drawn or (curve is None and parent.pulled > SETTLED and (found[0].hopes or not parent.members)):
             nominal = parent.fitter.nominal
             known = {} if parent.members else columns_of(nominal)
             found.append(measure({**fit.values, **nominal.values}, known=known))
         elif curve is None and all(parameter.sigma is None for parameter in problem.parameters):
             found += [measure({**fit.values, **place}) for place in problem.elsewhere]
-        for base in elsewhere:
+        for base in drawn:
             first, second = sorted((one.log_evidence for one in found), reverse=True)[:2]
             if first - second <= agree:
                 break
