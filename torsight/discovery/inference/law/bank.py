@@ -26,7 +26,7 @@ SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """Sizes that are tried, in scales of the law: three decades in steps of a half."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Bank:
     """A law's kernels at size one, and the logarithm of the prior of each kernel in every size.
 
@@ -45,6 +45,11 @@ class Bank:
         of_kind = np.where(smooth, smooth.sum(), (~smooth).sum())
         kinds = 2 if 0 < smooth.sum() < len(smooth) else 1
         return cls(law, tuple(law.form(kernel, 1.0) for kernel in law.kernels), -np.log(kinds * of_kind * len(SIZES)))
+
+    @functools.cached_property
+    def _inverses(self) -> list[Floats]:
+        """The matrices that give the coefficients of a curve on the nodes in each kernel at size one."""
+        return [np.asarray(np.linalg.pinv(unit.basis), np.float64) for unit in self.units]
 
     def beside(self, evidence: Floats, place: Member) -> float:
         """Return the evidence of the family less that of its measured member alone.
@@ -66,9 +71,26 @@ class Bank:
             log_prior.append(prior if off**2 <= KEPT else -np.inf)
         return Bank(self.law, tuple(units), np.array(log_prior))
 
-    def form(self, kernel: int, size: int) -> LawForm:
-        """Return the form of one kernel in one size."""
-        return replace(self.units[kernel], basis=self.units[kernel].basis * (SIZES[size] * self.law.scale))
+    def size(self, place: Member) -> float:
+        """Return the size of a member in the law's unit."""
+        return float(SIZES[place[1]] * self.law.scale)
+
+    def form(self, place: Member) -> LawForm:
+        """Return the form of a member."""
+        unit = self.units[place[0]]
+        return replace(unit, basis=unit.basis * self.size(place))
+
+    def coefficients(self, place: Member, curve: Floats) -> Floats:
+        """Return the coefficients of a member's form at which it is nearest to a curve (k,)."""
+        return np.asarray(self._inverses[place[0]] @ curve / self.size(place))
+
+    def nearest(self, place: Member, curve: Floats) -> Floats:
+        """Return the curve (k,) nearest to a given one that a member can represent."""
+        return np.asarray(self.units[place[0]].basis @ (self._inverses[place[0]] @ curve))
+
+    def cost(self, place: Member, curve: Floats) -> float:
+        """Return the cost of a curve (k,) under a member's prior: minus twice the logarithm of its density."""
+        return float(np.sum(self.coefficients(place, curve) ** 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,16 +171,3 @@ class Picture:
             return np.asarray(u[:n] + x - origin[:n], np.float64)
 
         return cls(bank, evidence, base + np.array(occam), (kernel, size), values_of, parameters_at)
-
-
-def precision_of(basis: Floats) -> Floats:
-    """Return the inverse (k, k) of a basis's covariance, on its span."""
-    inverse = np.linalg.pinv(basis)
-    return np.asarray(inverse.T @ inverse)
-
-
-def projected(u: Floats, names: int, form: LawForm) -> Floats:
-    """Return a point with the law's values replaced by the nearest ones that a form can represent."""
-    out = u.copy()
-    out[names:] = form.basis @ np.linalg.lstsq(form.basis, u[names:])[0]
-    return out

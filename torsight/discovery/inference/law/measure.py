@@ -22,7 +22,7 @@ from torsight.core.law import KEPT, Law, LawForm
 from torsight.core.units import Floats
 from torsight.discovery.inference.fitting import AtPoint, EffectSet, Fit, Fitter, space_of
 from torsight.discovery.inference.laplace import prior_information, residual_of
-from torsight.discovery.inference.law.bank import Bank, Member, Picture, precision_of, projected
+from torsight.discovery.inference.law.bank import Bank, Member, Picture
 from torsight.discovery.inference.likelihood import Likelihood
 from torsight.discovery.inference.priors import prior_cost_of
 from torsight.discovery.inference.solver import TRUSTED, Slopes, Space, linear_change
@@ -163,11 +163,16 @@ class Measurement:
     def _residual(self, at_u: Floats) -> Floats:
         return residual_of(self._problem, at_u)
 
-    def _prior(self, u: Floats, precision: Floats) -> float:
+    def _prior(self, u: Floats, place: Member) -> float:
         """Return the logarithm of the priors at a point: of the parameters, and of the law under one member."""
         m = len(self._names)
-        f = u[m:]
-        return -0.5 * prior_cost_of(self._space.prior_residual(u)[:m], self._base) - 0.5 * float(f @ precision @ f)
+        of_parameters = prior_cost_of(self._space.prior_residual(u)[:m], self._base)
+        return -0.5 * (of_parameters + self._bank.cost(place, u[m:]))
+
+    def _projected(self, u: Floats, place: Member) -> Floats:
+        """Return a point with the law's curve replaced by the nearest one that a member can represent."""
+        m = len(self._names)
+        return np.concatenate([u[:m], self._bank.nearest(place, u[m:])])
 
     def run(self, start: Mapping[str, float], known: Mapping[str, Floats], curve: Floats | None, bar: Bar) -> Measured:
         """Step from a start until a step gains nothing that matters, or the law cannot clear the bar."""
@@ -239,23 +244,21 @@ class Measurement:
         missing = np.full(len(self._problem.observed), np.nan)
         return np.column_stack([known.get(name, missing) for name in (*self._names, *self._own)])
 
-    def _value(self, at_u: Floats, u: Floats, precision: Floats) -> float:
+    def _value(self, at_u: Floats, u: Floats, place: Member) -> float:
         """Return the posterior density's logarithm at a point under one member."""
-        return self._likelihood.log(self._residual(at_u)) + self._prior(u, precision)
+        return self._likelihood.log(self._residual(at_u)) + self._prior(u, place)
 
     def _aim(self, slopes: Slopes, picture: Picture, place: Member, at: Member | None) -> _Aim:
         """Return the posterior mean of a member of the bank as the aim of a step; ``at`` is the member of the point."""
-        form = self._bank.form(*place)
-        precision, target = precision_of(form.basis), self._space.clip(picture.mean_of(place))
-        own = projected(slopes.x, len(self._names), form)
+        target = self._space.clip(picture.mean_of(place))
+        own = self._projected(slopes.x, place)
         outside = at is not None and np.sum((own - slopes.x) ** 2) > KEPT * np.sum(slopes.x[len(self._names) :] ** 2)
         if at is None:
-            now = self._value(slopes.at_x, own, precision)
+            now = self._value(slopes.at_x, own, place)
         else:
-            now = self._value(slopes.at_x, slopes.x, precision_of(self._bank.form(*at).basis))
-            now += picture.constant(at) - picture.constant(place)
-        there = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, precision)
-        return _Aim(place, precision, target, now, there - now, whole=bool(outside))
+            now = self._value(slopes.at_x, slopes.x, at) + picture.constant(at) - picture.constant(place)
+        there = self._value(slopes.at_x + slopes.jacobian @ (target - slopes.x), target, place)
+        return _Aim(place, target, now, there - now, whole=bool(outside))
 
     def _towards(self, u: Floats, aim: _Aim) -> tuple[_Aim, float, Floats, Floats] | None:
         """Return the aim, the gain, the point and the prediction there of the first step to an aim that gains."""
@@ -263,7 +266,7 @@ class Measurement:
         for _ in range(1 if aim.whole else _HALVINGS):
             trial = u + step * (aim.target - u)
             at_trial = self._model(trial)
-            there = self._value(at_trial, trial, aim.precision)
+            there = self._value(at_trial, trial, aim.place)
             if there > aim.now:
                 return aim, there - aim.now, trial, at_trial
             step *= 0.4
@@ -293,17 +296,16 @@ class Measurement:
 
     def _measured_as(self, slopes: Slopes, place: Member, u: Floats) -> Measured:
         """Return the law in one member of the bank, with the values nearest to a point."""
-        m, (kernel, size) = len(self._names), place
-        form = self._bank.form(kernel, size)
-        u = projected(u, m, form)
+        m, form = len(self._names), self._bank.form(place)
+        u = self._projected(u, place)
         at_u = self._model(u)
         picture = self._picture(slopes, at_u, u)
-        z = np.linalg.lstsq(form.basis, u[m:])[0]
+        z = self._bank.coefficients(place, u[m:])
         values = dict(zip(self._names, u[:m].tolist(), strict=True))
         values |= dict(zip(form.names, z.tolist(), strict=True))
         derivative = np.hstack([slopes.jacobian[:, :m], slopes.jacobian[:, m:] @ form.basis])
         # At the point itself the likelihood speaks, not the picture; the bank's other members are as far off as there.
-        here = self._value(at_u, u, precision_of(form.basis)) + float(picture.occam[place])
+        here = self._value(at_u, u, place) + float(picture.occam[place])
         bank = self._bank.beside(picture.evidence, place)
         return Measured(self._law, form, values, at_u, derivative, here + bank, place, bank)
 
@@ -319,7 +321,6 @@ class _Aim:
     """
 
     place: Member
-    precision: Floats
     target: Floats
     now: float
     promised: float
@@ -343,8 +344,8 @@ def better_form(measured: Measured, fitter: Fitter, fit: Fit, likelihood: Likeli
     derivative, bank = fit.solution.jacobian[:, order], Bank.of(measured.law)
     picture = Picture.of(derivative, residual, likelihood.weight(residual), u=x[order], space=space.at(order),
                           information=information, bank=bank.within(old))  # fmt: skip
-    form, mean = bank.form(*picture.place), space.at(order).clip(picture.mean_of(picture.place))
-    z = np.linalg.lstsq(form.basis, old.basis @ mean[n:])[0]
+    form, mean = bank.form(picture.place), space.at(order).clip(picture.mean_of(picture.place))
+    z = bank.coefficients(picture.place, old.basis @ mean[n:])
     values = {names[i]: float(value) for i, value in zip(order[:n], mean, strict=False)}
     values |= dict(zip(form.names, z.tolist(), strict=True))
     columns = np.hstack([derivative[:, :n], derivative[:, n:] @ (np.linalg.pinv(old.basis) @ form.basis)])
