@@ -15,15 +15,7 @@ from PIL import Image, UnidentifiedImageError
 from PIL.ExifTags import IFD, Base
 
 from torsight.core.errors import InputError
-from torsight.core.files.paths import (
-    PICTURE_SUFFIXES,
-    AnyPath,
-    is_glob,
-    matching,
-    missing_file,
-    pictures_in,
-    require_ordinary,
-)
+from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, files_named
 from torsight.core.files.provenance import file_hash
 
 MOST_FILM_VIEWS: Final = 30
@@ -55,16 +47,8 @@ class Picture:
 def expand(sources: Sequence[AnyPath]) -> list[Path]:
     """Return the files of pictures, films, folders and globs, each folder and glob in the order of names."""
     files: list[Path] = []
-    for source in map(Path, sources):
-        if source.is_dir():
-            found = pictures_in(source)
-        elif source.exists():
-            require_ordinary(source)
-            found = [source]
-        elif is_glob(source):
-            found = matching(source)
-        else:
-            raise missing_file(source)
+    for source in sources:
+        found = files_named(source)
         if not found:
             raise InputError(
                 "holds no picture", where=str(source), limit=", ".join(PICTURE_SUFFIXES), do="check the path"

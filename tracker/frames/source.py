@@ -12,15 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.core.files.paths import (
-    PICTURE_SUFFIXES,
-    AnyPath,
-    is_glob,
-    matching,
-    missing_file,
-    pictures_in,
-    require_ordinary,
-)
+from torsight.core.files.paths import PICTURE_SUFFIXES, AnyPath, files_named
 from torsight.core.units import Floats
 from tracker.frames.film_source import FilmSource
 from tracker.frames.image_sequence import PictureSource
@@ -52,22 +44,11 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
     if fps is not None and not (np.isfinite(fps) and fps > 0):
         raise ConfigError("is no frame rate", where="--fps", value=fps, limit="above 0")
     times = None if timestamps is None else _read_times(timestamps)
-    path = Path(source)
-    if path.is_dir():
-        found = pictures_in(path)
-        return PictureSource(found, name=str(source), fps=fps, times_s=times)
-    if not path.exists():
-        if is_glob(source):
-            return PictureSource(matching(path), name=str(source), fps=fps, times_s=times)
-        if "://" in str(source):
-            do = "save the film to a file, and name that; 'torsight live' follows a stream of this computer"
-            raise InputError("is an address, not a file", where=str(source), do=do)
-        raise missing_file(path)
-    if path.stat().st_size == 0:
+    path, found = Path(source), files_named(source)
+    if found == [path] and path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), do="record or copy the film again")
-    require_ordinary(path)
-    if path.suffix.lower() in PICTURE_SUFFIXES:
-        return PictureSource([path], name=str(source), fps=fps, times_s=times)
+    if found != [path] or path.suffix.lower() in PICTURE_SUFFIXES:
+        return PictureSource(found, name=str(source), fps=fps, times_s=times)
     return FilmSource(path, fps=fps, times_s=times)
 
 

@@ -45,9 +45,23 @@ def matching(pattern: Path) -> list[Path]:
     return in_order(Path(name) for name in glob.glob(str(pattern)))  # noqa: PTH207
 
 
-def pictures_in(folder: Path) -> list[Path]:
-    """Return the pictures in a folder, in the order of :func:`in_order`."""
-    return in_order(item for item in folder.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+def files_named(source: AnyPath) -> list[Path]:
+    """Return the pictures of a folder, the files that match a glob (both in order), or the one ordinary file.
+
+    Raises InputError for a name that leads to none of them, and for what :func:`require_ordinary` refuses.
+    """
+    path = Path(source)
+    if path.is_dir():
+        return in_order(item for item in path.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES)
+    if path.exists():
+        require_ordinary(path)
+        return [path]
+    if is_glob(source):
+        return matching(path)
+    if "://" in str(source):
+        do = "save the film to a file, and name that; 'torsight live' follows a stream of this computer"
+        raise InputError("is an address, not a file", where=str(source), do=do)
+    raise missing_file(path)
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:
