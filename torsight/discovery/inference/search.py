@@ -54,7 +54,7 @@ class Search:
         self._exchanged: set[tuple[EffectSet, str, str]] = set()
         self._at_once = partial(problem.at_once, progress=progress)
         self._laws = {law.id: law for law in problem.laws}
-        self._most_left = problem.over_floor
+        self._open: EffectSet | None = None
 
     def run(self) -> Field:
         """Return the plain model and the sets that grew out of the best ones."""
@@ -67,6 +67,8 @@ class Search:
             parents = [parent for parent in self._parents(size - 1) if self._may_lead(parent)]
             if not parents:
                 break
+            # Decided before the first extension is better than the set itself.
+            self._open = self._best_open()
             self._extend(parents, size)
             if size > 1:
                 self._take_better_forms(size)
@@ -244,7 +246,7 @@ class Search:
             # little where its starts are far, unless a law can represent it or they are read off the residual. Beside
             # two and more, such an effect promises what it gained beside some of them.
             parent, effect, hope = item[0], candidates.get(item[1]), promise(item)
-            if self._is_open(parent) and item[1] in self._laws:
+            if parent == self._open and item[1] in self._laws:
                 return False
             if effect is not None and (effect.jumps or not (effect.laws or effect.propose)):
                 hope = max(hope, self._gained(*item)) if len(parent) > 1 else np.inf
@@ -259,16 +261,15 @@ class Search:
             self._keep(self._problem.at_once(tried, self._extended, step=step, progress=progress))
             done += len(turn)
 
-    def _is_open(self, members: EffectSet) -> bool:
-        """Return whether a set is the best one and leaves the record unexplained: then derivatives say little of a law.
+    def _best_open(self) -> EffectSet | None:
+        """Return the best set if it has members and leaves the record unexplained: derivatives say little of laws then.
 
-        With its values a set absorbs what it lacks: at its optimum the law that is missing may promise nothing. Without
-        priors there is nothing to draw other values from.
+        With its values such a set absorbs what it lacks: at its optimum the law that is missing may promise nothing.
+        Without priors there is nothing to draw other values from.
         """
-        one = self._explanations[members]
-        if not members or one is not self._best() or one.likelihood.over_floor(one.residual) <= self._most_left:
-            return False
-        return bool(self._drawn)
+        best = self._best()
+        left = best.likelihood.over_floor(best.residual)
+        return best.members if best.members and left > self._problem.over_floor and self._drawn else None
 
     def _gained(self, members: EffectSet, name: str) -> float:
         """Return the most that a member gained alone, or beside a part of a set."""
@@ -295,7 +296,7 @@ class Search:
         bar = self._bar(parent, len(members) + 1)
         if name in self._laws:
             law = self._laws[name]
-            if self._is_open(members):
+            if members == self._open:
                 return self.fits.with_law(parent, law, columns=columns, drawn=self._drawn, agree=self.needed)
             return self.fits.with_law(parent, law, bar=bar, columns=columns)
         return self.fits.with_effect(parent, name, bar=bar)
