@@ -225,6 +225,16 @@ def test_a_place_never_goes_back_while_its_temperature_goes_on(drive, laws):
         assert (np.diff(PLACES + moved) > 0.0).all()
 
 
+def test_a_loading_curve_that_would_fall_where_no_spring_was_wound_is_as_before_where_springs_were(drive):
+    model = ActuatorModel(reference_spec())
+    ports = model.ports(drive, model.nominal())
+    falling = FAMILIES["loading_winding_deg"].apply(ports, lambda wound: np.where(np.abs(wound) > 300.0, -wound, 0.0))
+    reached = np.abs(ports.phi_grid_rad() / DEG) < 290.0
+    for added_nm in falling.loading_nm:
+        np.testing.assert_allclose(added_nm[reached], 0.0, atol=1e-12)
+        assert np.ptp(added_nm) > 1e-5
+
+
 def test_a_badly_mounted_sensor_of_one_wire_is_a_usual_form_and_unlike_springs_are_none(laws):
     law = laws["temperature_b_temp_active_c"]
     room = np.flatnonzero(law.nodes == law.covered[0])

@@ -188,9 +188,14 @@ def loading(spring: str, *, follows: float = 1.0) -> Callable[[Ports, Curve], Po
 
 
 def _gentle(ports: Ports, torque_nm: Floats) -> Floats:
-    """Return a torque over the grid, limited so that the loading curve stays flatter than unwinding and never falls."""
+    """Return a torque over the grid, limited so that the loading curve stays flatter than unwinding and never falls.
+
+    The torque at θ_P/2, which every stroke passes, is kept: a limit at windings that no record reached leaves the curve
+    at those that were reached as it is.
+    """
     least = -STEEPEST * ports.rig.k_stress_induced
-    return no_steeper(torque_nm, ports.grid_rad(), ports.steepest_bend_nm, least)
+    limited = no_steeper(torque_nm, ports.grid_rad(), ports.steepest_bend_nm, least)
+    return limited + np.interp(0.0, ports.phi_grid_rad(), torque_nm - limited)
 
 
 def phase_lead(ports: Ports, law: Curve) -> Ports:
