@@ -33,7 +33,7 @@ SIZES: Final = (0.7, 1.4)
 
 
 @internal
-def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
+def learn_look(marker: Record, systems: Record, reading: Record) -> None:
     """Update a marker's statistics of fit from a sharp reading, and follow slow changes of shape and light."""
     for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
         off = share_of_step(value, reading.step) - kept[0]
@@ -50,7 +50,8 @@ def learn_look(marker: Record, extras: Floats, reading: Record) -> None:
     in_range = SIZES[0] < radius / marker.first_radius < SIZES[1]
     if in_range and math.hypot(e, f) <= MOST_STRETCH:
         shape.radius, shape.stretch[0], shape.stretch[1] = radius, e, f
-        extras[:, -1] = 0.0
+        for slot in range(len(systems)):
+            systems[slot].filled = 0
     marker.change[:] = 0.0
 
 
