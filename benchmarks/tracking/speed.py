@@ -3,14 +3,16 @@
 Run: python benchmarks/tracking/speed.py [--frames 9000]
 
 Every way runs in a process of its own; its start-up and end (the same command on the first 60 frames of the film, with
-all imports and the pictures that it writes) stand apart, as wall and CPU time, and are taken off the rest. The film is
-drawn by the tests' renderer, one swing of the stick that is repeated, in H.264 at CRF 20.
+all imports and the pictures that it writes) stand apart, as wall and CPU time, and are taken off the rest. Sources are
+parsed in the first run alone, as those of an installed package are before. The film is drawn by the tests' renderer,
+one swing of the stick that is repeated, in H.264 at CRF 20.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import resource
 import subprocess
 import sys
@@ -114,11 +116,11 @@ def repeat_film(source: Path, target: Path, count: int) -> None:
 
 def cost(way: str, folder: Path, film: str) -> tuple[float, float, float]:
     """Return wall time, CPU time (s) and peak memory (MiB) of one way in a process of its own."""
+    command = [sys.executable, __file__, "--way", way, "--folder", str(folder), "--film", film]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.perf_counter()
-    subprocess.run(
-        [sys.executable, __file__, "--way", way, "--folder", str(folder), "--film", film], check=True, cwd=ROOT
-    )
+    subprocess.run(command, check=True, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
     wall = time.perf_counter() - began
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -139,22 +141,23 @@ def decode(folder: Path, film: str) -> None:
 
 def ours(folder: Path, film: str) -> None:
     """Track with given markers, and write the files."""
-    track(folder, film, folder / "markers.toml")
-    note_peak(folder, "ours")
+    track("ours", folder, film, "--markers", str(folder / "markers.toml"))
 
 
 def found(folder: Path, film: str) -> None:
     """Find the markers, track, and write the files."""
-    track(folder, film, None)
-    note_peak(folder, "found")
+    track("found", folder, film)
 
 
-def track(folder: Path, film: str, markers: Path | None) -> None:
-    """Run what the command runs."""
+def track(way: str, folder: Path, film: str, *options: str) -> None:
+    """Run the command, which ends the process with its exit code."""
     sys.path.insert(0, str(ROOT))
-    from torsight.cli.track import track_to_folder
+    from torsight.cli.main import main as command
 
-    track_to_folder(folder / film, markers=markers, out=folder / "out")
+    try:
+        command(["track", str(folder / film), *options, "--out", str(folder / "out")])
+    finally:
+        note_peak(folder, way)
 
 
 def naive(folder: Path, film: str) -> None:

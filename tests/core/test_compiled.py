@@ -107,9 +107,9 @@ def test_what_only_compiled_code_calls_tells_python_so(
 USER = """
 import sys
 import numpy as np
-from package.solver import solved, wave
+from package.solver import solved, twice, wave
 print(float(solved(np.array([[2.0, 1.0], [1.0, 3.0]]))), "numba.typed.typeddict" in sys.modules)
-print(wave(0.0) if len(sys.argv) > 1 else "")
+print(*(wave(0.0), twice(0.5) / wave(0.5)) if len(sys.argv) > 1 else "")
 """
 SOLVER = """
 import math
@@ -124,6 +124,10 @@ def wave(x):
 def solved(matrix):
     product = np.dot(matrix, matrix)
     return wave(product[0, 1]) + product.max() + np.log(product).sum()
+
+@compiled
+def twice(x):
+    return 2.0 * wave(x)
 """
 
 
@@ -141,9 +145,9 @@ def test_kept_code_is_loaded_without_the_compiler_and_gives_the_same_digits(tmp_
 
     (value, compiler), _ = (line.split() for line in run())
     assert compiler == "True"
-    # One that compiles after it has loaded sets the compiler up.
+    # One that compiles after it has loaded sets the compiler up, and puts loaded code into what calls it.
     (again, compiler), after = (line.split() for line in run("compile"))
-    assert (again, compiler, after) == (value, "False", ["0.0"])
+    assert (again, compiler, after) == (value, "False", ["0.0", "2.0"])
 
 
 @pytest.mark.parametrize("package", PACKAGES)

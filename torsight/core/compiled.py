@@ -30,9 +30,11 @@ from typing import Any, Final, TypeVar, cast
 
 import numba
 import numpy as np
+from llvmlite.binding import parse_bitcode
 from numba import njit, types
 from numba.core import entrypoints, environment
 from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.dispatcher import Dispatcher
 from numba.core.environment import Environment
 from numba.core.options import DefaultOptions
@@ -77,6 +79,43 @@ class _Kept(FunctionCache):
             set_up()
             lend_blas()
         return found
+
+
+class _Library(JITCodeLibrary):
+    """The machine code of a function; of cached code, only what it takes to run it is read.
+
+    Numba also parses the bitcode from which callers are compiled, and lists its symbols: more than half of the time of
+    loading. Here that happens where a caller is compiled.
+    """
+
+    _cached: tuple[bytes, bytes] | None = None
+    """Object code and bitcode."""
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: tuple[str, str, Any]) -> Any:
+        name, kind, data = state
+        return codegen.create_library(name).load(data) if kind == "object" else super()._unserialize(codegen, state)
+
+    def load(self, data: tuple[bytes, bytes]) -> _Library:
+        """Make the machine code of cached data callable."""
+        self._cached = data
+        self.enable_object_caching()
+        self._set_compiled_object(data[0])
+        self._finalize_final_module()
+        return self
+
+    def _get_module_for_linking(self) -> Any:
+        if self._cached is not None and self._shared_module is None:
+            self._shared_module = parse_bitcode(self._cached[1])
+        return super()._get_module_for_linking()
+
+    def get_pointer_to_function(self, name: str) -> Any:
+        """Return the address of a function, 0 if there is none of that name."""
+        if self._cached is None:
+            return super().get_pointer_to_function(name)
+        # The object code lists its symbols, each with a zero at its end.
+        known = name.encode() + b"\0" in self._cached[0]
+        return vars(self._codegen)["_engine"].get_function_address(name) if known else 0
 
 
 _MADE: Final[Any] = vars(Environment)["_memo"]
@@ -272,6 +311,7 @@ def lend_blas() -> None:
 if _LOADS:
     # Cached code names the function by which it rebuilds environments.
     vars(environment)["_rebuild_env"] = _without_its_module
+    JITCPUCodegen._library_class = _Library  # noqa: SLF001 - numba has no other way to name it
 else:
     lend_blas()
 drop_outdated(FOLDERS, _TORSIGHT / "core" / "__pycache__" / "compiled.stamp", root=_TORSIGHT.parent)

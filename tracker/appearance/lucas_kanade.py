@@ -4,13 +4,12 @@ The picture is compared with a template that is rendered from the dot's fitted s
 so nothing drifts. Free parameters, to first order, are position, brightness, contrast, radius and both terms of
 stretch. As in the inverse compositional form (Baker & Matthews, Lucas–Kanade 20 years on, Int. J. Comput. Vision 56,
 2004, section 3.2) the derivatives and the least-squares inverse belong to the template: they are computed once for
-every eighth of a pixel and cached, a step is one product with the picture's window, and the warp, a shift, is composed
-by addition. The model of a dot with motion blur is computed as needed. The cache depends on the shape alone, so it
-never changes a result.
+every eighth of a pixel and cached, a step is the products of its columns with the picture's window, and the warp, a
+shift, is composed by addition. The residuals follow from the same products. The model of a dot with motion blur is
+computed as needed. The cache depends on the shape alone, so it never changes a result.
 
-A ``look`` is the cache of one marker: ``pixels`` (3, n), see :mod:`tracker.appearance.disc`; ``models`` (64, 18, n):
-inverse (7), columns (7), gradient of the light (2), estimators of that gradient (2); ``extras`` (64, 18): effect of the
-gradient on the coefficients (7, 2), covariance xx, xy, yy, whether the model is filled.
+A ``look`` is the cache of one marker: ``pixels`` (3, n), see :mod:`tracker.appearance.disc`; ``models`` (64, 9, n): the
+columns (7) and the gradient of the light (2); ``systems`` (64,), records of SYSTEM.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.compiled import compiled, copy_to, internal, lending
+from torsight.core.compiled import compiled, internal, lending
 from torsight.core.units import Floats, Ints
 from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, window_pixels
 
 Luma = NDArray[np.uint8]
 Point = tuple[float, float]
-Look = tuple[Ints, Floats, Floats]
+Look = tuple[Ints, Floats, NDArray[np.void]]
 
 READING: Final = np.dtype(
     [
@@ -56,7 +55,19 @@ frame, px. state: see :data:`tracker.rows.STATES`."""
 
 PHASES: Final = 8
 """Steps per pixel at which models are cached; at half a step's distance the cubic term is below 1e-4 px."""
-_MOST_COLUMNS: Final = COLUMNS + 2
+_MOST: Final = COLUMNS + 4
+"""Most rows of a model: columns, two for the background beside a stick with motion blur, gradient of the light (2)."""
+SYSTEM: Final = np.dtype(
+    [
+        ("filled", "i8"),
+        ("products", "f8", (_MOST, _MOST)),
+        ("inverse", "f8", (_MOST, _MOST)),
+        ("sums", "f8", (SECTORS, _MOST)),
+    ]
+)
+"""What a model's m rows determine. filled: whether they are computed. products: inner products of the rows (m, m).
+inverse: the inverse of those of the columns, and below it the rows of the whole inverse that belong to the gradient.
+sums: sums of the rows over each sector."""
 _ROUNDS: Final = 4
 """Most steps: each is at most half a radius, so together they reach two radii."""
 RATE: Final = 0.1
@@ -136,16 +147,6 @@ def invert(normal: Floats) -> Floats:
 
 
 @lending
-def combine(weights: Floats, rows: Floats, out: Floats) -> None:
-    """Store the weighted sum of rows in ``out``."""
-    out[:] = 0.0
-    for m in range(len(weights)):
-        w = weights[m]
-        for i in range(out.shape[0]):
-            out[i] += w * rows[m, i]
-
-
-@lending
 def inner(one: Floats, other: Floats) -> float:
     """Return the inner product of two rows, as four partial sums that the processor adds in parallel."""
     even = len(one) - len(one) % 4
@@ -171,30 +172,21 @@ def products(rows: Floats, count: int) -> Floats:
 
 
 @internal
-def fill_model(model: Floats, extra: Floats, columns: int, pixels: Ints, shape: Record) -> None:
-    """Complete a model whose columns are already stored in rows ``columns`` to 2 ``columns``.
-
-    Rows: inverse, columns, gradient of the light, estimators of that gradient; for ``extra`` see the top of the module.
-    """
-    n = pixels.shape[1]
-    basis = model[columns : 2 * columns + 2]
-    for i in range(n):
-        lit = 1.0 + shape.contrast * basis[1, i]
-        basis[columns, i], basis[columns + 1, i] = pixels[0, i] * lit, pixels[1, i] * lit
-    both = products(basis, columns + 2)
-    inverse = invert(both[:columns, :columns].copy())
-    wide = invert(both)
-    for k in range(columns):
-        combine(inverse[k], basis, model[k])
-    for k in range(2):
-        combine(wide[columns + k], basis, model[2 * columns + 2 + k])
-    for k in range(columns):
-        for s in range(2):
-            total = 0.0
-            for m in range(columns):
-                total += inverse[k, m] * both[m, columns + s]
-            extra[2 * k + s] = total
-    extra[2 * columns], extra[2 * columns + 1], extra[2 * columns + 2] = inverse[2, 2], inverse[2, 3], inverse[3, 3]
+def fill_model(model: Floats, system: Record, columns: int, pixels: Ints, shape: Record) -> None:
+    """Complete a model whose columns are already stored: the gradient of the light, and the system (a SYSTEM)."""
+    used = columns + 2
+    for i in range(pixels.shape[1]):
+        lit = 1.0 + shape.contrast * model[1, i]
+        model[columns, i], model[columns + 1, i] = pixels[0, i] * lit, pixels[1, i] * lit
+    both = products(model, used)
+    inverse, wide = invert(both[:columns, :columns].copy()), invert(both)
+    system.sums[:] = 0.0
+    for k in range(used):
+        for m in range(used):
+            system.products[k, m] = both[k, m]
+            system.inverse[k, m] = wide[k, m] if k >= columns else (inverse[k, m] if m < columns else 0.0)
+        for i in range(pixels.shape[1]):
+            system.sums[pixels[2, i], k] += model[k, i]
 
 
 @lending
@@ -205,47 +197,60 @@ def take_away(values: Floats, row: Floats, weight: float) -> None:
 
 
 @internal
-def worst_sector(left: Floats, pixels: Ints) -> float:
-    """Return the largest absolute mean of residuals (n,) over a sector of a window."""
-    sums, numbers = np.zeros(SECTORS), np.zeros(SECTORS)
-    for i in range(len(left)):
-        sums[pixels[2, i]] += left[i]
-        numbers[pixels[2, i]] += 1.0
-    worst = 0.0
+def worst_sector(values: Floats, found: Floats, system: Record, pixels: Ints) -> float:
+    """Return the largest absolute mean of the residuals of a window's values (n,) over a sector."""
+    worst, sums = 0.0, np.zeros(SECTORS)
+    for i in range(len(values)):
+        sums[pixels[2, i]] += values[i]
     for k in range(SECTORS):
-        worst = max(worst, abs(sums[k]) / max(numbers[k], 1.0))
+        for m in range(len(found)):
+            sums[k] -= found[m] * system.sums[k, m]
+        # The first column is 1 everywhere: its sum is the number of pixels.
+        worst = max(worst, abs(sums[k]) / max(system.sums[k, 0], 1.0))
     return worst
 
 
 @lending
-def solve_model(values: Floats, model: Floats, extra: Floats, marker: Record, found: Floats) -> None:
-    """Solve for the coefficients of a window's columns, corrected for the marker's known gradient of the light."""
-    for k in range(len(found)):
-        found[k] = inner(model[k], values)
-    scale = max(found[0], 1.0)
-    for k in range(len(found)):
-        found[k] -= extra[2 * k] * marker.slope[0] * scale + extra[2 * k + 1] * marker.slope[1] * scale
+def solve_model(seen: Floats, system: Record, marker: Record, found: Floats) -> None:
+    """Compute the coefficients (m,) of a model's rows from their products (m,) with a window.
+
+    Those of the last two are the marker's known gradient of the light.
+    """
+    columns = len(found) - 2
+    scale = 0.0
+    for m in range(columns):
+        scale += system.inverse[0, m] * seen[m]
+    scale = max(scale, 1.0)
+    found[:columns] = 0.0
+    found[columns], found[columns + 1] = marker.slope[0] * scale, marker.slope[1] * scale
+    for m in range(columns):
+        lit = system.products[m, columns] * found[columns] + system.products[m, columns + 1] * found[columns + 1]
+        for k in range(columns):
+            found[k] += system.inverse[k, m] * (seen[m] - lit)
 
 
 @internal
 def take_reading(
-    values: Floats, found: Floats, model: Floats, extra: Floats, pixels: Ints, marker: Record, out: Record
+    values: Floats, seen: Floats, found: Floats, system: Record, pixels: Ints, marker: Record, out: Record
 ) -> None:
-    """Fill in all of a reading but the position, from the coefficients of a window and their residuals."""
-    columns = len(found)
-    scale, last = max(found[0], 1.0), 2 * columns
-    out.slope[0], out.slope[1] = inner(model[last + 2], values) / scale, inner(model[last + 3], values) / scale
-    left = values.copy()
-    take_away(left, model[last], marker.slope[0] * scale)
-    take_away(left, model[last + 1], marker.slope[1] * scale)
-    for k in range(columns):
-        take_away(left, model[columns + k], found[k])
-    out.patch = worst_sector(left, pixels)
+    """Fill in all of a reading but the position, from the coefficients (m,) and the products ``seen`` (m,)."""
+    columns = len(found) - 2
     light, step = found[0], found[1]
-    variance = inner(left, left) / max(1, len(values) - columns)
+    left = inner(values, values)
+    for k in range(len(found)):
+        fitted = 0.0
+        for m in range(len(found)):
+            fitted += system.products[k, m] * found[m]
+        left += found[k] * (fitted - 2.0 * seen[k])
+    variance = max(left, 0.0) / max(1, len(values) - columns)
+    for s in range(2):
+        out.slope[s] = 0.0
+        for m in range(len(found)):
+            out.slope[s] += system.inverse[columns + s, m] * seen[m] / max(light, 1.0)
     for k in range(3):
-        out.covariance[k] = variance / (step * step) * extra[last + k]
+        out.covariance[k] = variance / (step * step) * system.inverse[2 + k // 2, 2 + (k + 1) // 2]
         out.change[k] = found[4 + k] / step
+    out.patch = worst_sector(values, found, system, pixels)
     out.light, out.step, out.residual = light, step, math.sqrt(variance)
     out.contrast = step / (light * marker.shape.contrast) if light > 1.0 else 0.0
 
@@ -262,14 +267,14 @@ def take_values(luma: Luma, cx: int, cy: int, pixels: Ints, half: int, values: F
 
 
 @internal
-def model_at(pixels: Ints, models: Floats, extras: Floats, place: Point, shape: Record) -> int:
+def model_at(pixels: Ints, models: Floats, systems: Record, place: Point, shape: Record) -> int:
     """Return the index of the model of a dot at rest at ``place`` from the window's middle; computed if not cached."""
     off_x, off_y = round(place[0] * PHASES), round(place[1] * PHASES)
     slot = (off_y % PHASES) * PHASES + off_x % PHASES
-    if extras[slot, -1] == 0.0:
-        fill_columns(models[slot, COLUMNS:], pixels, place[0], place[1], shape, 0.0, 0.0)
-        fill_model(models[slot], extras[slot], COLUMNS, pixels, shape)
-        extras[slot, -1] = 1.0
+    if not systems[slot].filled:
+        fill_columns(models[slot], pixels, place[0], place[1], shape, 0.0, 0.0)
+        fill_model(models[slot], systems[slot], COLUMNS, pixels, shape)
+        systems[slot].filled = 1
     return slot
 
 
@@ -280,7 +285,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
     ``marker`` has the ``shape`` of the dot and the ``slope`` (gradient) of the light; ``smear`` is the dot's path
     during the exposure, px.
     """
-    pixels, models, extras = look
+    pixels, models, systems = look
     shape = marker.shape
     # Motion blur in whole pixels: half a pixel more or less changes only the ends of a path of several, symmetrically.
     smear_x, smear_y = float(round(smear[0])), float(round(smear[1]))
@@ -291,8 +296,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
     if length > 0.0:
         pixels = window_pixels(radius)
         # Temporary models, which are not cached.
-        models = np.empty((1, 2 * _MOST_COLUMNS + 4, pixels.shape[1]))
-        extras = np.empty((1, 2 * _MOST_COLUMNS + 4))
+        models, systems = np.empty((1, _MOST, pixels.shape[1])), np.empty(1, systems.dtype)
     half = math.ceil(radius)
     values = np.empty(pixels.shape[1])
     for round_ in range(_ROUNDS):
@@ -302,22 +306,21 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
             return False
         columns, slot = COLUMNS, 0
         if length > 0.0:
-            rows = np.empty((_MOST_COLUMNS, pixels.shape[1]))
-            columns = fill_columns(rows, pixels, at_x - cx, at_y - cy, shape, smear_x, smear_y)
-            for k in range(columns):
-                copy_to(models[0, columns + k], rows[k])
-            fill_model(models[0], extras[0], columns, pixels, shape)
+            columns = fill_columns(models[0], pixels, at_x - cx, at_y - cy, shape, smear_x, smear_y)
+            fill_model(models[0], systems[0], columns, pixels, shape)
         else:
-            slot = model_at(pixels, models, extras, (at_x - cx, at_y - cy), shape)
-        found = np.empty(columns)
-        solve_model(values, models[slot], extras[slot], marker, found)
+            slot = model_at(pixels, models, systems, (at_x - cx, at_y - cy), shape)
+        seen, found = np.empty(columns + 2), np.empty(columns + 2)
+        for k in range(columns + 2):
+            seen[k] = inner(models[slot, k], values)
+        solve_model(seen, systems[slot], marker, found)
         dx, dy = found[2] / found[1], found[3] / found[1]
         out.x, out.y = at_x + dx, at_y + dy
         # The model is linear only nearby: another step starts from the nearest position of a cached model.
         near = abs(dx) <= _NEAR_PX and abs(dy) <= _NEAR_PX
         if near or round_ == _ROUNDS - 1 or not math.isfinite(out.x) or not math.isfinite(out.y):
             out.converged = near
-            take_reading(values, found, models[slot], extras[slot], pixels, marker, out)
+            take_reading(values, seen, found, systems[slot], pixels, marker, out)
             break
         limit = 0.5 * shape.radius
         x_px += min(max(out.x - x_px, -limit), limit)

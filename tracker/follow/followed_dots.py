@@ -117,8 +117,8 @@ class DotState(Kept):
         known = self._all
         super().restore(state)
         known[...], self._all = self._all, known
-        for _, _, extras in self.scene.looks:
-            extras[:, -1] = 0.0
+        for _, _, systems in self.scene.looks:
+            systems["filled"] = 0
 
 
 def _seen_last(marker: np.void) -> Point:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from tracker.appearance.disc import COLUMNS, window_pixels
 from tracker.appearance.dot_fit import Dot
-from tracker.appearance.lucas_kanade import PHASES, READING, Look, read_dot
+from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, Look, read_dot
 from tracker.detect.given_positions import given_dots
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick, edges_beside, half_width
@@ -44,8 +44,8 @@ class Marker:
         self.record["first_radius"] = dot.radius_px
         self.record["miss"] = _MISSES_PX2
         pixels = window_pixels(dot.window_px)
-        slots, rows = PHASES * PHASES, 2 * COLUMNS + 4
-        self.look: Look = (pixels, np.empty((slots, rows, pixels.shape[1])), np.zeros((slots, rows)))
+        slots = PHASES * PHASES
+        self.look: Look = (pixels, np.empty((slots, COLUMNS + 2, pixels.shape[1])), np.zeros(slots, SYSTEM))
 
     def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> NDArray[np.void] | None:
         """Return the reading (READING) near a position; None where the window leaves the picture."""
@@ -56,8 +56,8 @@ class Marker:
 
     def unused_look(self) -> Look:
         """Return an empty look for the tracker: a cache belongs to a shape, and tracking changes the shape."""
-        pixels, models, extras = self.look
-        return pixels, np.empty_like(models), np.zeros_like(extras)
+        pixels, models, systems = self.look
+        return pixels, np.empty_like(models), np.zeros_like(systems)
 
     def begin(self, reading: NDArray[np.void]) -> None:
         """Initialise the record with the first reading, which is known to be of the marker."""
