@@ -198,6 +198,18 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
     )
 
 
+def predicts_worse(discovery: Mapping[str, Any]) -> str:
+    """Return the sentence on an extended model with a larger error on held-out half-cycles; else an empty string."""
+    before, after = (error_words(value) if value is not None else "" for value in held_out_errors(discovery))
+    left, had = (value if value is not None else math.nan for value in reversed(held_out_errors(discovery)))
+    if is_plain_answer(discovery) or before == after or not left > had:
+        return ""
+    return (
+        f"The extended model predicts held-out half-cycles worse than the plain model ({after} instead of {before} "
+        "rms): it describes this record only."
+    )
+
+
 CONTRADICTED_SIGMAS: Final = 4.0
 """Standard deviations by which an estimate must differ from a characterised value to be named (in the report, too):
 chance reaches this for one value in 16,000, so for one actuator of ten values in 1,600; three standard deviations for

@@ -28,6 +28,7 @@ from torsight.core.words.wording import (
     not_explained,
     not_fixed,
     number,
+    predicts_worse,
     times_floor,
     variable_name,
 )
@@ -87,6 +88,8 @@ def lead(results: RunResults) -> str:
             f" The residual is {number(times_floor(discovery))} times that, each independent reading counted once: "
             "a rest is one reading, however long."
         )
+    if worse := predicts_worse(discovery):
+        return f"{worse}{ends}"
     took = f"from {error_words(before)} to {error_words(after)} rms"
     return f"The extended model takes the error on held-out half-cycles {took}.{ends}"
 
