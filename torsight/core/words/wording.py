@@ -210,6 +210,13 @@ def predicts_worse(discovery: Mapping[str, Any]) -> str:
     )
 
 
+def decides(programme: Any) -> bool:
+    """Return whether a proposed programme separates the explanations, as far as the ``discovery.json`` states that."""
+    stated = programme if isinstance(programme, Mapping) else {}
+    gain, needed = stated.get("separation_gain"), stated.get("needed_gain")
+    return gain is None or needed is None or float(gain) >= float(needed)
+
+
 CONTRADICTED_SIGMAS: Final = 4.0
 """Standard deviations by which an estimate must differ from a characterised value to be named (in the report, too):
 chance reaches this for one value in 16,000, so for one actuator of ten values in 1,600; three standard deviations for

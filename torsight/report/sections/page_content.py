@@ -17,6 +17,7 @@ from torsight.core.files.results import RunResults
 from torsight.core.files.small_pictures import encoded, shrunk
 from torsight.core.words.wording import (
     clock_words,
+    decides,
     effect_name,
     error_words,
     estimate,
@@ -293,6 +294,7 @@ def planned(content: Any) -> dict[str, Any]:
     other = {key: value for key, value in content.items() if key not in known and "separation" not in key}
     return {
         "text": content.get("text"),
+        "decides": decides(content),
         "worth": worth(content),
         "segments": segments(content),
         "other": plain_items(other),
