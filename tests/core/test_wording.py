@@ -23,6 +23,14 @@ def test_laws_without_a_name_are_told_among_what_a_record_cannot_tell_apart():
     assert named(answer | {"alternatives": [["sensor_lag"]]}) == f"{cannot}{both} or sensor lag."
 
 
+def test_what_all_explanations_contain_is_told_once():
+    answer = {"verdict": "ambiguous", "effects": [{"id": "clamp_slip"}], "laws": [law("reading_time_s")]}
+    said = named(answer | {"alternatives": [["marker_slip", "reading_time_s"]]})
+    assert said.endswith("cannot tell which: clamp slip or marker slip, each with reading over time.")
+    said = named(answer | {"alternatives": [["reading_time_s"]]})
+    assert said.endswith("cannot tell which: clamp slip with reading over time or reading over time alone.")
+
+
 def test_records_that_are_only_explained_alone_may_be_of_different_rigs():
     one = {"evidence": {"over_floor_after": 7.0}}
     assert not_explained(one) == "This record is not explained: the residual is 7.00 times the noise floor."
