@@ -25,7 +25,7 @@ from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S
 from sync.signals.heating_segments import log_signals
 from sync.signals.strokes import find_strokes
-from torsight.core.errors import InputError, NoResultError
+from torsight.core.errors import InputError, NoResultError, require_kind
 from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import REACH
 from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
@@ -93,6 +93,7 @@ def estimate_clock(
     NoResultError
         When the offset is not given and nothing in the files determines it.
     """
+    require_kind(log, TemperatureLog, where="estimate_clock, log", do="read_log(path) gives one")
     require_units(log.time_s, {"temp_a_c": log.temp_a_c, "temp_b_c": log.temp_b_c}, where="log")
     reading = LogReading(log)
     return find_clock(
@@ -110,6 +111,8 @@ def find_clock(
     light: LightEvents | None = None,
 ) -> Found:
     """Return the clock map and the log with its restarts in place; see :func:`estimate_clock`."""
+    require_kind(angles, StickAngles, where="find_clock, angles", do="read_angles(path) gives one")
+    require_kind(reading, LogReading, where="find_clock, reading", do="read_temperature_log(path) gives one")
     sure_rad = np.where(angles.valid & angles.branch_certain, angles.angle_rad, np.nan)
     require_turns(sure_rad, angles.time_s, where="angles")
     if given_drift_ppm is None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
-from torsight.core.errors import InputError
+from torsight.core.errors import InputError, require_kind
 from torsight.core.files.kinds import TABLE_KINDS
 from torsight.core.records import ClockMap, SyncedTable, TemperatureLog, clock_sigma_s
 from torsight.core.series import usual_step
@@ -49,6 +49,9 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
         One row per frame, film clock, and the log's rows in gaps of the film; no temperature outside the log and in
         longer gaps of it, no angle where there is no frame.
     """
+    require_kind(angles, StickAngles, where="merge, angles", do="read_angles(path) gives one")
+    require_kind(log, TemperatureLog, where="merge, log", do="read_temperature_log(path).log is one")
+    require_kind(clock, ClockMap, where="merge, clock", do="find_clock(angles, reading).clock is one")
     time_s, frames = _film_instants(angles.time_s, clock.to_film_time(log.time_s))
     angle, sigma = np.full((2, len(time_s)), np.nan)
     angle[frames] = np.where(angles.valid, angles.angle_rad, np.nan)

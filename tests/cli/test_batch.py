@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +16,14 @@ import pytest
 
 from tests.cli.bad_inputs import make_world
 from tests.command_line import leave
+from tests.core.test_lock import HOLD
 from tests.made_up_run import write_made_up_run
 from torsight.cli import campaign, limited, workers
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
 from torsight.cli.experiment_file import read_experiment
 from torsight.cli.run import provenance_of
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.files import lock
 from torsight.core.files.storage import is_running, write_json
 
 
@@ -40,6 +44,20 @@ def made(tmp_path: Path) -> Path:
 
 def _contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_two_campaigns_do_not_fill_one_folder(
+    made: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The table of either would say that the other's experiments have failed."""
+    monkeypatch.setattr(lock, "only_writer", partial(lock.only_writer, patience_s=0.1))
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(made / "out")], stdout=subprocess.PIPE, text=True) as first:
+        assert first.stdout is not None
+        assert first.stdout.readline() == "held\n"
+        assert leave("batch", str(made / "rigs"), "--out", str(made / "out")) == 3
+        first.kill()
+    assert "out: is being filled by another torsight; allowed one at a time" in capsys.readouterr().err
+    assert not (made / "out" / "results.csv").exists()
 
 
 def test_a_failed_record_stops_nothing_and_nothing_is_done_twice(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from calibration import read_board
-from sync import read_light_events, read_temperature_log
+from sync import estimate_clock, find_clock, merge, read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, MARKERS
 from torsight.actuator import (
     ActuatorModel,
@@ -23,6 +23,7 @@ from torsight.actuator import (
     read_log,
     read_model,
     reference_spec,
+    stable_cycle,
     write_model,
 )
 from torsight.core import (
@@ -36,7 +37,7 @@ from torsight.core import (
     write_merged,
 )
 from torsight.core.errors import ConfigError
-from torsight.discovery import predict_with_sigma
+from torsight.discovery import discover_together, predict_with_sigma
 from torsight.synthetic import read_scene
 from tracker import open_source, read_markers
 
@@ -117,6 +118,13 @@ def wrong_objects() -> dict[str, tuple[Callable[[], object], str]]:
         "fit a path": (lambda: fit_model(wrong, other), r"fit_model, model: is no ActuatorModel; found 'merged.csv'"),
         "sigma": (lambda: predict_with_sigma(wrong, wrong, start_angle_rad=3.0), r"no FittedModel; found 'merged.csv'"),
         "predict": (lambda: fitted.predict(wrong, start_angle_rad=3.0), r"no TemperatureLog; .*read_log\(path\)"),
+        "together": (lambda: discover_together(other, reference_spec()), r"tables: is no Sequence; .* as a list"),
+        "cycle": (lambda: stable_cycle(wrong), r"is no Rig; found 'merged.csv'; .*Rig\.from_values"),
+        "clock": (lambda: estimate_clock(wrong, wrong), r"no TemperatureLog; found 'merged.csv'; .*read_log\(path\)"),
+        "clock of a log": (lambda: find_clock(wrong, wrong), r"is no StickAngles; .*read_angles\(path\)"),
+        "merge": (lambda: merge(wrong, wrong, wrong), r"merge, angles: is no StickAngles; found 'merged.csv'"),
+        "angles": (lambda: write_angles(path, other), r"is no StickAngles; found ActuatorModel"),
+        "merged": (lambda: write_merged(path, other), r"is no SyncedTable; found ActuatorModel"),
     }
 
 
@@ -129,3 +137,10 @@ def test_a_path_in_the_place_of_what_it_holds_is_told(name: str) -> None:
 
 def test_one_effect_may_be_given_by_its_name_alone() -> None:
     assert ActuatorModel(reference_spec(), "sensor_lag") == ActuatorModel(reference_spec(), ("sensor_lag",))
+
+
+def test_a_value_that_is_no_number_is_refused_and_not_simulated(half_cycle: SyncedTable) -> None:
+    model = ActuatorModel(reference_spec())
+    values = {**model.nominal(), "tau_c_mnm": float("nan")}
+    with pytest.raises(ConfigError, match=r"'tau_c_mnm': is not finite; found nan"):
+        model.simulate(model.prepare(half_cycle), values)

@@ -95,6 +95,20 @@ def test_a_value_that_ends_at_its_bound_is_told() -> None:
         assert warned(found, "'lag_s' ends at its bound 8:") == (upper < LAG_S)
 
 
+def test_a_value_of_the_model_itself_that_ends_at_its_bound_is_told() -> None:
+    """A gain of 2 that was declared in thousandths, and bounded there."""
+    u = np.linspace(0.0, 1.0, 200)
+    record = {
+        "time_s": 0.1 * np.arange(200),
+        "u": u,
+        "y": 2.0 * u + 0.01 * np.random.default_rng(8).standard_normal(200),
+    }
+    for lower in (1000.0, 1.0):
+        gain = parameter("gain", 2.0 * lower, lower=lower, upper=5.0 * lower)
+        found = find_missing(model_problem(lambda p, record: p.gain * record.u, record, [gain], output="y"))
+        assert warned(found, "'gain' ends at its bound 1000: ") == (lower > 1.0)
+
+
 class Tanks:
     """Two tanks, the upper of which runs over into the lower one; the model does not know it and starts far off."""
 

@@ -13,7 +13,7 @@ import pytest
 from numba import njit
 
 from tests.scripts import script
-from torsight.core.errors import InputError
+from torsight.core.errors import ConfigError, InputError
 from torsight.discovery import Event, Reading, Solver, candidate, find_missing, law, model_problem, ode, parameter
 from torsight.discovery.own.answer.saved import SavedModel
 from torsight.discovery.own.compiled import quicken
@@ -391,3 +391,37 @@ def test_what_is_another_model_once_it_is_compiled_stays_plain() -> None:
     own = quicken.quickened(replace(problem, model=replace(problem.model, predict=whole)))
     assert own.model.predict is whole
     assert "compiled it gives other results" in own.warnings[-1]
+
+
+def test_the_first_reading_of_a_measured_state_has_an_error_and_does_not_make_a_law() -> None:
+    """Free decays with little damping: the error of the first reading remains in every later row of the solution."""
+    noise, omega, rng = 0.01, 2.0, np.random.default_rng(11)
+    time = 0.05 * np.arange(600)
+    swing = np.exp(-0.01 * time) * (np.cos(omega * time) + 0.01 / omega * np.sin(omega * time))
+    records, errors = [], []
+    for size in (1.0, 0.6):
+        error = rng.normal(0.0, noise, time.size)
+        # Twice and three times the noise: by chance every twentieth and four-hundredth reading is so far off.
+        error[0] = (2.0 if size == 1.0 else -3.0) * noise
+        records.append({"time_s": time, "x": size * swing + error})
+        errors.append(error[0])
+    free = [parameter("stiffness", 3.0, lower=0.5, upper=10.0), parameter("damping", 0.05, lower=0.0, upper=1.0)]
+    model = ode(
+        lambda _t, x, _u, p: (x[1], -p.stiffness * x[0] - p.damping * x[1] - p.more(x[1])),
+        states=("x", "v"),
+        output="x",
+        initial={"v": 0.0},
+    )
+    found = find_missing(model_problem(model, records, free, law("more", driver="v"), output="x"))
+    assert found.verdict == "none"
+    for name, truth in (("stiffness", omega**2 + 0.01**2), ("damping", 0.02)):
+        assert abs(found.parameters[name].value - truth) < 4.0 * found.parameters[name].sigma
+    for k, error in enumerate(errors, 1):
+        estimate = found.parameters[f"x_start_error@{k}"]
+        assert abs(estimate.value + error) < 4.0 * estimate.sigma < noise
+    later = {"time_s": time, "x": 0.8 * swing + rng.normal(0.0, noise, time.size)}
+    assert np.std(found.predict(later).to_frame()["x"] - 0.8 * swing) < 0.5 * noise
+    planned = found.predict({"time_s": time}, initial={"x": 0.8})
+    np.testing.assert_allclose(planned.to_frame()["x"], 0.8 * swing, atol=0.5 * noise)
+    with pytest.raises(ConfigError, match="'x_start' is no initial state; allowed x"):
+        found.predict(later, initial={"x_start": 0.8})

@@ -76,6 +76,20 @@ def test_two_springs_laws_and_the_law_of_both_say_what_any_two_of_them_say() -> 
     assert places_of(problem, [a, "winding_b_winding_deg"]) not in pairs
 
 
+def test_two_members_at_one_place_are_not_what_one_of_them_is() -> None:
+    """A slipped marker beside a drift of the reading is no part of a slipped clamp beside that drift."""
+    spec = actuator_from(declared_from({}, where="test").to_toml(), where="test")
+    record = make_record({"motion": {"kind": "rig"}}, seed=5, sigma_deg=0.15).table
+    problem = ActuatorProblem(ActuatorModel(spec).prepare(record), spec)
+    drift, marker, clamp = (
+        places_of(problem, ["reading_time_s", *more]) for more in ([], ["marker_slip"], ["clamp_slip"])
+    )
+    assert drift < marker
+    assert drift < clamp
+    assert not marker <= clamp
+    assert places_of(problem, ["marker_slip"]) == drift
+
+
 def test_what_its_extensions_hold_an_answer_holds() -> None:
     """What is as improbable as 3 % is no rival of an answer that nearly all other sets contain."""
     s = signals()

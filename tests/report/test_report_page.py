@@ -175,6 +175,11 @@ def test_any_single_file_makes_a_page_of_its_sections(run: Path, kept: str, ther
         ({"held_out": [], "after": None, "before": None}, "No half-cycle could be held out"),
         ({"effects": [discovery()["effects"][0] | {"probability": 0.71}]}, "with probability 0.71 only"),
         ({"next_experiment": {"text": "Hold spring A at 60 °C for 120 s."}}, "Hold spring A at 60 °C for 120 s."),
+        ({"next_experiment": {"text": "Hold."}}, "The experiment that would distinguish them"),
+        (
+            {"next_experiment": {"text": "None.", "separation_gain": 0.1, "needed_gain": 5.9}},
+            "The experiment that comes nearest to a decision",
+        ),
         (
             {"parameters": {"A_s_c": parameter(40.0, 0.1, "°C")}},
             "The record contradicts the characterised <i>A</i><sub>s</sub> by 10.0 standard deviations.",

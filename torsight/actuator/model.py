@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
+from math import isfinite
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -250,9 +251,14 @@ class ActuatorModel:
         Raises
         ------
         ConfigError
-            When a name in ``values`` is no parameter of the model; the message gives the most similar name.
+            When a name in ``values`` is no parameter of the model, where the message gives the most similar name, or a
+            value is not finite.
         """
-        return run_ports(self.ports(drive, values or {}, history=history), **self._run_options(drive))
+        values = values or {}
+        for name, value in values.items():
+            if not isfinite(value):
+                raise ConfigError("is not finite", where=f"values of {self!r}, '{name}'", value=value)
+        return run_ports(self.ports(drive, values, history=history), **self._run_options(drive))
 
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
         """Return the angle (n,) that :meth:`simulate` gives, alone."""

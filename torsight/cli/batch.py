@@ -37,23 +37,25 @@ def batch(
     Example: torsight batch campaign/ --out results
     """
     from torsight.cli.campaign import explain_campaign, find_experiments, run_campaign, tasks, write_results
+    from torsight.core.files.lock import only_writer
+    from torsight.report.gallery import write_gallery
 
     if timeout is not None and not 0.0 < timeout < math.inf:
         raise ConfigError("is no length of time", where="--timeout", value=timeout, limit="more than 0 s")
     todo = tasks(find_experiments(sources), out, limit_s=timeout)
-    with progress_bar() as progress:
-        rows = run_campaign(todo, jobs=jobs, scheduler=scheduler, progress=progress)
-    from torsight.report.gallery import write_gallery
-
-    page = write_gallery(rows, out)
-    done = sum(row["status"] == "done" for row in rows)
-    for row in rows:
-        if row["status"] == "failed":
-            say(f"failed: {row['name']}: {row['message']}")
-    write_results(rows, out)
-    with progress_bar() as progress:
-        jointly = explain_campaign(todo, rows, out, progress=progress)
+    # Each of two campaigns would write a table in which the other's experiments are missing.
+    with only_writer(out):
+        with progress_bar() as progress:
+            rows = run_campaign(todo, jobs=jobs, scheduler=scheduler, progress=progress)
+        page = write_gallery(rows, out)
+        for row in rows:
+            if row["status"] == "failed":
+                say(f"failed: {row['name']}: {row['message']}")
+        write_results(rows, out)
+        with progress_bar() as progress:
+            jointly = explain_campaign(todo, rows, out, progress=progress)
     for folder in jointly:
         say(f"together: {verdict_sentence(read_json(folder / 'discovery.json'))}; report {folder / 'report.html'}")
+    done = sum(row["status"] == "done" for row in rows)
     say(f"{done} of {len(rows)} experiments done; table {out / 'results.csv'}, page {page}")
     return Answer({"experiments": rows}, files=(out / "results.csv", out / "results.parquet", page))

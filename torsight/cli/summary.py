@@ -12,7 +12,15 @@ from torsight.actuator.quantities import effect_values
 from torsight.core.files.storage import read_json
 from torsight.core.files.tables import read_angles
 from torsight.core.units import DEG
-from torsight.core.words.wording import doubt_of, effect_name, error_words, estimate, held_out_errors, named
+from torsight.core.words.wording import (
+    doubt_of,
+    effect_name,
+    error_words,
+    estimate,
+    held_out_errors,
+    named,
+    predicts_worse,
+)
 
 
 def discovery_lines(discovery: Mapping[str, Any]) -> list[str]:
@@ -52,8 +60,8 @@ def _unseen(record: Mapping[str, Any]) -> str:
 
 
 def attention(discovery: Mapping[str, Any]) -> list[str]:
-    """Return a warning line where the record is not explained, or does not determine the values."""
-    return [f"Attention         {doubt}"] if (doubt := doubt_of(discovery)) else []
+    """Return a warning line each where an answer is in doubt, and where its model predicts worse than the plain one."""
+    return [f"Attention         {doubt}" for doubt in (doubt_of(discovery), predicts_worse(discovery)) if doubt]
 
 
 def summary(folder: Path) -> list[str]:

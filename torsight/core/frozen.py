@@ -1,12 +1,19 @@
-"""Immutable mappings and arrays for the fields of frozen objects."""
+"""Immutable mappings and arrays for the fields of frozen objects, and objects whose fields are columns."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import FrozenInstanceError, fields
-from typing import Any, NoReturn
+from typing import Any, Final, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
+
+from torsight.core.errors import InputError
+from torsight.core.units import Floats
+
+_COLUMN_TYPES: Final = {"Floats": np.float64, "Flags": np.bool_, "Ints": np.int64}
+"""Type of a column's elements by the annotation of its field."""
 
 
 class ReadOnly(dict[Any, Any]):
@@ -80,3 +87,78 @@ class Frozen:
     def __post_init__(self) -> None:
         for one in fields(self):  # type: ignore[arg-type]
             object.__setattr__(self, one.name, _unchanging(getattr(self, one.name)))
+
+
+class Columns(Frozen):
+    """Base of frozen dataclasses with ``time_s`` (n,) and further columns (n,), also those of ``extra``.
+
+    A column may be given as anything that numpy converts to an array: a list, a column of a data frame, an array of
+    another type. The annotation of its field (``Floats``, ``Flags``, ``Ints``) is its type afterwards.
+
+    Raises
+    ------
+    InputError
+        When a column is not numeric, or has another length than the times.
+    """
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for one in fields(self):  # type: ignore[arg-type]
+            given, kind = getattr(self, one.name), _COLUMN_TYPES.get(str(one.type).removesuffix(" | None"))
+            if kind is not None and given is not None:
+                object.__setattr__(self, one.name, _converted(given, kind, where=f"{type(self).__name__}, {one.name}"))
+            elif one.name == "extra":
+                object.__setattr__(self, "extra", {name: np.asarray(column) for name, column in given.items()})
+        Frozen.__post_init__(self)
+        self._require_one_length()
+
+    def _require_one_length(self) -> None:
+        values = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        rows = values["time_s"].size
+        for name, column in {**values, **values.get("extra", {})}.items():
+            if isinstance(column, np.ndarray) and column.shape != (rows,):
+                raise InputError(
+                    "has not one value for every time",
+                    where=f"{type(self).__name__}, {name}",
+                    value=f"shape {column.shape}",
+                    limit=f"({rows},), as time_s",
+                    do="give columns of one length, NaN where a value is not known",
+                )
+
+
+def _converted(given: Any, kind: type[np.generic], *, where: str) -> NDArray[Any]:
+    """Return a column as an array of another type of numbers; a value that this type cannot hold is refused."""
+    exact = _numbers(given)
+    if exact is None:
+        raise InputError(
+            "is no column of numbers",
+            where=where,
+            value=f"elements of type {np.asarray(given).dtype}",
+            limit=f"{np.dtype(kind)}",
+            do="give numbers, NaN where a value is not known; times are seconds, not dates",
+        )
+    if kind is np.float64:
+        return exact
+    with np.errstate(invalid="ignore"):
+        column = exact.astype(kind)
+    for row in np.flatnonzero(np.ravel(column != exact))[:1]:
+        raise InputError(
+            "is no switch" if kind is np.bool_ else "is no whole number",
+            where=f"{where}, row {row}",
+            value=f"{np.ravel(exact)[row]:g}",
+            limit="0 or 1" if kind is np.bool_ else None,
+            do="correct that row",
+        )
+    return column
+
+
+def _numbers(given: Any) -> Floats | None:
+    """Return a column as floating-point numbers; None where it holds texts, dates or objects that are no numbers."""
+    # Texts and dates would be converted to numbers that nobody meant.
+    if np.asarray(given).dtype.kind not in "biufO":
+        return None
+    try:
+        return np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        return None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError
-from torsight.core.frozen import Frozen
+from torsight.core.frozen import Columns
 from torsight.core.parameter import REACH
 from torsight.core.units import DEG, PPM, Flags, Floats
 from torsight.core.words.plausible import SPRING_C
@@ -36,7 +36,7 @@ def clock_sigma_s(method: str, interval_s: tuple[float, float]) -> float | None:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class TemperatureLog(Frozen, Shown):
+class TemperatureLog(Columns, Shown):
     """Temperatures of both springs on the logging computer's clock.
 
     Attributes
@@ -59,16 +59,15 @@ class TemperatureLog(Frozen, Shown):
     extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        Frozen.__post_init__(self)
-        _require_rows(self, self._columns())
+        Columns.__post_init__(self)
+        _require_increasing(self)
         for name, temp_c in (("temp_a_c", self.temp_a_c), ("temp_b_c", self.temp_b_c)):
-            values = np.asarray(temp_c, np.float64)
-            wrong = np.flatnonzero((values < SPRING_C[0]) | (values > SPRING_C[1]))
+            wrong = np.flatnonzero((temp_c < SPRING_C[0]) | (temp_c > SPRING_C[1]))
             if len(wrong):
                 raise InputError(
                     "is no temperature of a spring in °C",
                     where=f"TemperatureLog, row {wrong[0]}, {name}",
-                    value=f"{values[wrong[0]]:g}",
+                    value=f"{temp_c[wrong[0]]:g}",
                     limit=f"{SPRING_C[0]:g} to {SPRING_C[1]:g}",
                     do="give °C, and NaN where it is not known",
                 )
@@ -154,7 +153,7 @@ class ClockMap(Shown):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class SyncedTable(Frozen, Shown):
+class SyncedTable(Columns, Shown):
     """Angle and temperatures on the film's clock, one row per valid or invalid frame.
 
     Attributes
@@ -184,8 +183,16 @@ class SyncedTable(Frozen, Shown):
     clock_sigma_s: float | None = None
 
     def __post_init__(self) -> None:
-        Frozen.__post_init__(self)
-        _require_rows(self, self._rows())
+        Columns.__post_init__(self)
+        _require_increasing(self)
+        for row in np.flatnonzero(self.angle_sigma_rad < 0.0)[:1]:
+            raise InputError(
+                "is no standard deviation",
+                where=f"SyncedTable, row {row}, angle_sigma_rad",
+                value=f"{self.angle_sigma_rad[row]:g}",
+                limit="0 rad or more, or NaN",
+                do="correct that row",
+            )
 
     def _rows(self) -> dict[str, Any]:
         angles = {"angle_rad": self.angle_rad, "angle_sigma_rad": self.angle_sigma_rad}
@@ -223,17 +230,20 @@ class SyncedTable(Frozen, Shown):
         beside.legend()
 
 
-def _require_rows(table: TemperatureLog | SyncedTable, columns: Mapping[str, Any]) -> None:
-    """Refuse columns whose length differs from that of the times."""
-    for name, values in columns.items():
-        if np.shape(values) != (len(table),):
-            raise InputError(
-                "has not one value for every time",
-                where=f"{type(table).__name__}, {name}",
-                value=f"shape {np.shape(values)}",
-                limit=f"({len(table)},), as time_s",
-                do="give columns of one length, NaN where a value is not known",
-            )
+def _require_increasing(table: TemperatureLog | SyncedTable) -> None:
+    """Refuse times that are not finite or do not increase."""
+    time_s = table.time_s
+    wrong = ~np.isfinite(time_s)
+    wrong[1:] |= ~(time_s[1:] > time_s[:-1])
+    for row in np.flatnonzero(wrong)[:1]:
+        before = f" after {time_s[row - 1]:.15g}" if row else ""
+        raise InputError(
+            "time does not increase",
+            where=f"{type(table).__name__}, row {row}, time_s",
+            value=f"{time_s[row]:.15g}{before}",
+            limit="a larger time than in the row before",
+            do="sort the rows by time, and leave out those without a time or with the time of another row",
+        )
 
 
 def merged_columns(table: SyncedTable) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.frozen import Frozen
+from torsight.core.frozen import Columns
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
 from torsight.core.words.wording import number
@@ -95,7 +95,7 @@ class MarkerTracks(Shown):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StickAngles(Frozen, Shown):
+class StickAngles(Columns, Shown):
     """The actuator angle: orientation of the moving stick against the base stick.
 
     Attributes

@@ -15,7 +15,7 @@ from torsight.core.frozen import Frozen
 from torsight.core.parameter import Estimate, estimates_to_json
 from torsight.core.units import Floats
 from torsight.core.words.shown import Shown, draw_models
-from torsight.core.words.wording import effect_name, error_words, not_fixed, verdict_sentence
+from torsight.core.words.wording import effect_name, error_words, not_fixed, predicts_worse, verdict_sentence
 from torsight.discovery.design.next_experiment import NextExperiment
 from torsight.discovery.measured_law import MeasuredLaw
 
@@ -180,6 +180,5 @@ class DiscoveryReport(Frozen, Shown):
             "evidence": dict(self.evidence),
             "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
         }
-        if doubt := not_fixed(content):
-            content["notes"].append(doubt)
+        content["notes"] += [doubt for doubt in (not_fixed(content), predicts_worse(content)) if doubt]
         return content

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torsight.actuator.fit_result import require_motion
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
-from torsight.core.errors import ConfigError
+from torsight.core.errors import ConfigError, require_kind
 from torsight.core.parallel.threads import one_thread
 from torsight.core.parameter import Estimate, estimates_to_json
 from torsight.core.progress import Progress, silent
@@ -121,6 +121,7 @@ def discover_together(
     InputError, NoResultError
         When a record cannot drive the model.
     """
+    require_kind(tables, Sequence, where="discover_together, tables", do="give the records as a list")
     labels = tuple(names or (f"record {k + 1}" for k in range(len(tables))))
     _require_different(tables, labels)
     model, drives = ActuatorModel(spec), []

@@ -19,6 +19,8 @@ from torsight.discovery.measured_law import read_laws
 from torsight.report.figures.law_plots import write_laws
 from torsight.report.plots.panels import Band, Line, Ribbon
 
+CONSTANT = "a constant is within its 95 % interval"
+
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
@@ -123,7 +125,13 @@ def test_a_law_that_is_monotone_within_its_sigma_rises_or_falls() -> None:
     said = sentence("reading", "time_s", cycles, [-2.0, -1.0, 0.0, 1.0, 2.0, 3.0], [0.05] * 6, unit="°", shared=2.3)
     assert said == "the reading's error rises by 5.00° over time, between 1.00 and 6.00 s"
     said = sentence("reading", "time_s", cycles, [0.3, 0.2, 0.3, 0.2, 0.3, 0.2], [0.5] * 6, unit="°", shared=2.3)
-    assert said == "the reading's error is zero over time, between 1.00 and 6.00 s, within its 95 % interval"
+    assert said == "the reading's error has no certain change over time, between 1.00 and 6.00 s: " + CONSTANT
+
+
+def test_a_law_of_which_nothing_is_certain_is_not_told_as_a_value() -> None:
+    said = sentence("friction", "temp_passive_c", [23.0, 26.0, 29.0], [-0.05, 0.0, 0.05], [0.05] * 3, shared=0.2)
+    over = "over the other spring's temperature, between 23.0 and 29.0 °C: "
+    assert said == f"friction torque has no certain change {over}{CONSTANT}"
 
 
 def test_a_law_that_is_one_constant_depends_on_nothing() -> None:

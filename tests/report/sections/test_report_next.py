@@ -72,6 +72,13 @@ def test_headline_badge_trust_and_limit_ask_one_measure_what_is_explained(
     assert found["What"].answer.startswith("How well this record determines the values") is (left == 1.9)
 
 
+def test_a_programme_that_separates_nothing_is_not_recommended(run: Path) -> None:
+    ambiguous = {"verdict": "ambiguous", "alternatives": [["fatigue"]], "after": AFTER}
+    for gain, words in ((9.0, "Run the one proposed below."), (0.1, "measure directly in what they differ.")):
+        plan = {"text": "Hold.", "separation_gain": gain, "needed_gain": 5.9}
+        assert steps(run, next_experiment=plan, **ambiguous)["What"].answer.endswith(words)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from torsight.core.errors import InputError
+from torsight.core.errors import InputError, require_kind
 from torsight.core.files.kinds import TABLE_KINDS
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import first_row, number_column, read_json, read_table, write_table
@@ -28,6 +28,7 @@ _MERGED = TABLE_KINDS["merged"].signs
 
 def write_angles(path: AnyPath, angles: StickAngles) -> None:
     """Write ``angle.csv``: one row per frame; angle and sigma are empty where not valid."""
+    require_kind(angles, StickAngles, where="write_angles, angles", do="read_angles(path) gives one")
     path = Path(path)
     write_table(path, angle_columns(angles))
 
@@ -150,6 +151,7 @@ def marker_values(table: pd.DataFrame, *parts: str, names: Sequence[str] = MARKE
 
 def write_merged(path: AnyPath, table: SyncedTable) -> None:
     """Write ``merged.csv``: angle and temperatures on the film's clock."""
+    require_kind(table, SyncedTable, where="write_merged, table", do="read_merged(path) gives one")
     write_table(Path(path), merged_columns(table))
 
 

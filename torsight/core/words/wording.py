@@ -104,16 +104,32 @@ def explanations(discovery: Mapping[str, Any]) -> list[str]:
 
     An explanation that is a subset of another one is marked with "alone".
     """
-    accepted = [str(effect["id"]) for effect in discovery.get("effects") or []]
-    accepted += [str(law["law"]) for law in discovery.get("laws") or [] if law.get("law") and law["effect"] is None]
-    sets: list[Sequence[str]] = [accepted] if accepted else []
-    sets += [[one] if isinstance(one, str) else list(one) for one in discovery.get("alternatives") or []]
+    sets = _explanations(discovery)
 
     def words(one: Sequence[str]) -> str:
         alone = " alone" if any(set(one) < set(other) for other in sets) else ""
         return " with ".join(effect_name(item) for item in one) + alone
 
     return list(dict.fromkeys(words(one) for one in sets if one))
+
+
+def _explanations(discovery: Mapping[str, Any]) -> list[Sequence[str]]:
+    """Return the explanations of an ambiguous answer as ids of effects and laws, the accepted one first."""
+    accepted = [str(effect["id"]) for effect in discovery.get("effects") or []]
+    accepted += [str(law["law"]) for law in discovery.get("laws") or [] if law.get("law") and law["effect"] is None]
+    sets: list[Sequence[str]] = [accepted] if accepted else []
+    return sets + [[one] if isinstance(one, str) else list(one) for one in discovery.get("alternatives") or []]
+
+
+def _cannot_tell(discovery: Mapping[str, Any]) -> str:
+    """Return the explanations of an ambiguous answer as a clause; what all of them contain is named once."""
+    sets = _explanations(discovery)
+    common = [one for one in sets[0] if all(one in other for other in sets)] if len(sets) > 1 else []
+    rest = [[one for one in members if one not in common] for members in sets]
+    if not common or not all(rest):
+        return listed(explanations(discovery), last="or")
+    options = dict.fromkeys(" with ".join(map(effect_name, members)) for members in rest)
+    return f"{listed(list(options), last='or')}, each with {listed([effect_name(one) for one in common])}"
 
 
 def error_words(value_deg: float | None) -> str:
@@ -198,6 +214,25 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
     )
 
 
+def predicts_worse(discovery: Mapping[str, Any]) -> str:
+    """Return the sentence on an extended model with a larger error on held-out half-cycles; else an empty string."""
+    before, after = (error_words(value) if value is not None else "" for value in held_out_errors(discovery))
+    left, had = (value if value is not None else math.nan for value in reversed(held_out_errors(discovery)))
+    if is_plain_answer(discovery) or before == after or not left > had:
+        return ""
+    return (
+        f"The extended model predicts held-out half-cycles worse than the plain model ({after} instead of {before} "
+        "rms): it describes this record only."
+    )
+
+
+def decides(programme: Any) -> bool:
+    """Return whether a proposed programme separates the explanations, as far as the ``discovery.json`` states that."""
+    stated = programme if isinstance(programme, Mapping) else {}
+    gain, needed = stated.get("separation_gain"), stated.get("needed_gain")
+    return gain is None or needed is None or float(gain) >= float(needed)
+
+
 CONTRADICTED_SIGMAS: Final = 4.0
 """Standard deviations by which an estimate must differ from a characterised value to be named (in the report, too):
 chance reaches this for one value in 16,000, so for one actuator of ten values in 1,600; three standard deviations for
@@ -250,8 +285,7 @@ def named(discovery: Mapping[str, Any]) -> str:
         count = "an effect" if len(names) == 1 else f"{len(names)} effects"
         return f"The model lacks {count}: {listed(names)}."
     if verdict == "ambiguous":
-        options = explanations(discovery)
-        return f"Something is missing, and this record cannot tell which: {listed(options, last='or')}."
+        return f"Something is missing, and this record cannot tell which: {_cannot_tell(discovery)}."
     drivers = [variable_name(str(item["variable"])) for item in (discovery.get("drivers") or [])[:3]]
     depends = f" It depends on {listed(drivers)}." if drivers else ""
     return f"Something real is missing that no known effect explains.{depends}"

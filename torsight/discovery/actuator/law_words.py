@@ -124,8 +124,7 @@ def _course(law: MeasuredLaw, what: str, known: OnNodes, whole: float | None) ->
         if law.driver != _USUAL:
             range_ = f"over {variable_name(law.driver)}, {range_}"
     if not rises and not falls:
-        nothing = "is what the plain model has" if whole is not None else "is zero"
-        return f"{what} {nothing} {range_}, within its 95 % interval"
+        return f"{what} has no certain change {range_}: a constant is within its 95 % interval"
     if rises != falls:
         curve = known.monotone(rising=rises)
         size = _size(float(curve[0]), float(curve[-1]), law.unit, whole)

@@ -287,9 +287,11 @@ def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
 def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: float, needed_gain: float) -> str:
     needed = f"{math.sqrt(needed_gain):.1f} are needed"
     if gain < needed_gain:
+        none = f"No programme that was tried distinguishes {listed(names)}: measure directly what separates them."
+        if f"{math.sqrt(gain):.1f}" == "0.0":
+            return f"{none} Under every one of them the explanations predict the same angles after a refit."
         return (
-            f"No programme that was tried distinguishes {listed(names)}: measure directly what separates them. The "
-            f"programme that comes nearest is to {words}; after a refit they then differ by at least "
+            f"{none} The programme that comes nearest is to {words}; after a refit they then differ by at least "
             f"{math.sqrt(gain):.1f} standard deviations, and {needed}."
         )
     apart = f"at least {math.sqrt(gain):.1f}" if gain < _SURE**2 else f"more than {_SURE:.0f}"

@@ -95,11 +95,15 @@ def _verdict(decision: Decision, most: float) -> Verdict:
 
 
 def law_shares(field: Field, chosen: Explanation) -> dict[str, float]:
-    """Return the share of each law of a set in the evidence that would be lost without its laws."""
+    """Return the share of each law of a set in the evidence that would be lost without its laws.
+
+    Without a law the record has the evidence of the best part of the set that was fitted and lacks the law: the part
+    with all other members need not have been fitted.
+    """
     lost = {}
     for item in chosen.laws:
-        part = field.explanations.get(less(chosen.members, item.law.id))
-        without = field.base.log_evidence if part is None else part.log_evidence
+        others = set(less(chosen.members, item.law.id))
+        without = max(one.log_evidence for members, one in field.explanations.items() if others.issuperset(members))
         lost[item.law.id] = max(chosen.log_evidence - without, 1e-9)
     total = sum(lost.values())
     return {name: size / total for name, size in lost.items()}

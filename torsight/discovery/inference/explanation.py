@@ -7,6 +7,7 @@ when whole blocks are left out (the jackknife; Efron and Stein, Ann. Statist. 9 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -126,20 +127,23 @@ class Field:
 def places_of(problem: Problem, members: Iterable[str]) -> Places:
     """Return the places at which a set acts: port, driver, unit and spring of a law, or of the law of an effect's form.
 
-    Any two of the laws of spring A, of spring B and of both springs are equivalent to all three.
+    Any two of the laws of spring A, of spring B and of both springs are equivalent to all three. A place at which
+    several members act (a drift of the reading and a slipped marker) counts as often: a set with one of them there is a
+    part of the set with both.
     """
     laws = {law.id: law for law in problem.laws}
     own = {candidate.id: candidate.laws for candidate in problem.candidates}
-    springs: dict[str, set[str]] = {}
+    springs: dict[str, Counter[str]] = {}
     for name in members:
         law = laws.get(name) or next((laws[other] for other in own.get(name, ()) if other in laws), None)
         place = name if law is None else f"{law.port} {law.driver} {law.unit}"
-        springs.setdefault(place, set()).add("" if law is None else law.spring)
+        springs.setdefault(place, Counter())["" if law is None else law.spring] += 1
     every = {"a", "b", "both"}
     return frozenset(
-        f"{place} {spring}".strip()
+        f"{place} {spring} {count or ''}".strip()
         for place, of in springs.items()
-        for spring in (of if len(of & every) < 2 else every)
+        for spring in (of if len(of.keys() & every) < 2 else every)
+        for count in range(max(of[spring], 1))
     )
 
 

@@ -63,7 +63,7 @@ class Search:
         for size in range(1, self._settings.most + 1):
             if size > 1:
                 # Floor and correlation have changed since these sets were fitted.
-                self._keep(self._at_once(self._parents(size - 1), self.fits.again))
+                self._keep(self._at_once(self._parents(size - 1), self.fits.again, step="the best again"))
             parents = [parent for parent in self._parents(size - 1) if self._may_lead(parent)]
             if not parents:
                 break
@@ -352,7 +352,9 @@ class Search:
         Alone, one of two effects may explain less than a third one that resembles both.
         """
         parts = [part for part in (less(best.members, name) for name in best.members) if part]
-        found: list[Explanation] = self._at_once([(best, part) for part in parts], self.fits.part)
+        found: list[Explanation] = self._at_once(
+            [(best, part) for part in parts], self.fits.part, step="parts of the best"
+        )
         self._keep(found)
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:

@@ -243,13 +243,13 @@ def _stands_and_jumps(column: Floats) -> bool:
 
 
 def _at_bounds(found: engine.Findings) -> list[str]:
-    """Return a warning for every value of a named effect that ends at one of its bounds."""
+    """Return a warning for every value of the model or of a named effect that ends at one of its bounds."""
     chosen = found.decision.chosen
     named = [p for effect in chosen.effects for p in chosen.fitter.candidates[effect].parameters]
     return [
         f"'{p.name}' ends at its bound {chosen.fit.values[p.name]:.4g}: if the rig itself has no such limit, widen "
-        "the bound; if the rig cannot have such a value, the effect has another form"
-        for p in named
+        "the bound; if the rig cannot have such a value, a unit is wrong, or something acts in another form"
+        for p in (*chosen.fitter.problem.parameters, *named)
         if chosen.fit.values[p.name] in (p.lower, p.upper)
     ]
 

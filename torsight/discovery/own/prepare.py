@@ -281,7 +281,8 @@ def _each_its_own(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]
     name = base.parameters[free[best]].name
     note = (
         f"with a value of '{name}' for each record the residual would be {number(math.sqrt(costs[best] / before))} "
-        f"times that with one value for all: if it says how a record begins, declare it with initial='{name}'"
+        f"times that with one value for all: if it says how a record begins, declare it with initial='{name}'; "
+        "else the records differ in something that the model lacks (check that they are of one rig, in the same units)"
     )
     return [note]
 

@@ -16,6 +16,7 @@ from torsight.core.series import rms
 from torsight.core.units import DEG
 from torsight.core.words.wording import (
     EXPLAINED,
+    decides,
     error_left,
     has_unnamed_law,
     held_out_errors,
@@ -74,7 +75,10 @@ def _limit(results: RunResults) -> str:
             "A longer record narrows the intervals honestly only once the residual is explained."
         )
     if discovery.get("verdict") == "ambiguous":
-        return "The programme: the actuator moves in the same way under all explanations. Run the one proposed below."
+        same = "The programme: the actuator moves in the same way under all explanations."
+        if decides(discovery.get("next_experiment")):
+            return f"{same} Run the one proposed below."
+        return f"{same} No other programme that was tried separates them: measure directly in what they differ."
     if left > EXPLAINED * floor:
         return (
             "How well this record determines the values: the residual of the fit is noise, but held-out half-cycles "

@@ -17,6 +17,7 @@ from torsight.core.files.results import RunResults
 from torsight.core.files.small_pictures import encoded, shrunk
 from torsight.core.words.wording import (
     clock_words,
+    decides,
     effect_name,
     error_words,
     estimate,
@@ -28,6 +29,7 @@ from torsight.core.words.wording import (
     not_explained,
     not_fixed,
     number,
+    predicts_worse,
     times_floor,
     variable_name,
 )
@@ -87,6 +89,8 @@ def lead(results: RunResults) -> str:
             f" The residual is {number(times_floor(discovery))} times that, each independent reading counted once: "
             "a rest is one reading, however long."
         )
+    if worse := predicts_worse(discovery):
+        return f"{worse}{ends}"
     took = f"from {error_words(before)} to {error_words(after)} rms"
     return f"The extended model takes the error on held-out half-cycles {took}.{ends}"
 
@@ -290,6 +294,7 @@ def planned(content: Any) -> dict[str, Any]:
     other = {key: value for key, value in content.items() if key not in known and "separation" not in key}
     return {
         "text": content.get("text"),
+        "decides": decides(content),
         "worth": worth(content),
         "segments": segments(content),
         "other": plain_items(other),

@@ -24,9 +24,9 @@ from torsight.discovery.inference.solver import jacobian, solve
 from torsight.discovery.own.answer.laws import beyond
 from torsight.discovery.own.answer.own_prediction import PredictedOutputs
 from torsight.discovery.own.model.declare import RESERVED, name_in
-from torsight.discovery.own.model.evaluate import Called, Model, call
+from torsight.discovery.own.model.evaluate import Called, Model, Predict, call
 from torsight.discovery.own.model.model_file import Declared, declared_in, declared_of
-from torsight.discovery.own.model.ode import Ode
+from torsight.discovery.own.model.ode import START_ERROR, Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
@@ -140,8 +140,9 @@ class SavedModel:
         Raises InputError when the record cannot be read, or the model fails on it.
         """
         (own,) = read_records(record)
-        model = Model(self.declared.predict, (own,), self.outputs, self.ports)
-        values, taken = self._with_initial(model, own, initial or {})
+        begun, given = self._begun(initial or {})
+        model = Model(begun, (own,), self.outputs, self.ports)
+        values, taken = self._with_initial(model, own, given)
 
         def at(x: Floats) -> Floats:
             return self._called(model, {**values, **dict(zip(self.names, x.tolist(), strict=True))}).ravel()
@@ -225,6 +226,20 @@ class SavedModel:
                 outputs[:, self.outputs.index(law.output)] += np.interp(at, law.form.nodes, law.form.values(values))
         return outputs
 
+    def _begun(self, initial: Mapping[str, float]) -> tuple[Predict, dict[str, float]]:
+        """Return the function with states that begin at given values, and the remaining initial values, by parameter.
+
+        A state that otherwise begins at the first reading of its column is given by its own name.
+        """
+        ode = self.declared.predict
+        if not isinstance(ode, Ode):
+            return ode, dict(initial)
+        states = {name: initial[name] for name in ode.begun_by_readings(self.declared.parameters) if name in initial}
+        exact = {START_ERROR.format(name): 0.0 for name in states}
+        rest = {name: value for name, value in initial.items() if name not in states}
+        begun = replace(ode, initial={**ode.initial, **states})
+        return begun, {**rest, **{name: value for name, value in exact.items() if name in self.initial}}
+
     def _with_initial(
         self, model: Model, record: Record, given: Mapping[str, float]
     ) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -234,8 +249,12 @@ class SavedModel:
         """
         unknown = [name for name in given if name not in self.initial]
         if unknown:
+            ode = self.declared.predict
+            states = ode.begun_by_readings(self.declared.parameters) if isinstance(ode, Ode) else ()
+            errors = [START_ERROR.format(name) for name in states]
+            known = [*states, *(name for name in self.initial if name not in errors)]
             raise ConfigError(
-                f"'{unknown[0]}' is no initial state", where="initial", limit=", ".join(self.initial) or "there is none"
+                f"'{unknown[0]}' is no initial state", where="initial", limit=", ".join(known) or "there is none"
             )
         values = {**self.values, **given}
         free = [self._parameter(name, values[name]) for name in self.initial if name not in given]
@@ -297,14 +316,16 @@ class SavedModel:
             )
             if isinstance(declared.predict, Ode) and content.get("restart_s") is not None:
                 declared = replace(declared, predict=declared.predict.begun_anew(float(content["restart_s"])))
+            values = {str(name): float(value) for name, value in content["values"].items()}
+            noise = {name: float(content["noise"][name]) for name in outputs}
             made = cls(
-                declared,
+                _with_start_errors(declared, values, noise),
                 effects,
                 initial,
-                values={str(name): float(value) for name, value in content["values"].items()},
+                values=values,
                 names=names,
                 covariance=np.array(content["covariance"], np.float64).reshape(len(names), len(names)),
-                noise=tuple(float(content["noise"][name]) for name in outputs),
+                noise=tuple(noise.values()),
                 ports=ports,
                 laws=tuple(LawOn.from_json(one) for one in content["laws"]),
             )
@@ -313,13 +334,23 @@ class SavedModel:
                 f"is damaged ({type(error).__name__}: {error})", where=where, do="run 'torsight missing' again"
             ) from error
         known = {name for name in made.values if RESERVED not in name}
-        if {p.name for p in declared.every_parameter} != known or outputs != declared.outputs:
+        if {p.name for p in made.declared.every_parameter} != known or outputs != declared.outputs:
             raise InputError(
                 "belongs to another model: parameters or outputs differ",
                 where=where,
                 do="run 'torsight missing' again with this model file",
             )
         return made
+
+
+def _with_start_errors(declared: Declared, values: Mapping[str, float], noise: Mapping[str, float]) -> Declared:
+    """Return a model file's declarations with the errors of the readings at which states begin, as in the fit."""
+    if not isinstance(declared.predict, Ode):
+        return declared
+    names = {p.name for p in declared.parameters}
+    errors = declared.predict.start_errors(declared.parameters, tuple(noise), noise)
+    added = [p for p in errors if p.name in values and p.name not in names]
+    return replace(declared, parameters=(*declared.parameters, *added))
 
 
 def write_model(path: Path, model: SavedModel, *, model_file: Path) -> None:

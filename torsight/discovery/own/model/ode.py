@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from torsight.core.errors import InputError
+from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
 from torsight.discovery.own.compiled.integration import ATOL_SHARE, MOMENT, TOO_MANY, TooManyStepsError
 from torsight.discovery.own.model import given
@@ -31,6 +32,8 @@ to four digits; SciPy's own default of 1e-3 would drown them."""
 LINES: Final = "lines"
 HELD: Final = "held"
 """Course of an input between two rows."""
+START_ERROR: Final = "{}_start_error"
+"""Name of the parameter for the error of the reading at which a state begins."""
 _MOST_EVENTS: Final = 10_000
 """Largest number of events in one record: if there are more, one event repeats itself immediately."""
 _MOST_STEPS: Final = 5_000
@@ -143,7 +146,7 @@ class Ode:
                 made.append(float(p[one]))
             elif one in record:
                 known = record[one][np.isfinite(record[one])]
-                made.append(float(known[0]))
+                made.append(float(known[0]) + float(p.get(START_ERROR.format(name), 0.0)))
             else:
                 raise InputError(
                     f"how state '{name}' begins is not known",
@@ -153,6 +156,25 @@ class Ode:
                     do=f"give initial={{'{name}': …}}",
                 )
         return np.array(made)
+
+    def start_errors(
+        self, declared: Sequence[Parameter], outputs: Sequence[str], sigma: Mapping[str, float]
+    ) -> tuple[Parameter, ...]:
+        """Return the error of the reading at which a state begins, one parameter for each state that begins so.
+
+        ``sigma`` is the standard deviation of a reading by output; without noise the reading is the state.
+        """
+        return tuple(
+            Parameter(START_ERROR.format(name), 0.0, "", sigma=sigma[column])
+            for name, column in self.begun_by_readings(declared).items()
+            if column in outputs and sigma[column] > 0.0
+        )
+
+    def begun_by_readings(self, declared: Sequence[Parameter]) -> dict[str, str]:
+        """Return the states that begin at the first value of a column, with that column."""
+        names = {p.name for p in declared}
+        begins = {name: self.initial.get(name, name) for name in self.states}
+        return {name: one for name, one in begins.items() if isinstance(one, str) and one not in names}
 
     @cached_property
     def quick(self) -> Ode | None:
@@ -383,7 +405,8 @@ def ode(
         row's value until the next row, as for a command or the power of a switch.
     initial : mapping by state, or sequence in their order, optional
         Initial value of a state: a number, the name of a parameter, or of a column whose first known value is taken; by
-        default the parameter or column of the state's own name.
+        default the parameter or column of the state's own name. The first value of a measured output has the error of a
+        reading, which is estimated for each record (parameter ``STATE_start_error``).
     events : sequence of Event
         Corners (an overflow, a stop) and jumps.
     time : str, optional

@@ -33,6 +33,7 @@ from torsight.discovery.own.model.declare import (
 from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
 from torsight.discovery.own.model.law_ports import added_laws, nodes_of, port_law
 from torsight.discovery.own.model.layout import Layout, Reading
+from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.own.own_records import Record, Table, read_records, time_column, time_of
@@ -255,6 +256,11 @@ def model_problem(
     noise = [lay.noise_of(measured, k) for k in range(len(outputs))]
     known = all(np.isfinite(own).all() for own in sigmas)
     believed = [np.where(np.isfinite(own), own, noise) for own in sigmas]
+    if isinstance(predict, Ode):
+        each = np.concatenate(believed)
+        errors = predict.start_errors(declared, outputs, dict(zip(outputs, np.nanmedian(each, axis=0), strict=True)))
+        check_declarations((*declared, *errors), offered, ports)
+        declared, initial = (*declared, *errors), (*initial, *(p.name for p in errors))
     size = lay.resolutions(
         lay.per_output(reading.resolution, records, outputs, what="resolution"), believed, measured, len(outputs)
     )
