@@ -168,8 +168,8 @@ class PrintedFilm(DecoyFilm):
                 block = replace(bar, ends=(along - wide, along + wide), radius=tall / 1.9)
                 corners = 4.0 * (block.corners() + block.point(0.0, across) - axis) + 1.5
                 cv2.fillPoly(fine, [np.rint(corners).astype(np.int32)], level)
-            for dot in bar.dots_px:
-                cv2.circle(fine, np.rint(4.0 * dot + 1.5).astype(int).tolist(), round(4 * bar.radius), bar.dot_level, -1)
+            for dot in np.rint(4.0 * bar.dots_px + 1.5).astype(int).tolist():
+                cv2.circle(fine, dot, round(4.0 * bar.radius), bar.dot_level, -1)
             yield cv2.GaussianBlur(cv2.resize(fine, self.size, interpolation=cv2.INTER_AREA), (0, 0), 0.6)
 
 
