@@ -6,7 +6,7 @@ axis, both sticks point at that axis, and both are made in the same way. So ever
 of dots that turn may be the moving stick, pairs at rest away from it its base, and a couple (base i, moving j) explains
 all the dots of the film by
 
-    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln g_ij,    σ_j² = r² + δ_jj² + σ_c²
+    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln(g_ij h_j),  σ_j² = r² + δ_jj² + σ_c²
 
 up to a constant that all couples share. s and t are χ² of a marker at rest and of one on a circle, in a median frame
 (errors are correlated over a film, and count once; frames are chosen so that the dots move equally far between them),
@@ -17,12 +17,16 @@ both readings may be of the same dot.
 within their radius r, and both sticks are made in the same way: the axis may be as far from the base's line as from
 that of the moving stick. σ_c is the standard deviation of the axis. u_ij is χ² of the ratios of the dots' steps in
 brightness, of the light around them, and of the sticks' lengths, of the moving pair's score as dots on a stick, and of
-how far the base's score is below it. g_ij expects the base's line to the axis to be as bright as the moving stick's,
-over the same share; if the axis lies beyond the inner marker of one stick, the probability that it lies between those
+how far the base's score is below it. h_j is the density of δ_jj for a stick over that for the line of any two dots.
+g_ij expects the base's line to the axis to be bright where the moving stick's is, at the same distance from the axis:
+both have one hub. Where only one of the two lines reaches, it is evidence neither for a couple nor against it. The
+distances of both inner dots from the axis are as similar as lengths, but with a Cauchy distribution: a base may be a
+frame around the rig. If the axis lies beyond the inner marker of one stick, the probability that it lies between those
 of the other is only 1 − ``SURE``; so is that of a dot on the axis, where sticks have a shaft or a screw, being a
 marker. These factors apply once the axis is known to within a marker's radius.
-The markers may be none of the dots. That case has the probability of a couple with the score that one picture requires,
-and a misfit of three standard deviations: couples that are fainter, or fit worse, are not certain.
+A marker may be none of the dots. That case has the probability of a couple with a misfit of three standard deviations,
+whose moving pair is one marker and a dot as clear as one picture requires: couples that fit worse, or of which one dot
+is less clear than the other, are not certain.
 As long as nothing turns, the couples are those from the picture alone.
 """
 
@@ -43,12 +47,12 @@ from tracker.detect.dots import EXPLAINED
 from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.pairs import CLEARNESS, Pairs
 from tracker.detect.sticks import (
-    CLEAR,
     CLEARER,
     MOST,
+    SIZES,
     Stick,
+    compared_to_axis,
     couples_in,
-    reaches,
     stick_of,
     strip_share,
     towards_axis,
@@ -277,14 +281,27 @@ class Weighing:
         # Both sticks are made in the same way: base dots that are clearer than the moving stick's count no more.
         less = np.maximum(clear - np.log(pairs.score_of(ends)), 0.0)
         misfit += (SIGMAS * less / math.log(CLEARER)) ** 2
-        score = 2.0 * CLEARNESS * clear - 0.5 * misfit
         first, bounds = (int(own[0]), int(own[1])), list[_Bound]()
+        score = 2.0 * CLEARNESS * clear - 0.5 * misfit + self._central(first, axis)
         for k in np.argsort(-score, kind="stable")[:MOST].tolist():
             second = (int(ends[k, 0]), int(ends[k, 1]))
             bounds.append(_Bound(float(score[k]) + self._strip(first) + self._strip(second), second, first, axis))
         beside_px2 = pairs.radius_px[own].max() ** 2 + axis.beside_px**2 + axis.variance_px2
-        none = 2.0 * CLEARNESS * math.log(CLEAR) - 0.5 * ((moving.turns[0] + rest.sum()) / shake + LIMITS[3])
-        return bounds, float(none - 0.5 * math.log(beside_px2))
+        none = 2.0 * CLEARNESS * math.log(pairs.score_by_chance(own))
+        none -= 0.5 * ((moving.turns[0] + rest.sum()) / shake + LIMITS[3] + math.log(beside_px2))
+        return bounds, float(none)
+
+    def _central(self, pair: tuple[int, int], axis: _Axis) -> float:
+        """Return the log likelihood of the axis' distance from a moving stick's line, over that of any two dots' line.
+
+        For a stick it has a Cauchy distribution with the dots' radius as its scale, as sticks that were not put on
+        centrally are not rare. The line of any two dots that turn passes the axis at up to their mean distance from it.
+        """
+        dots, sigma_px = [self._paths.dots[number] for number in pair], math.sqrt(axis.variance_px2)
+        scale = math.hypot(max(dot.radius_px for dot in dots), sigma_px)
+        away = 0.5 * sum(math.hypot(dot.x_px - axis.place.real, dot.y_px - axis.place.imag) for dot in dots)
+        away = math.hypot(away, sigma_px)
+        return math.log(2.0 * away / (math.pi * scale)) - math.log1p((axis.beside_px / scale) ** 2)
 
     def _strip(self, pair: tuple[int, int]) -> float:
         """Return the log likelihood of two dots, by their numbers, as a stick's, from the line between them."""
@@ -299,9 +316,12 @@ class Weighing:
         radius_px, (x, y) = max(base.inner.radius_px, base.outer.radius_px), (axis.place.real, axis.place.imag)
         if axis.variance_px2 >= radius_px**2:
             return 0.0
-        (bright, dark), (of_bright, of_dark) = (reaches(self._luma, one.towards(x, y), x, y) for one in (base, moving))
-        share = (of_bright + 1.0) / (of_bright + of_dark + 2.0)
-        goes_on = bright * math.log(share) + dark * math.log(1.0 - share)
+        sticks = [one.towards(x, y) for one in (base, moving)]
+        alike, unlike = compared_to_axis(self._luma, sticks, x, y)
+        # By the rule of succession, for a point that is not alike after as many that are.
+        goes_on = -unlike * math.log(alike + unlike + 1.0)
+        arms_px = [max(math.hypot(one.inner.x_px - x, one.inner.y_px - y), radius_px) for one in sticks]
+        goes_on -= math.log1p((SIGMAS * math.log(arms_px[0] / arms_px[1]) / math.log(SIZES)) ** 2)
         goes_on += math.log(1.0 - SURE) * (_holds(base, x, y) != _holds(moving, x, y))
         return goes_on + math.log(1.0 - SURE) * _any_lies_at(base, moving, axis.place)
 

@@ -103,6 +103,9 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     family, numbers = tags.pair
     if dots.leave_it_to_tags and numbers:
         return _start_at_tags(family, numbers, where=where)
+    if (dots.start is None or dots.in_tags) and (fault := tags.fault()):
+        what, value, do = fault
+        raise NoResultError(what, where=where, value=value, limit="a tag of its own number on each stick", do=do)
     if dots.start is None:
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
@@ -134,7 +137,7 @@ class _Dots:
 
     def __init__(self, source: FrameSource) -> None:
         self.start: Start | None = None
-        self._in_tags = False
+        self.in_tags = False
         self._source = source
         self._read, self._score = -1.0, -math.inf
         self._asked: list[NDArray[np.complex128]] = []
@@ -143,7 +146,7 @@ class _Dots:
     @property
     def leave_it_to_tags(self) -> bool:
         """Whether tags count more than the dots so far: four modules of tags may look like dots on sticks."""
-        return self.start is None or self.start.doubtful or self._in_tags
+        return self.start is None or self.start.doubtful or self.in_tags
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Search a picture; return whether no later one is needed."""
@@ -190,7 +193,7 @@ class _Dots:
         self._score = score
         markers = _markers(search.luma, weighed[0])
         self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
-        self._in_tags = all(_in_tag(search.luma, marker) for marker in markers)
+        self.in_tags = all(_in_tag(search.luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
         return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
 

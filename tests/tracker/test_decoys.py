@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from tests.tracker.decoy_films import Bar, DecoyFilm
 from torsight.cli.main import main
 from torsight.cli.track import track_to_folder
 from torsight.core.files.storage import read_json, read_table
+from torsight.core.tracks import LEAST_SURE
 from torsight.markers.session import find_markers, first_picture
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
@@ -135,6 +137,51 @@ def test_a_screw_on_the_axis_is_not_taken_for_a_marker(hand_px: float, tmp_path:
     assert start.choice is not None
     places = np.array(start.choice.taken.moving.places_px) - film.shake_px[start.frame]
     np.testing.assert_allclose(places, film.at(start.frame).dots_px, atol=1.0)
+
+
+def test_a_long_line_to_the_axis_is_not_less_probable_than_a_hub_that_has_none(tmp_path: Path) -> None:
+    # A dark hub looks like the dots: with the base's inner dot it makes a stick that has no line to the axis.
+    film = DecoyFilm.of(1, frames=90, size=(640, 480), decoys=0)
+    made = {"radius": 7.0, "level": 190.0, "dot_level": 95.0, "across": (0.0, 0.0)}
+    base = replace(film.base, dots=(205.0, 250.0), ends=(-14.0, 267.0), turn_deg=180.0, **made)
+    stick = replace(film.moving, dots=(40.0, 150.0), ends=(-14.0, 167.0), **made)
+    angle_deg = 100.0 + 60.0 * np.sin(2.0 * np.arange(90) / 30.0)
+    film = replace(film, base=base, moving=stick, shake_px=np.zeros((90, 2)), angle_deg=angle_deg)
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.frame == 0
+    assert start.choice is not None
+    np.testing.assert_allclose(start.choice.taken.base.places_px, base.dots_px, atol=1.0)
+
+
+class PrintedFilm(DecoyFilm):
+    """A film of a moving plate with print on it, one letter over the outer dot."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        for number, picture in enumerate(super().pictures()):
+            bar, fine = self.at(number), cv2.resize(picture, None, fx=4, fy=4, interpolation=cv2.INTER_LINEAR)
+            axis = bar.point(0.0)
+            for along, across, wide, tall, level in (
+                (90.0, 0.0, 90.0, 45.0, bar.level),
+                (bar.dots[1], 8.0, 3.0, 9.0, bar.dot_level),
+                (100.0, -24.0, 4.5, 5.5, bar.dot_level),
+            ):
+                block = replace(bar, ends=(along - wide, along + wide), radius=tall / 1.9)
+                corners = 4.0 * (block.corners() + block.point(0.0, across) - axis) + 1.5
+                cv2.fillPoly(fine, [np.rint(corners).astype(np.int32)], level)
+            for dot in np.rint(4.0 * bar.dots_px + 1.5).astype(int).tolist():
+                cv2.circle(fine, dot, round(4.0 * bar.radius), bar.dot_level, -1)
+            yield cv2.GaussianBlur(cv2.resize(fine, self.size, interpolation=cv2.INTER_AREA), (0, 0), 0.6)
+
+
+def test_a_letter_is_not_taken_for_a_marker_that_is_not_seen_as_a_dot(tmp_path: Path) -> None:
+    film = DecoyFilm.of(1, frames=75, size=(640, 480), decoys=0)
+    made = {"radius": 6.0, "across": (0.0, 0.0), "level": 200.0, "dot_level": 60.0}
+    base = replace(film.base, dots=(150.0, 195.0), ends=(130.0, 210.0), turn_deg=180.0, **made)
+    moving = replace(film.moving, dots=(50.0, 150.0), **made)
+    film = PrintedFilm(**vars(replace(film, base=base, moving=moving, shake_px=np.zeros((75, 2)))))
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.choice is not None
+    assert start.choice.sure < LEAST_SURE
 
 
 class GlaringFilm(DecoyFilm):

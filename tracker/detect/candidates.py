@@ -72,6 +72,8 @@ def look(luma: NDArray[np.uint8], *, taken: tuple[Stick, Stick] | None = None) -
         tags.take(luma)
         family, numbers = tags.pair
         reason = f"tags of {family} are seen, numbers {listed([str(number) for number in numbers])}" if numbers else ""
+        if not numbers and (fault := tags.fault()):
+            reason = f"{fault[0]}: {fault[1]}"
         return Sighting(candidates, None, reason or _why_none(luma, dots, paired, sticks))
     return Sighting(candidates, np.array([stick.places_px for stick in found]), "")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 from torsight.core.errors import ConfigError
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.wording import listed
+from tracker.innovation import SURE
+
+Point = tuple[float, float]
 
 _PREFIX: Final = "DICT_"
 USUAL: Final = (
@@ -26,6 +30,11 @@ code the smallest family."""
 
 MOST_MODULES: Final = 9
 """Modules across the largest tags, of 7X7, with their black border."""
+UNMIRROR: Final = (
+    "switch mirroring off in the camera's program, or do not film through a mirror; a film that is there already is "
+    "flipped back by 'ffmpeg -i FILM -vf hflip NEW'"
+)
+"""Advice for tags that are seen mirrored."""
 _MODULE_PX: Final = 8
 """Size to which OpenCV resamples a module for reading, without a margin of 0.13 of it on each side. At OpenCV's default
 of 4 px that margin is rounded to zero, and neighbours of a module of 4.5 px in the picture are included, since corners
@@ -92,34 +101,69 @@ def find_tags(luma: NDArray[np.uint8], family: str) -> list[FoundTag]:
 
 def usual_tags(luma: NDArray[np.uint8]) -> dict[str, list[FoundTag]]:
     """Return the tags of every usual family in a picture, in their order."""
-    return _found(luma, _usual_codes(luma))
+    return _found(luma, _usual_codes(luma, _squares(luma))[0])
 
 
 class TagsSeen:
-    """The tags of the usual families in ``pictures`` of one film."""
+    """The tags of the usual families in ``pictures`` of one film.
+
+    A square with a black border that is no tag has a code of a family by chance: with a probability of a sixteenth for
+    the thousand codes of 16 modules. Letters are such squares, and a page of print has hundreds. So tags of a family
+    count only where the other black squares of the picture make a pair by chance improbable.
+    """
 
     def __init__(self) -> None:
         self.pictures = 0
         self._shown: dict[str, Counter[int]] = {family: Counter() for family in USUAL}
+        self._twins: dict[str, Counter[int]] = {family: Counter() for family in USUAL}
+        self._by_chance = dict.fromkeys(USUAL, 0.0)
+        self._last: NDArray[np.uint8] | None = None
 
     def take(self, luma: NDArray[np.uint8]) -> None:
-        """Add the tags of a picture; a number that the picture shows twice is ignored."""
-        self.pictures += 1
-        for family, found in usual_tags(luma).items():
+        """Add the tags of a picture."""
+        self.pictures, self._last = self.pictures + 1, luma
+        codes, framed = _usual_codes(luma, _squares(luma))
+        for family, found in _found(luma, codes).items():
             numbers = Counter(tag.number for tag in found)
             self._shown[family].update(number for number, times in numbers.items() if times == 1)
+            self._twins[family].update(number for number, times in numbers.items() if times == 2)
+            others = [at for at in framed[_codes_of(family)[0]] if not any(tag.holds(*at) for tag in found)]
+            self._by_chance[family] = max(self._by_chance[family], _share_of(family) * len(others))
 
     @property
     def pair(self) -> tuple[str, list[int]]:
-        """The first family of which two tags or more are seen, and their numbers; "" and no numbers without one.
+        """The first family of which two tags or more are seen, and their numbers; "" and no numbers without one."""
+        return next(((family, numbers) for family, numbers in self._seen_of(self._shown) if len(numbers) > 1), ("", []))
+
+    def fault(self) -> tuple[str, str, str] | None:
+        """Return what is wrong with the tags seen, their numbers, and what to do; None where no tag is seen."""
+        twins, single, flipped = self._seen_of(self._twins), self._seen_of(self._shown, least=1), TagsSeen()
+        if twins:
+            do = "put tags of different numbers on the sticks; 'torsight board --tags' prints such a pair"
+            return "two tags have the same number", _numbered(*twins[0]), do
+        if self._last is not None:
+            flipped.take(np.ascontiguousarray(self._last[:, ::-1]))
+        mirrored = flipped._seen_of(flipped._shown, least=1)
+        # Turned over, a tag may by chance be one of a family with many codes.
+        if mirrored and not (single and _share_of(single[0][0]) < _share_of(mirrored[0][0])):
+            return "tags are seen mirrored", f"{_numbered(*mirrored[0])} in the picture turned over", UNMIRROR
+        if single:
+            do = "put a tag on each stick, flat, sharp and whole in the picture; 'torsight board --tags' prints a pair"
+            return "only one tag is seen", _numbered(*single[0]), do
+        return None
+
+    def _seen_of(self, counted: Mapping[str, Counter[int]], *, least: int = 2) -> list[tuple[str, list[int]]]:
+        """Return the families of which ``least`` tags or more are not there by chance, and the numbers counted.
 
         With several pictures a tag has to be seen in two: clutter that looks like a tag seldom appears twice.
         """
-        for family, shown in self._shown.items():
-            numbers = sorted(number for number, pictures in shown.items() if pictures >= min(2, self.pictures))
-            if len(numbers) > 1:
-                return family, numbers
-        return "", []
+        pictures, found = min(2, self.pictures), list[tuple[str, list[int]]]()
+        for family, shown in counted.items():
+            numbers = sorted(number for number, times in shown.items() if times >= pictures)
+            # The first term of the Poisson distribution's tail, for a small mean.
+            if numbers and self._by_chance[family] ** least / math.factorial(least) < 1.0 - SURE:
+                found.append((family, numbers))
+        return found
 
 
 def _found(luma: NDArray[np.uint8], codes: Mapping[str, Ints]) -> dict[str, list[FoundTag]]:
@@ -137,20 +181,47 @@ def _found(luma: NDArray[np.uint8], codes: Mapping[str, Ints]) -> dict[str, list
     return found
 
 
-def _usual_codes(luma: NDArray[np.uint8]) -> dict[str, Ints]:
-    """Return the numbers of each usual family that match a square in a picture, by OpenCV's own criterion.
+def _usual_codes(
+    luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]]
+) -> tuple[dict[str, Ints], dict[int, list[Point]]]:
+    """Return the numbers of each usual family that match a square in a picture, and the squares with a black border.
 
-    OpenCV compares each square with one code after the other: for a hundred squares and these 8,500 codes this takes
-    1.5 s. As one product of matrices the comparison is fast; OpenCV's detector then decides among the codes that match.
+    OpenCV's own criteria are used. The second result are middles of squares by the number of modules along a side, each
+    place once. OpenCV compares each square with one code after the other: for a hundred squares and these 8,500 codes
+    this takes 1.5 s. As one product of matrices the comparison is fast; OpenCV's detector then decides among the codes
+    that match.
     """
-    squares, seen, found = _squares(luma), dict[int, NDArray[np.float32]](), dict[str, Ints]()
+    seen, framed, found = dict[int, NDArray[np.float32]](), dict[int, list[Point]](), dict[str, Ints]()
     for family in USUAL:
         size, codes, most = _codes_of(family)
         if size not in seen:
-            seen[size] = _modules_of(luma, squares, size)
+            read = _modules_of(luma, squares, size)
+            inner = read[:, 1:-1, 1:-1]
+            seen[size] = np.concatenate([np.rot90(inner, turns, axes=(1, 2)) for turns in range(4)])
+            white = (read > 0.0).sum(axis=(1, 2)) - (inner > 0.0).sum(axis=(1, 2))
+            allowed = int(size**2 * _parameters().maxErroneousBitsInBorderRate)
+            framed[size] = _middles(np.reshape(squares, (-1, 4, 2))[white <= allowed])
         # Codes and squares of ±1: their product is the number of modules, less twice the number that differ.
-        found[family] = np.flatnonzero((codes @ seen[size].T >= size**2 - 2 * most).any(axis=1))
-    return found
+        like = codes @ seen[size].reshape(-1, size**2).T >= size**2 - 2 * most
+        found[family] = np.flatnonzero(like.any(axis=1))
+    return found, framed
+
+
+def _middles(squares: NDArray[np.float32]) -> list[Point]:
+    """Return the middles of squares (c, 4, 2) without those that lie in a larger one: a border has two outlines."""
+    at = squares.mean(axis=1) @ np.array([1.0, 1.0j])
+    side_px = np.abs((squares - np.roll(squares, 1, axis=1)) @ np.array([1.0, 1.0j])).mean(axis=1)
+    order = np.argsort(-side_px, kind="stable")
+    inside = np.abs(at[order, None] - at[order]) < 0.5 * side_px[order]
+    alone = order[~np.tril(inside, -1).any(axis=1)]
+    return [(float(one.real), float(one.imag)) for one in at[alone]]
+
+
+@lru_cache(maxsize=32)
+def _share_of(family: str) -> float:
+    """Return the share of all patterns of a family's modules that OpenCV reads as one of its codes."""
+    size, codes, most = _codes_of(family)
+    return 4 * len(codes) * sum(math.comb(size**2, wrong) for wrong in range(most + 1)) / 2.0**size**2
 
 
 def _squares(luma: NDArray[np.uint8]) -> Sequence[NDArray[np.float32]]:
@@ -164,17 +235,17 @@ def _squares(luma: NDArray[np.uint8]) -> Sequence[NDArray[np.float32]]:
 
 
 def _modules_of(luma: NDArray[np.uint8], squares: Sequence[NDArray[np.float32]], size: int) -> NDArray[np.float32]:
-    """Return the modules of c squares as OpenCV reads them, ±1 for white and black, in four orientations (4 c, n²)."""
+    """Return the modules (c, n + 2, n + 2) of c squares with their border as OpenCV reads them, ±1 for white, black."""
     side = (size + 2) * _MODULE_PX
     rim = np.array([[0, 0], [side - 1, 0], [side - 1, side - 1], [0, side - 1]], np.float32)
     margin = int(_parameters().perspectiveRemoveIgnoredMarginPerCell * _MODULE_PX)
-    seen = np.empty((len(squares), size, size), np.float32)
+    seen = np.empty((len(squares), size + 2, size + 2), np.float32)
     for one, four in zip(seen, squares, strict=True):
         flat = cv2.warpPerspective(luma, cv2.getPerspectiveTransform(four, rim), (side, side), flags=cv2.INTER_NEAREST)
         _, white = cv2.threshold(flat, 0.0, 1.0, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-        cells = white.reshape(size + 2, _MODULE_PX, size + 2, _MODULE_PX)[1:-1, margin:-margin, 1:-1, margin:-margin]
+        cells = white.reshape(size + 2, _MODULE_PX, size + 2, _MODULE_PX)[:, margin:-margin, :, margin:-margin]
         one[...] = np.where(cells.mean(axis=(1, 3)) > 0.5, 1.0, -1.0)
-    return np.concatenate([np.rot90(seen, turns, axes=(1, 2)) for turns in range(4)]).reshape(-1, size**2)
+    return seen
 
 
 @lru_cache(maxsize=32)
@@ -205,5 +276,12 @@ def _parameters() -> Any:
 
 def in_words(found: list[FoundTag]) -> str:
     """Return the numbers of tags for a message."""
-    numbers = sorted({tag.number for tag in found})
+    return _in_words(sorted({tag.number for tag in found}))
+
+
+def _in_words(numbers: Sequence[int]) -> str:
     return f"{'number' if len(numbers) == 1 else 'numbers'} {listed([str(number) for number in numbers])}"
+
+
+def _numbered(family: str, numbers: Sequence[int]) -> str:
+    return f"{family}, {_in_words(numbers)}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from torsight.core.units import Floats, Ints
 from tracker.appearance.dot_fit import Dot
-from tracker.detect.sticks import CLEARER, LIKE, SIZES, least_length
+from tracker.detect.sticks import CLEAR, CLEARER, LIKE, SIZES, least_length
 from tracker.innovation import SIGMAS
 
 CLEARNESS: Final = 0.5 * SIGMAS**2 / math.log(CLEARER)
@@ -45,6 +45,11 @@ class Pairs:
             -sum(np.abs(np.log(what[one] / what[two])) for what in (self.radius_px, self._step, self._light))
         )
         return np.asarray(likeness * self._clear[one] * self._clear[two] * np.sqrt(step))
+
+    def score_by_chance(self, pair: Ints) -> float:
+        """Return the score of a pair (2,) of which only the clearer dot is a marker, and the other one is texture."""
+        clearest = (self._clear[pair] ** 2).max() * math.sqrt(self._step[pair].min())
+        return math.sqrt(CLEAR * max(CLEAR, clearest))
 
     def unlike(self, ends: Ints, other: Ints) -> Floats:
         """Return χ² (p,) of the differences of pairs (p, 2) from another one (2,): dots' step, light, and length."""

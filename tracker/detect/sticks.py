@@ -286,15 +286,27 @@ def strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float:
     return float(np.mean(_as_bright(luma, (a, b), (b.x_px, b.y_px), along)))
 
 
-def reaches(luma: NDArray[np.uint8], stick: Stick, x_px: float, y_px: float) -> tuple[float, float]:
-    """Return the numbers of points from a stick's inner dot to a position that are as bright as the stick, and not.
+def compared_to_axis(luma: NDArray[np.uint8], sticks: Sequence[Stick], x_px: float, y_px: float) -> tuple[float, float]:
+    """Return the numbers of points at which the lines from the axis (x, y) to two inner dots are alike, and are not.
 
-    They are scaled to one point per diameter of the dot: points that are closer together are not independent.
+    Points at the same distance from the axis are alike if both are as bright as their stick, or neither is. They are
+    scaled to one point per diameter of the dots: points that are closer together are not independent.
     """
-    dot = stick.inner
-    distance = max(math.hypot(x_px - dot.x_px, y_px - dot.y_px), 1.0)
-    alike = _as_bright(luma, (dot, dot), (x_px, y_px), np.array([min((dot.radius_px + 2.0) / distance, 1.0), 1.0]))
-    looks, share = max(distance - dot.radius_px - 2.0, 0.0) / (2.0 * dot.radius_px), float(np.mean(alike))
+    dots = [stick.inner for stick in sticks]
+    away = [math.hypot(x_px - dot.x_px, y_px - dot.y_px) for dot in dots]
+    both = min(px - dot.radius_px - 2.0 for px, dot in zip(away, dots, strict=True))
+    if both <= 0.0:
+        return 0.0, 0.0
+    bright = [
+        _as_bright(luma, (dot, dot), (x_px, y_px), np.array([1.0 - both / px, 1.0]))
+        for px, dot in zip(away, dots, strict=True)
+    ]
+    # The number of points is the distance in px: of both lines the same, but for rounding.
+    count = min(len(line) for line in bright)
+    share, looks = (
+        float(np.mean(bright[0][-count:] == bright[1][-count:])),
+        both / (dots[0].radius_px + dots[1].radius_px),
+    )
     return looks * share, looks * (1.0 - share)
 
 

@@ -14,7 +14,7 @@ from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
-from tracker.detect.fiducials import USUAL, FoundTag, count_of, find_tags, in_words, usual_tags
+from tracker.detect.fiducials import UNMIRROR, USUAL, FoundTag, count_of, find_tags, in_words, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.followed_dots import DotState
@@ -187,8 +187,7 @@ def _not_found(
             f"{what}: the picture is mirrored",
             where=where,
             value=f"{in_words(mirrored)} in the picture turned over",
-            do="switch mirroring off in the camera's program, or do not film through a mirror; a film that is there "
-            "already is flipped back by 'ffmpeg -i FILM -vf hflip NEW'",
+            do=UNMIRROR,
         )
     if others:
         return NoResultError(

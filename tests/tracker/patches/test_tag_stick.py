@@ -15,7 +15,7 @@ from tests.tracker.flat_films import FlatFilm, Hand, Sprite, tag
 from torsight.core.errors import ConfigError, NoResultError
 from torsight.core.words.wording import listed
 from tracker.angle.orient import orient
-from tracker.detect.fiducials import families, find_tags
+from tracker.detect.fiducials import TagsSeen, families, find_tags, usual_tags
 from tracker.detect.marker_file import read_markers
 from tracker.detect.sticks import are_markers, couples_in
 from tracker.frames.source import open_source
@@ -251,6 +251,9 @@ def test_tags_that_are_seen_in_few_of_the_first_frames_are_found(tmp_path: Path)
     [
         ({"angle_deg": lambda t: 60.0 + 0.0 * t}, ["no stick moves", "tags 0 and 1 of 4X4_50", "--markers"]),
         ({"moving": [TAG_1, TAG_5]}, ["more than two tags", "numbers 0, 1 and 5", "base_id"]),
+        ({"ids": (3, 3), "frames": 6}, ["two tags have the same number", "4X4_50, number 3", "board --tags"]),
+        ({"mirrored": True, "frames": 6}, ["tags are seen mirrored", "numbers 0 and 1", "hflip"]),
+        ({"moving": [], "frames": 6}, ["only one tag is seen", "number 0", "a tag on each stick"]),
     ],
 )
 def test_tags_found_without_a_marker_file_that_tell_no_angle(how: dict, words: list[str], tmp_path: Path) -> None:
@@ -258,6 +261,28 @@ def test_tags_found_without_a_marker_file_that_tell_no_angle(how: dict, words: l
         track_film(open_source(film(**how).write(tmp_path / "film.mkv")))
     for word in words:
         assert word in str(error.value)
+
+
+def squares_by_chance(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return a picture of black squares with random modules inside, as letters are."""
+    picture = np.full((480, 640), 225.0)
+    for number in range(count):
+        modules = np.pad(rng.random((4, 4)) < 0.5, 1)
+        row, column = np.array([20, 20]) + 56 * np.array(divmod(number, 11))
+        picture[row : row + 36, column : column + 36] = np.where(np.kron(modules, np.ones((6, 6))), 225.0, 30.0)
+    return picture
+
+
+def test_squares_that_are_tags_by_chance_are_no_pair() -> None:
+    seen = TagsSeen()
+    for seed in (1, 2):
+        picture = squares_by_chance(np.random.default_rng(7), 80) + np.random.default_rng(seed).normal(0, 2, (480, 640))
+        seen.take(np.clip(np.rint(cv2.GaussianBlur(picture, (0, 0), 0.7)), 0, 255).astype(np.uint8))
+    # Each of the 80 is one of the thousand codes with a probability of a sixteenth.
+    found = usual_tags(np.rint(cv2.GaussianBlur(picture, (0, 0), 0.7)).clip(0, 255).astype(np.uint8))
+    assert len(found["4X4_1000"]) > 2
+    assert seen.pair == ("", [])
+    assert seen.fault() is None
 
 
 def test_motion_tells_which_stick_moves(tmp_path: Path) -> None:
