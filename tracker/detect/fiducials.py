@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -140,16 +140,16 @@ class TagsSeen:
         twins, single, flipped = self._seen_of(self._twins), self._seen_of(self._shown, least=1), TagsSeen()
         if twins:
             do = "put tags of different numbers on the sticks; 'torsight board --tags' prints such a pair"
-            return "two tags have the same number", _numbered(*twins[0]), do
+            return "two tags have the same number", numbered(*twins[0]), do
         if self._last is not None:
             flipped.take(np.ascontiguousarray(self._last[:, ::-1]))
         mirrored = flipped._seen_of(flipped._shown, least=1)
         # Turned over, a tag may by chance be one of a family with many codes.
         if mirrored and not (single and _share_of(single[0][0]) < _share_of(mirrored[0][0])):
-            return "tags are seen mirrored", f"{_numbered(*mirrored[0])} in the picture turned over", UNMIRROR
+            return "tags are seen mirrored", f"{numbered(*mirrored[0])} in the picture turned over", UNMIRROR
         if single:
             do = "put a tag on each stick, flat, sharp and whole in the picture; 'torsight board --tags' prints a pair"
-            return "only one tag is seen", _numbered(*single[0]), do
+            return "only one tag is seen", numbered(*single[0]), do
         return None
 
     def _seen_of(self, counted: Mapping[str, Counter[int]], *, least: int = 2) -> list[tuple[str, list[int]]]:
@@ -274,14 +274,12 @@ def _parameters() -> Any:
     return parameters
 
 
-def in_words(found: list[FoundTag]) -> str:
-    """Return the numbers of tags for a message."""
-    return _in_words(sorted({tag.number for tag in found}))
+def in_words(numbers: Iterable[int]) -> str:
+    """Return the numbers of tags for a message, each once."""
+    each = sorted(set(numbers))
+    return f"{'number' if len(each) == 1 else 'numbers'} {listed([str(number) for number in each])}"
 
 
-def _in_words(numbers: Sequence[int]) -> str:
-    return f"{'number' if len(numbers) == 1 else 'numbers'} {listed([str(number) for number in numbers])}"
-
-
-def _numbered(family: str, numbers: Sequence[int]) -> str:
-    return f"{family}, {_in_words(numbers)}"
+def numbered(family: str, numbers: Iterable[int]) -> str:
+    """Return a family and the numbers of its tags for a message."""
+    return f"{family}, {in_words(numbers)}"

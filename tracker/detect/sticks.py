@@ -303,10 +303,8 @@ def compared_to_axis(luma: NDArray[np.uint8], sticks: Sequence[Stick], x_px: flo
     ]
     # The number of points is the distance in px: of both lines the same, but for rounding.
     count = min(len(line) for line in bright)
-    share, looks = (
-        float(np.mean(bright[0][-count:] == bright[1][-count:])),
-        both / (dots[0].radius_px + dots[1].radius_px),
-    )
+    share = float(np.mean(bright[0][-count:] == bright[1][-count:]))
+    looks = both / (dots[0].radius_px + dots[1].radius_px)
     return looks * share, looks * (1.0 - share)
 
 

@@ -14,7 +14,7 @@ from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
-from tracker.detect.fiducials import UNMIRROR, USUAL, FoundTag, count_of, find_tags, in_words, usual_tags
+from tracker.detect.fiducials import UNMIRROR, USUAL, FoundTag, count_of, find_tags, in_words, numbered, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.followed_dots import DotState
@@ -181,7 +181,7 @@ def _not_found(
     """Return the error for tags that are not found, with the likely cause."""
     words = listed([f"tag {number} of the {stick} stick" for number, stick in missing.items()])
     what = f"{words} ({hints.family}) {'was' if len(missing) == 1 else 'were'} not found"
-    mirrored = [tag for luma in kept for tag in find_tags(luma[:, ::-1], hints.family) if tag.number in missing]
+    mirrored = [tag.number for luma in kept for tag in find_tags(luma[:, ::-1], hints.family) if tag.number in missing]
     if mirrored:
         return NoResultError(
             f"{what}: the picture is mirrored",
@@ -193,7 +193,7 @@ def _not_found(
         return NoResultError(
             what,
             where=where,
-            value=f"of this family {in_words(others)}",
+            value=f"of this family {in_words(tag.number for tag in others)}",
             do="correct base_id and moving_id",
         )
     family, seen = _other_family(kept, but=hints.family)
@@ -201,7 +201,7 @@ def _not_found(
         return NoResultError(
             f"{what}, but tags of another family",
             where=where,
-            value=f"{family}, {in_words(seen)}",
+            value=numbered(family, (tag.number for tag in seen)),
             do=f'set family = "{family}" and the numbers that are seen',
         )
     return NoResultError(

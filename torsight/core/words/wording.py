@@ -216,9 +216,11 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
 
 def predicts_worse(discovery: Mapping[str, Any]) -> str:
     """Return the sentence on an extended model with a larger error on held-out half-cycles; else an empty string."""
-    before, after = (error_words(value) if value is not None else "" for value in held_out_errors(discovery))
-    left, had = (value if value is not None else math.nan for value in reversed(held_out_errors(discovery)))
-    if is_plain_answer(discovery) or before == after or not left > had:
+    had, left = held_out_errors(discovery)
+    if had is None or left is None or is_plain_answer(discovery) or not left > had:
+        return ""
+    before, after = error_words(had), error_words(left)
+    if before == after:
         return ""
     return (
         f"The extended model predicts held-out half-cycles worse than the plain model ({after} instead of {before} "

@@ -235,10 +235,10 @@ class SavedModel:
         if not isinstance(ode, Ode):
             return ode, dict(initial)
         states = {name: initial[name] for name in ode.begun_by_readings(self.declared.parameters) if name in initial}
-        exact = {START_ERROR.format(name): 0.0 for name in states}
+        exact = [START_ERROR.format(name) for name in states]
         rest = {name: value for name, value in initial.items() if name not in states}
         begun = replace(ode, initial={**ode.initial, **states})
-        return begun, {**rest, **{name: value for name, value in exact.items() if name in self.initial}}
+        return begun, {**rest, **{name: 0.0 for name in exact if name in self.initial}}
 
     def _with_initial(
         self, model: Model, record: Record, given: Mapping[str, float]
