@@ -34,8 +34,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import Dot
+from tracker.couples import Couple, likeliest
 from tracker.detect.dots import EXPLAINED
 from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.pairs import CLEARNESS, Pairs
@@ -60,7 +61,7 @@ from tracker.detect.sticks import (
 from tracker.dot_paths import DotPaths
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
-from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD, turned
+from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD
 from tracker.frames.frame import Frame
 from tracker.innovation import LIMITS, SIGMAS, SURE, passes
 from tracker.stick_direction import square
@@ -71,66 +72,6 @@ _NOWHERE: Final = complex(math.nan, math.nan)
 """Position of a marker that is not seen."""
 _FRAMES: Final = 4 * STALE
 """Most frames that are evaluated: the median of so many is known to a sixth of its spread."""
-
-
-@dataclass(frozen=True, slots=True)
-class Couple:
-    """Two pairs of dots as base and moving stick, inner markers first, with their probability among all couples."""
-
-    base: Stick
-    moving: Stick
-    probability: float
-
-    def swaps(self, other: Couple) -> bool:
-        """Return whether both couples have the same sticks, with base and moving stick exchanged."""
-        return self.base.is_of(other.moving) and self.moving.is_of(other.base)
-
-    @property
-    def _angle_rad(self) -> float:
-        return self.moving.direction_rad - self.base.direction_rad
-
-    def apart_rad(self, other: Couple) -> float:
-        """Return the difference between the angles of two couples in the picture in which they were found, rad.
-
-        It holds for the whole film if both have the same moving stick, or one moving stick carries the other.
-        """
-        return turned(self._angle_rad, other._angle_rad)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the entry of ``track.json``, with positions as in a marker file."""
-        sticks = {name: stick.places_px for name, stick in (("base", self.base), ("moving", self.moving))}
-        return {**sticks, "probability": self.probability}
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """The couple chosen, and the uncertainty by the others.
-
-    ``rivals`` are couples with another angle that neither picture nor motion rules out. ``sure`` is the probability
-    that the couple chosen has the right angle: which of two sticks is the base follows from the film later, and couples
-    whose angles differ by less than ``MOVED_RAD`` are equivalent. ``spread_rad2`` is the variance of the angle by all
-    other couples, weighted by their probabilities.
-    """
-
-    taken: Couple
-    rivals: tuple[Couple, ...]
-    sure: float
-    spread_rad2: float
-
-    @classmethod
-    def of(cls, couples: Sequence[Couple]) -> Choice:
-        """Return the choice among couples with their probabilities, the most probable first."""
-        taken, others = couples[0], [one for one in couples[1:] if not one.swaps(couples[0])]
-        apart = [one.apart_rad(taken) for one in others]
-        unlike = {id(one): one for one, rad in zip(others, apart, strict=True) if rad > MOVED_RAD}
-        return cls(
-            taken,
-            tuple(one for one in unlike.values() if one.probability > 1.0 - SURE),
-            sum(one.probability for one in couples if id(one) not in unlike),
-            # If no couple is right, the angle is uniformly distributed over a turn.
-            sum(one.probability * rad**2 for one, rad in zip(others, apart, strict=True))
-            + (1.0 - sum(one.probability for one in couples)) * math.pi**2 / 3.0,
-        )
 
 
 class _Axis(NamedTuple):
@@ -234,13 +175,13 @@ class Weighing:
             score = most + self._goes_on(one, two, axis)
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
-        return _likeliest(sure, none=none)
+        return likeliest(sure, none=none)
 
     def _shown(self) -> list[Couple]:
         """Return the couples from the picture alone, with either pair as the base, the most probable first."""
         both = [pair for one, two in couples_in(self._luma, dots=self._paths.dots) for pair in ((one, two), (two, one))]
         unlike = [self._pairs.unlike(self._numbers(one)[None], self._numbers(two))[0] for one, two in both]
-        return _likeliest(
+        return likeliest(
             [(-0.5 * off, Couple(*towards_axis(*two), 0.0)) for off, two in zip(unlike, both, strict=True)]
         )
 
@@ -409,21 +350,6 @@ class Search:
         if 2 * self._number != self._due:
             self._found = self._weighing.weighed()
         return self._found, self._weighing.read(self._found[0]) if self._found else 0.0
-
-
-def _likeliest(found: list[tuple[float, Couple]], *, none: float = -math.inf) -> list[Couple]:
-    """Return couples with their probabilities, the most probable first, from their log likelihoods.
-
-    ``none`` is the log likelihood that no couple is right.
-    """
-    if not found:
-        return []
-    score = np.array([one for one, _ in found])
-    most = max(float(score.max()), none)
-    chance = np.exp(score - most)
-    chance /= chance.sum() + math.exp(none - most)
-    order = np.argsort(-chance, kind="stable").tolist()
-    return [replace(found[index][1], probability=float(chance[index])) for index in order]
 
 
 def _apart(places: Places) -> Ints:

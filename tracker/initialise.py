@@ -13,6 +13,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
+from tracker.couples import Choice, Couple
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
@@ -23,7 +24,7 @@ from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, given_markers, markers_on
 from tracker.follow.redetect import place_of
 from tracker.frames.frame import Frame, FrameSource
-from tracker.hypotheses import Choice, Couple, Search
+from tracker.hypotheses import Search
 from tracker.innovation import SURE
 
 

@@ -21,11 +21,11 @@ from torsight.core.words.shown import Shown
 from tracker.angle.axis_of_circles import turned_round
 from tracker.angle.camera_motion import unmoved
 from tracker.checkpoint import RowStore, source_key
+from tracker.couples import Choice
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.judgement import MOVED_RAD
 from tracker.frames.frame import REPORT_EVERY, FrameSource
-from tracker.hypotheses import Choice
 from tracker.initialise import Start, find_start
 from tracker.rows import CODE
 from tracker.stick_direction import square

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from torsight.core.progress import ATTENTION_S
 from torsight.core.tracks import MarkerTracks
+from tracker.couples import Choice, Couple
 from tracker.detect.dots import find_and_refuse
 from tracker.detect.given_positions import LOOKED_AT
 from tracker.detect.sticks import is_clear
@@ -18,7 +19,7 @@ from tracker.follow.follower import Follower
 from tracker.follow.marker import markers_on
 from tracker.follow.motion_model import STALE
 from tracker.frames.frame import Frame
-from tracker.hypotheses import Choice, Couple, Weighing
+from tracker.hypotheses import Weighing
 from tracker.innovation import SURE
 from tracker.track import told_by_motion
 
