@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.actuator.test_conditioning import logged as logged_behind
 from tests.actuator.test_conditioning import wire
 from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.fitted import FittedModel
-from torsight.actuator.record.conditioning import condition
+from torsight.actuator.record.conditioning import Readings, condition
 from torsight.actuator.record.slow_log import own_readings
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
@@ -98,3 +99,18 @@ def test_a_table_may_repeat_every_reading_until_the_next(digit_c):
     # After the last change no row tells where readings lie.
     assert found_s[:700] == pytest.approx(time_s[:700])
     assert np.array_equal(found_c[:700], read[:700])
+
+
+@pytest.mark.parametrize("interval_s", [3.0, 5.0])
+@pytest.mark.parametrize("lag_s", [2.0, 4.0])
+def test_a_wire_behind_a_slow_sensor_is_known_as_well_as_is_stated(interval_s, lag_s):
+    """A merged table's rows between two readings are no readings: the sensor's lag acts on its own readings alone."""
+    fine_s, _, fine_c = logged_behind(0.05, 0.0, lag_s=lag_s)
+    time_s = np.arange(0.1, 890.0, interval_s)
+    noise = 0.05 * np.random.default_rng(1).standard_normal(len(time_s))
+    lines = np.interp(ROWS_S, time_s, np.round(np.interp(time_s, fine_s, fine_c) + noise, 2))
+    found = Readings.of_rows(ROWS_S, lines).behind(ROWS_S, lag_s)
+    inside = (ROWS_S > 8.0) & (ROWS_S < 880.0)
+    error = (found.temp_c - wire(ROWS_S))[inside]
+    assert np.std(error) < 0.05
+    assert np.mean((error / found.sigma_c[inside]) ** 2) < 1.5

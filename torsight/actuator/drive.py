@@ -15,7 +15,7 @@ import numpy as np
 
 from sync.log.outliers import spikes
 from sync.log.timestamps import BRIDGED_S, longest_gap_s
-from torsight.actuator.record.conditioning import Conditioned, between_readings, condition
+from torsight.actuator.record.conditioning import Conditioned, Readings, conditioned
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles, turn_of
 from torsight.actuator.record.sensors import Sensors
 from torsight.actuator.record.turns import at_places, turns_of
@@ -270,23 +270,25 @@ def _driven(
     time_s = log.time_s
     (filled_a, known_a), (filled_b, known_b) = _bridged(log, where=where)
     if readings is log:
-        a, b = condition(time_s, filled_a), condition(time_s, filled_b)
+        of_a, of_b = Readings.of_rows(time_s, filled_a), Readings.of_rows(time_s, filled_b)
     else:
         pair = _bridged(readings, where=where)
-        a, b = (between_readings(readings.time_s, filled_c, time_s) for filled_c, _ in pair)
+        of_a, of_b = (Readings.of(readings.time_s, filled_c, far_apart=True) for filled_c, _ in pair)
+    a, b = conditioned(of_a, time_s, filled_a), conditioned(of_b, time_s, filled_b)
     noise = max(a.noise_c, b.noise_c)
     cycles = half_cycles(a.temp_c, b.temp_c, heat_a=log.heat_a, heat_b=log.heat_b, noise_c=noise, where=where)
     fastest_c_s = max(float(np.quantile(np.abs(item.rate_c_s), 0.99)) for item in (a, b))
     rows = _kept_rows(time_s, max(row_rate_hz, fastest_c_s / _ROW_STEP_C))
     nothing, least_c = np.full(len(rows), np.nan), turn_of(noise)
-    of_a, of_b = (_at_rows(item, rows, least_c) for item in (a, b))
+    at_a, at_b = (_at_rows(item, rows, least_c) for item in (a, b))
+    sigma_c = by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows]
     return Drive(
         time_s=time_s[rows],
-        temp_a_c=of_a.temp_c,
-        temp_b_c=of_b.temp_c,
-        rate_a_c_s=of_a.rate_c_s,
-        rate_b_c_s=of_b.rate_c_s,
-        temp_sigma_c=by_role(cycles.active, a.sigma_c, b.sigma_c)[0][rows],
+        temp_a_c=at_a.temp_c,
+        temp_b_c=at_b.temp_c,
+        rate_a_c_s=at_a.rate_c_s,
+        rate_b_c_s=at_b.rate_c_s,
+        temp_sigma_c=sigma_c,
         peaks_a_c=a.peaks_c[rows],
         peaks_b_c=b.peaks_c[rows],
         noise_c=noise,
@@ -297,8 +299,8 @@ def _driven(
         start_angle_rad=start_angle_rad,
         room_c=min(float(np.quantile(item.temp_c, 0.02)) for item in (a, b)),
         known=(known_a & known_b)[rows],
-        sensors=Sensors(time_s, (filled_a, filled_b), rows, (of_a.sensor_c, of_b.sensor_c), least_c),
-        turning=(of_a.turning, of_b.turning),
+        sensors=Sensors(time_s, (of_a, of_b), rows, (at_a.sensor_c, at_b.sensor_c), sigma_c, least_c),
+        turning=(at_a.turning, at_b.turning),
     )
 
 

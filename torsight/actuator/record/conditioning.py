@@ -50,10 +50,13 @@ class Conditioned:
 
 def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
     """Remove the noise of a temperature log (n,) and keep its corners; times increase, not necessarily evenly."""
-    own = own_readings(time_s, temp_c)
-    if own is not None:
-        return between_readings(*own, time_s)
-    readings = Readings.of(time_s, temp_c)
+    return conditioned(Readings.of_rows(time_s, temp_c), time_s, temp_c)
+
+
+def conditioned(readings: Readings, time_s: Floats, temp_c: Floats) -> Conditioned:
+    """Return the temperature without noise at a log's rows (n,), from the log's own readings."""
+    if readings.far_apart:
+        return _between_readings(readings, time_s)
     noise, found = readings.noise_c, readings.behind(time_s, 0.0)
     if noise <= NEGLIGIBLE_C:
         return replace(found, temp_c=temp_c, sigma_c=np.full(len(temp_c), noise))
@@ -64,25 +67,17 @@ def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
     return found
 
 
-def between_readings(time_s: Floats, temp_c: Floats, wanted_s: Floats) -> Conditioned:
-    """Return the temperature at the wanted times (m,) from readings (n,) that are far apart.
-
-    It consists of lines, with corners between readings where the wire has them. The smoother's own corners lie at
-    readings; corners between two readings that are seconds apart are found after smoothing.
-    """
-    readings = Readings.of(time_s, temp_c)
-    known_c, slope_c_s, left_over = readings.smooth(time_s, 0.0)
+def _between_readings(readings: Readings, wanted_s: Floats) -> Conditioned:
+    """Return the temperature at the wanted times (m,) from readings (n,) that are far apart."""
+    time_s, temp_c = readings.time_s, readings.temp_c
+    known_c, slope_c_s, left_over = readings.smooth(0.0)
     if readings.noise_c > NEGLIGIBLE_C:
         noise_c = readings.noise_c * math.sqrt(readings.alike)
         level_holds(time_s, temp_c, noise_c, value=known_c, rate=slope_c_s, left_over=left_over)
     else:
         known_c = temp_c
-    corners = corner_gaps(time_s, known_c, left_over[:-1])
-    value, doubt = between(time_s, known_c, corners, wanted_s)
-    sigma = np.hypot(np.interp(wanted_s, time_s, left_over), doubt)
     peaks_c = ripple_peaks(time_s, temp_c, known_c, readings.digit_noise_c, readings.alike)
-    rate = np.asarray(np.gradient(value, wanted_s))
-    return Conditioned(value, rate, sigma, readings.noise_c, readings.interval_s, np.interp(wanted_s, time_s, peaks_c))
+    return replace(readings.with_corners(known_c, left_over, wanted_s), peaks_c=np.interp(wanted_s, time_s, peaks_c))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +87,7 @@ class Readings:
     Times and temperatures (m,) are means over short blocks of the log; ``sigma_c`` is the standard deviation of the
     independent noise that is equivalent to their correlated noise. The noise of one reading is ``noise_c``; it is
     correlated over ``alike`` rows of the log, and independent in rows ``interval_s`` apart. Including the rounding to
-    the last digit it is ``digit_noise_c`` at most.
+    the last digit it is ``digit_noise_c`` at most. Readings that are ``far_apart`` miss the corners of the temperature.
     """
 
     time_s: Floats
@@ -102,13 +97,20 @@ class Readings:
     interval_s: float
     sigma_c: float
     digit_noise_c: float = 0.0
+    far_apart: bool = False
 
     @classmethod
-    def of(cls, time_s: Floats, temp_c: Floats) -> Readings:
+    def of_rows(cls, time_s: Floats, temp_c: Floats) -> Readings:
+        """Return the readings of a log's rows (n,), which may be interpolated between readings that are far apart."""
+        own = own_readings(time_s, temp_c)
+        return cls.of(time_s, temp_c) if own is None else cls.of(*own, far_apart=True)
+
+    @classmethod
+    def of(cls, time_s: Floats, temp_c: Floats, *, far_apart: bool = False) -> Readings:
         """Return the readings of a log (n,)."""
         interval_s = usual_step(time_s)
         if len(temp_c) < SHORTEST:
-            return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0)
+            return cls(time_s, temp_c, 0.0, 1.0, interval_s, 0.0, far_apart=far_apart)
         noise, alike = measure_noise(time_s, temp_c)
         # Rounding to a last digit is noise of the slope, even where the noise of the value is negligible.
         digit = last_digit(temp_c) / math.sqrt(12.0)
@@ -117,26 +119,37 @@ class Readings:
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        return cls(times, means, noise, alike, alike * interval_s, sigma, math.hypot(noise, digit))
+        digit_noise = math.hypot(noise, digit)
+        return cls(times, means, noise, alike, alike * interval_s, sigma, digit_noise, far_apart)
 
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
         """Return the wire's temperature (n,) at the wanted times, for a sensor with the time constant ``lag_s``."""
-        value, slope, sigma = self.smooth(wanted_s, lag_s)
+        known_c, slope_c_s, left_over = self.smooth(lag_s)
+        if self.far_apart:
+            return self.with_corners(known_c, left_over, wanted_s)
+        value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
         value, sigma = turns_reached(wanted_s, value, sigma)
         return Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
 
-    def smooth(self, wanted_s: Floats, lag_s: float) -> tuple[Floats, Floats, Floats]:
-        """Return value, slope and standard deviation of the wire's temperature at the wanted times."""
+    def smooth(self, lag_s: float) -> tuple[Floats, Floats, Floats]:
+        """Return value, slope and standard deviation (n,) of the wire's temperature at the readings."""
         n = len(self.time_s)
         if n < SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
-            return self._at(wanted_s, self.temp_c + lag_s * slope, slope, np.zeros(n))
-        return self._at(wanted_s, *smoothed(self.time_s, self.temp_c, self.sigma_c, lag_s))
+            return self.temp_c + lag_s * slope, slope, np.zeros(n)
+        return smoothed(self.time_s, self.temp_c, self.sigma_c, lag_s)
 
-    def _at(self, wanted_s: Floats, value: Floats, rate: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return value, slope and standard deviation, given at the readings, linearly interpolated at other times."""
-        value, rate, sigma = (np.interp(wanted_s, self.time_s, each) for each in (value, rate, sigma))
-        return value, rate, sigma
+    def with_corners(self, known_c: Floats, left_over: Floats, wanted_s: Floats) -> Conditioned:
+        """Return the temperature at the wanted times (m,) where it is known (n,) at readings that are far apart.
+
+        It consists of lines, with corners between readings where the wire has them. The smoother's own corners lie at
+        readings; corners between two readings that are seconds apart are found after smoothing.
+        """
+        corners = corner_gaps(self.time_s, known_c, left_over[:-1])
+        value, doubt = between(self.time_s, known_c, corners, wanted_s)
+        sigma = np.hypot(np.interp(wanted_s, self.time_s, left_over), doubt)
+        rate = np.asarray(np.gradient(value, wanted_s))
+        return Conditioned(value, rate, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
 
 
 def _blocks(time_s: Floats, temp_c: Floats, block_s: float) -> tuple[Floats, Floats]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -21,32 +20,36 @@ _LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 
 is then 14.35 mK, that of a direct estimate 14.26 mK (benchmarks/actuator/log_constants.py)."""
 
 
+class _Wire(NamedTuple):
+    """A wire's temperature (n,) less its sensor's, and the factor (n,) by which the correction magnifies noise."""
+
+    off_c: Floats
+    growth: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """The temperatures as logged, for effects that need them.
+    """The readings as logged, for effects that need them.
 
-    ``time_s`` (m,) and both ``temps_c`` (m,) are the log's, gaps bridged; ``rows`` (n,) are those of its rows that the
-    whole drive keeps, ``driven_c`` both conditioned temperatures (n,) there. A reversal of a temperature counts as a
-    turn from ``least_turn_c`` on.
+    ``time_s`` (m,) are the log's times, ``readings`` those of both springs; ``rows`` (n,) are the rows that the whole
+    drive keeps, ``driven_c`` both conditioned temperatures (n,) there and ``sigma_c`` (n,) their standard deviation. A
+    reversal of a temperature counts as a turn from ``least_turn_c`` on. ``errors_c`` are errors (n,) that were added to
+    the conditioned temperatures.
     """
 
     time_s: Floats
-    temps_c: Pair
+    readings: tuple[Readings, Readings]
     rows: Ints
     driven_c: Pair
+    sigma_c: Floats
     least_turn_c: float
-    _known: dict[float, Pair] = field(default_factory=dict)
-
-    @cached_property
-    def _readings(self) -> tuple[Readings, Readings]:
-        a, b = (Readings.of(self.time_s, temp) for temp in self.temps_c)
-        return a, b
+    errors_c: Pair | None = None
+    _known: dict[float, tuple[_Wire, _Wire]] = field(default_factory=dict)
 
     def get_ready(self) -> None:
         """Compute the corrections of :meth:`lag_correction` for all time constants."""
         missing = [lag_s for lag_s in _LAG_GRID_S if lag_s not in self._known]
-        # The readings are computed before two threads use them.
-        if missing and self._readings:
+        if missing:
             with_help(missing, self._at)
 
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
@@ -57,18 +60,31 @@ class Sensors:
         """
         low = min(max(bisect_right(_LAG_GRID_S, lag_s) - 1, 0), len(_LAG_GRID_S) - 2)
         share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
-        return share, self._at(_LAG_GRID_S[low]), self._at(_LAG_GRID_S[low + 1])
+        return share, self._correction(_LAG_GRID_S[low]), self._correction(_LAG_GRID_S[low + 1])
 
-    def _at(self, lag_s: float) -> Pair:
+    def _correction(self, lag_s: float) -> Pair:
+        """Return the differences at a grid point; errors that were added grow as the smoother's own do."""
+        a, b = self._at(lag_s)
+        if self.errors_c is None:
+            return a.off_c, b.off_c
+        error_a, error_b = self.errors_c
+        return a.off_c + error_a * (a.growth - 1.0), b.off_c + error_b * (b.growth - 1.0)
+
+    def _at(self, lag_s: float) -> tuple[_Wire, _Wire]:
         if lag_s not in self._known:
-            none = np.zeros(len(self.rows))
             a, b = (
-                self._kept(readings.behind(self.time_s, lag_s).temp_c) - driven_c if lag_s > 0.0 else none
-                for readings, driven_c in zip(self._readings, self.driven_c, strict=True)
+                self._behind(readings, driven_c, lag_s)
+                for readings, driven_c in zip(self.readings, self.driven_c, strict=True)
             )
             self._known[lag_s] = (a, b)
         return self._known[lag_s]
 
-    def _kept(self, wire_c: Floats) -> Floats:
-        """Return a wire's temperature (m,) at the kept rows, with its turns at their full height."""
-        return at_places(wire_c, turns_of(wire_c, self.least_turn_c), self.rows.astype(float))
+    def _behind(self, readings: Readings, driven_c: Floats, lag_s: float) -> _Wire:
+        if lag_s == 0.0:
+            return _Wire(np.zeros(len(self.rows)), np.ones(len(self.rows)))
+        found = readings.behind(self.time_s, lag_s)
+        sigma, one = found.sigma_c[self.rows], np.ones(len(self.rows))
+        growth = np.divide(sigma, self.sigma_c, out=one, where=self.sigma_c > 0.0)
+        # The wire's temperature at the kept rows, with its turns at their full height.
+        wire_c = at_places(found.temp_c, turns_of(found.temp_c, self.least_turn_c), self.rows.astype(float))
+        return _Wire(wire_c - driven_c, growth)

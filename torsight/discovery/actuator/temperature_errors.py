@@ -108,4 +108,5 @@ def with_errors(drive: Drive, added_c: tuple[Floats, Floats]) -> Drive:
         temp_b_c=drive.temp_b_c + added_c[1],
         rate_a_c_s=drive.rate_a_c_s + slopes[0],
         rate_b_c_s=drive.rate_b_c_s + slopes[1],
+        sensors=replace(drive.sensors, errors_c=added_c),
     )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
+from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.segments import HalfCycles, turn_of
 from torsight.actuator.record.sensors import Pair, Sensors
 from torsight.actuator.record.slow_log import SLOW_S
@@ -152,6 +153,8 @@ class Played:
         rates = (np.gradient(self.temp_a_c, self.time_s), np.gradient(self.temp_b_c, self.time_s))
         springs = tuple(number % 2 for number in range(int(self.half[-1]) + 1))
         unknown, temps_c, least_c = np.full(n, np.nan), (self.temp_a_c, self.temp_b_c), turn_of(0.0)
+        step_s = float(np.median(np.diff(self.time_s)))
+        exact_a, exact_b = (Readings(self.time_s, temp_c, 0.0, 1.0, step_s, 0.0) for temp_c in temps_c)
         return Drive(
             time_s=self.time_s,
             temp_a_c=self.temp_a_c,
@@ -162,14 +165,14 @@ class Played:
             peaks_a_c=np.zeros(n),
             peaks_b_c=np.zeros(n),
             noise_c=0.0,
-            reading_s=float(np.median(np.diff(self.time_s))),
+            reading_s=step_s,
             cycles=HalfCycles((self.half % 2).astype(np.int8), self.half, springs),
             angle_rad=unknown,
             angle_sigma_rad=unknown,
             start_angle_rad=start_angle_rad,
             room_c=self.room_c,
             known=np.ones(n, bool),
-            sensors=_ExactSensors(self.time_s, temps_c, np.arange(n), temps_c, least_c),
+            sensors=_ExactSensors(self.time_s, (exact_a, exact_b), np.arange(n), temps_c, np.zeros(n), least_c),
             turning=(turns_of(self.temp_a_c, least_c), turns_of(self.temp_b_c, least_c)),
         )
 
@@ -179,7 +182,7 @@ class _ExactSensors(Sensors):
 
     def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
         """Return the differences of the wires' temperatures from the sensors'."""
-        a, b = (lag_s * np.gradient(temp, self.time_s) for temp in self.temps_c)
+        a, b = (lag_s * np.gradient(temp, self.time_s) for temp in self.driven_c)
         return 0.0, (a, b), (a, b)
 
 

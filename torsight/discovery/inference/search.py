@@ -179,8 +179,8 @@ class Search:
 
         The optimum of a pair may be near the fit of one part and not near that of the other. Another form of a law is
         tried with the set's values of the other members, and not with those that they have alone. In the best set the
-        candidates that explain most alone are tried, too: two that are equivalent alone (a late sensor and a late
-        clock) may be distinguishable beside the other members.
+        candidates at the places that explain most alone are tried, too: two that are equivalent alone (a late sensor
+        and a late clock) may be distinguishable beside the other members.
         """
         best = [one.members for one in self._promising(size)]
         self._grow([(less(members, one), one) for members in best for one in members], step="from other parts")
@@ -192,14 +192,14 @@ class Search:
         """Return the exchanges to try: a set, the member that is taken out, and the one that is put in."""
         best = [one.members for one in self._promising(size)]
         place = {name: places_of(self._problem, [name]) for name in self._choices(size)}
-        single = [one.members[0] for one in self._ranked(1) if not self._says_when(one)]
-        alone = set(single[: 2 * self._settings.beam]) if size > 1 else set()
+        single = (place[one.members[0]] for one in self._ranked(1) if not self._says_when(one))
+        alone = list(dict.fromkeys(single))[: 2 * self._settings.beam] if size > 1 else []
         return [
             (members, one, name)
             for k, members in enumerate(best)
             for one in members
             for name in place
-            if place[name] == place.get(one) or (k == 0 and name in alone)
+            if place[name] == place.get(one) or (k == 0 and place[name] in alone)
             if name not in members and (members, one, name) not in self._exchanged
         ]
 
