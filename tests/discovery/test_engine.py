@@ -179,6 +179,22 @@ def test_correlation_time_is_that_of_what_samples_say() -> None:
     assert np.mean(said) == pytest.approx(1.0 + 5.0 * (14.0 / 15.0) ** 2, rel=0.15)
 
 
+@pytest.mark.parametrize("part", [0.0, 0.3, 1.0])
+def test_pieces_of_information_are_those_of_a_mixture(part: float) -> None:
+    """The variance of a mean is that of as many independent samples as there are pieces of information."""
+    problem = machine(0.0)
+    stretches = Stretches.of(problem)
+    rows = slice(int(stretches.start[0]), int(stretches.stop[0]))
+    n, step_s, alike_s = rows.stop - rows.start, float(problem.time_s[1] - problem.time_s[0]), 8.0
+    white, inputs = stretches.counts(1.0), np.full(len(problem.observed), part)
+    count = stretches.counts_with(white, inputs, problem.time_s, alike_s)[rows]
+    # An exponential correlation of the same integrated time.
+    keep = (alike_s / step_s - 1.0) / (alike_s / step_s + 1.0)
+    rows_apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    covariance = part * keep**rows_apart + (1.0 - part) * np.eye(n)
+    assert 1.0 / np.sum(count) == pytest.approx(float(np.mean(covariance)), rel=0.1)
+
+
 def test_scales_are_what_lies_beyond_the_floor() -> None:
     problem = machine(0.0)
     stretches = Stretches.of(problem)

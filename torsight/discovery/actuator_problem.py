@@ -30,7 +30,7 @@ from torsight.core.series import pair_means
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.wording import EXPLAINED
 from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
-from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import alike_s, draw_errors, lasting_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 RESOLUTION_DEG: Final = 0.1
@@ -165,6 +165,11 @@ class ActuatorProblem(OptionalMembers):
     def share(self) -> Floats:
         """Share of a step along the record's path that every kept row represents, one at most."""
         return np.minimum(np.gradient(self._way[self.rows]), 1.0)
+
+    @cached_property
+    def input_alike_s(self) -> float:
+        """Integrated correlation time of the temperatures' remaining errors, s."""
+        return alike_s(self.drive)
 
     @cached_property
     def over_floor(self) -> float:

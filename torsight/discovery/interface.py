@@ -212,6 +212,11 @@ class OptionalMembers(Protocol):
         return np.ones(len(self.observed))
 
     @cached_property
+    def input_alike_s(self) -> float:
+        """Integrated correlation time, in seconds, of the errors of ``input_noise``."""
+        return 0.0
+
+    @cached_property
     def drivers(self) -> Mapping[str, Floats]:
         """Variables (n,) that an effect without a name may depend on."""
         return {}

@@ -231,6 +231,11 @@ class SeveralRecords(OptionalMembers):
         return np.concatenate([part.share for part in self.parts])
 
     @cached_property
+    def input_alike_s(self) -> float:
+        """Integrated correlation time of the temperatures' remaining errors, s: the longest of all records."""
+        return max(part.input_alike_s for part in self.parts)
+
+    @cached_property
     def rest(self) -> Flags:
         """Rows in which the measured angle is at rest."""
         return np.concatenate([part.rest for part in self.parts])

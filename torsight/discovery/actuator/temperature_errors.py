@@ -9,6 +9,7 @@ have a mean square of 0.7 in units of the resulting standard deviation (benchmar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -50,11 +51,18 @@ def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureE
             yield _draw(drive, rng)
 
 
+def alike_s(drive: Drive) -> float:
+    """Return the integrated correlation time of the drawn errors, s: 2 √π σ of a Gaussian filter's σ."""
+    return 2.0 * math.sqrt(math.pi) * _filter_s(drive)
+
+
+def _filter_s(drive: Drive) -> float:
+    return max(_ALIKE_S, drive.reading_s)
+
+
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     interval_s = usual_step(drive.time_s)
-    alike = gaussian_filter1d(
-        rng.standard_normal((2, len(drive))), max(_ALIKE_S, drive.reading_s) / interval_s, mode="nearest"
-    )
+    alike = gaussian_filter1d(rng.standard_normal((2, len(drive))), _filter_s(drive) / interval_s, mode="nearest")
     smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
     height = UNSURE * rng.standard_normal()
     with_tops = smooth + height * np.array([drive.peaks_a_c, drive.peaks_b_c])

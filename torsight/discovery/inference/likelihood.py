@@ -9,15 +9,17 @@ each at its most probable value: one s for motion, one for rests, and one for th
 the record is not known. Neighbouring residuals are not independent: in motion a sample counts as :math:`c = 1/τ` pieces
 of information, τ the integrated correlation time, in samples, of the residual in units of each sample's standard
 deviation (samples that lie closer than usual share that); a rest of m samples counts as one piece, so each sample as
-1/m. The power c of a likelihood keeps intervals and evidence honest where the correlation's form is not known
-(composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the
-likelihood and not a fixed weight: the gain of a model with half the residual grows with the number of pieces of
-information (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
+1/m. Errors that the inputs' noise causes are correlated over the time of the inputs' own; where they are a part f of a
+sample's variance, 1/c is the mean of that time and of τ with the weights f and 1 − f, since independent errors' times
+add up with their variances. The power c of a likelihood keeps intervals and evidence honest where the correlation's
+form is not known (composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The discrepancy's size
+is a part of the likelihood and not a fixed weight: the gain of a model with half the residual grows with the number of
+pieces of information (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -74,22 +76,22 @@ class Likelihood:
         floor: Floats,
         correlation_samples: float,
         *,
+        count: Floats | None = None,
         least: float = 0.0,
         shared: Floats | None = None,
     ) -> Likelihood:
-        """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion."""
+        """Return the likelihood of a record cut into stretches, for a correlation time of the residual in motion.
+
+        ``count`` (n,) are the pieces of information per sample where the correlation time alone does not give them.
+        """
         kind = np.full(len(floor), MOTION, np.int8)
         for start, stop, at_rest, opening in zip(
             stretches.start, stretches.stop, stretches.rest, stretches.opening, strict=True
         ):
             kind[start:stop] = OPENING if opening else REST if at_rest else MOTION
         shared = np.zeros((len(floor), 0)) if shared is None else shared
-        return cls(stretches.counts(correlation_samples), floor, kind, correlation_samples, least, shared)
-
-    def correlated(self, stretches: Stretches, correlation_samples: float) -> Likelihood:
-        """Return the likelihood for another correlation time."""
-        count = stretches.counts(correlation_samples)
-        return replace(self, count=count, correlation_samples=correlation_samples)
+        count = stretches.counts(correlation_samples) if count is None else count
+        return cls(count, floor, kind, correlation_samples, least, shared)
 
     def at(self, rows: slice) -> Likelihood:
         """Return the likelihood of a part of the record."""
@@ -103,7 +105,11 @@ class Likelihood:
 
     def variance(self, residual: Floats) -> Floats:
         """Return the variance (n,) of every sample: noise, shared errors and the most probable discrepancy."""
-        return np.asarray(self._variance(self.left(residual)) + np.sum(self.shared**2, axis=1))
+        return np.asarray(self.own_variance(residual) + np.sum(self.shared**2, axis=1))
+
+    def own_variance(self, residual: Floats) -> Floats:
+        """Return the variance (n,) of every sample without its shared errors."""
+        return self._variance(self.left(residual))
 
     def left(self, residual: Floats) -> Floats:
         """Return a residual less the contribution of its most probable shared errors (n,)."""

@@ -53,7 +53,7 @@ class SetFits:
         self._progress = progress
         self.stretches = Stretches.of(problem)
         self._reading = problem.sigma
-        self._correlation_samples = 1.0
+        self._correlate(1.0)
 
     def plain(self) -> Explanation:
         """Fit the plain model from the priors' means and from the problem's other starts (``elsewhere``)."""
@@ -67,7 +67,7 @@ class SetFits:
             fitter = Fitter(problem, information(stretches, scales, inputs.noise))
             fit = fitter.from_elsewhere(fitter.refit(fit))
         noise = self.is_noise(inputs, residual_of(problem, fit.solution.prediction))
-        self._correlation_samples = min(scales.correlation_samples, np.inf if noise else FIRST_CORRELATION)
+        self._correlate(min(scales.correlation_samples, np.inf if noise else FIRST_CORRELATION))
         first = self.settled(problem, fit, ())
         # Once more from where it ended, with derivatives taken anew, and from the priors' means under this likelihood.
         again = (self.fit_from(start) for start in (first.fit.values, fitter.nominal.values))
@@ -250,8 +250,18 @@ class SetFits:
     def _likelihood_at(self, problem: Problem, values: Mapping[str, float], effects: EffectSet) -> Likelihood:
         """Return the likelihood with the inputs' noise at given values, and with the current correlation time."""
         floor = np.hypot(self._reading, problem.input_noise(values, effects))
-        shared, tau = problem.shared_errors(values, effects), self._correlation_samples
-        return Likelihood.of(self.stretches, floor, tau, least=self._problem.resolution, shared=shared)
+        shared, least, tau = problem.shared_errors(values, effects), self._problem.resolution, self._correlation_samples
+        return Likelihood.of(self.stretches, floor, tau, count=self._count, least=least, shared=shared)
+
+    def _correlate(self, correlation_samples: float, inputs: Floats | None = None) -> None:
+        """Set the correlation time and the pieces of information per sample, which are the same for all sets.
+
+        ``inputs`` (n,) is the part of every sample's variance that noise of the inputs causes; none by default.
+        """
+        self._correlation_samples, self._count = correlation_samples, self.stretches.counts(correlation_samples)
+        if inputs is not None:
+            time_s, alike_s = self._problem.time_s, self._problem.input_alike_s
+            self._count = self.stretches.counts_with(self._count, inputs, time_s, alike_s)
 
     def followed(
         self, best: Explanation, sets: Mapping[EffectSet, Explanation], *, longest: float
@@ -262,13 +272,15 @@ class SetFits:
         """
         before, self._reading = self._reading, self._reading_noise(best.fitter.problem, best.fit)
         scaled = best.likelihood.in_scales(best.residual)
-        self._correlation_samples = min(correlation_samples(scaled, self.stretches), longest)
+        inputs = np.maximum(best.likelihood.floor**2 - before**2, 0.0) / best.likelihood.own_variance(best.residual)
+        self._correlate(min(correlation_samples(scaled, self.stretches), longest), np.minimum(inputs, 1.0))
         return {members: self._at_present(one, before) for members, one in sets.items()}
 
     def _at_present(self, one: Explanation, before: Floats) -> Explanation:
         """Return a set under the present floor and correlation; ``before`` (n,) is the earlier reading noise."""
         floor = np.sqrt(np.maximum(one.likelihood.floor**2 - before**2, 0.0) + self._reading**2)
-        likelihood = replace(one.likelihood, floor=floor).correlated(self.stretches, self._correlation_samples)
+        own, tau = one.likelihood, self._correlation_samples
+        likelihood = replace(own, floor=floor, count=self._count, correlation_samples=tau)
         # The plain model keeps its own weights: its values and errors do not depend on what it is compared with.
         weighted = weighted_fitter(likelihood, one.fitter.problem, one.fit.solution.prediction)
         return replace(
