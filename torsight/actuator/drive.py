@@ -19,9 +19,10 @@ from torsight.actuator.record.conditioning import Conditioned, Readings, conditi
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles, turn_of
 from torsight.actuator.record.sensors import Sensors
 from torsight.actuator.record.turns import at_places, turns_of
+from torsight.actuator.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import APART, extent, pair_means, scatter, usual_step
+from torsight.core.series import extent, pair_means, usual_step
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
@@ -35,8 +36,6 @@ _FAR_APART_S: Final = 1.5
 """Interval of readings above which a prediction interpolates rows between them. With readings every 3 s these rows
 reduce the error on later records from 2.31 to 1.60°, every 5 s from 16.6 to 4.6°, and every 2 s from 1.35 to 1.26°
 (benchmarks/actuator/slow_logs.py, tops held for up to 15 s)."""
-_LEAST_RAD: Final = 1e-5
-"""Least scatter of an angle: differences below this value are rounding errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -78,6 +77,8 @@ class Drive:
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
     clock_sigma_s : float or None
         Standard deviation of the record's clock offset; None for a log alone.
+    wrong_frames : int
+        Number of measured angles that are left out as wrong frames.
     left_out_s : float or None
         Seconds cut off at the start of a record that begins within a transformation; None: the record does not.
     part_of : (Drive, (n,) float64) or None
@@ -104,6 +105,7 @@ class Drive:
     turning: tuple[Ints, Ints]
     turns: int = 0
     clock_sigma_s: float | None = None
+    wrong_frames: int = 0
     left_out_s: float | None = None
     part_of: tuple[Drive, Floats] | None = None
 
@@ -178,19 +180,31 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
         raise InputError("is too short", where=where, value=f"{len(table)} rows", limit="20 rows or more")
     if not np.isfinite(table.angle_rad).any():
         raise InputError("has no angle", where=f"{where}, column angle_deg", do="track the film again")
-    start, _ = start_angle(table.angle_rad, table.angle_sigma_rad)
-    turns = whole_turns(table.angle_rad)
+    sigma = table.angle_sigma_rad
+    wrong = wrong_frames(table.time_s, table.angle_rad, sigma)
+    angle = np.where(wrong, np.nan, table.angle_rad)
+    start, _ = start_angle(angle, sigma)
+    turns = whole_turns(angle)
     ahead_rad = 2.0 * math.pi * turns
     drive = _driven(table, table, row_rate_hz=row_rate_hz, start_angle_rad=start - ahead_rad, where=where)
-    angle, sigma = table.angle_rad, table.angle_sigma_rad
     if len(drive) < len(table):
         rows = drive.sensors.rows
         angle, sigma = pair_means(table.time_s, angle, sigma, rows, np.full(len(rows), drive.readings_of_a_row // 2))
-    angle = np.where(drive.known & ~wrong_frames(angle, sigma), angle - ahead_rad, np.nan)
+        # What is wrong for longer than three frames is an outlier among the rows.
+        of_rows = wrong_frames(drive.time_s, angle, sigma)
+        wrong, angle = np.append(wrong, of_rows), np.where(of_rows, np.nan, angle)
+    angle = np.where(drive.known, angle - ahead_rad, np.nan)
     temps = (drive.temp_a_c, drive.temp_b_c)
     cycles = begun_with_a_jump(drive.cycles, drive.time_s, angle, temps)
-    known_s = table.clock_sigma_s
-    return replace(drive, angle_rad=angle, angle_sigma_rad=sigma, turns=turns, cycles=cycles, clock_sigma_s=known_s)
+    return replace(
+        drive,
+        angle_rad=angle,
+        angle_sigma_rad=sigma,
+        turns=turns,
+        cycles=cycles,
+        clock_sigma_s=table.clock_sigma_s,
+        wrong_frames=int(np.count_nonzero(wrong)),
+    )
 
 
 def prepare_log(
@@ -359,25 +373,3 @@ def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:
     every += 1 - every % 2
     # Whole blocks only: a kept row represents the same number of samples on either side.
     return np.arange(every // 2, n - every // 2, every)
-
-
-def wrong_frames(angle_rad: Floats, sigma_rad: Floats) -> Flags:
-    """Return the mask (n,) of rows whose angle is an outlier among its neighbours: a wrong frame, not a motion.
-
-    An outlier differs from the median of seven rows by more than ``APART`` times the largest of their median absolute
-    deviation, the row's own sigma and the angle's scatter. A step or the start of a motion is no outlier: the median of
-    seven rows lies on one of its sides. In seven records of another rig, 163,000 rows, a threshold of four takes 19
-    right rows for wrong, eight none; of frames that are 2° to 90° wrong eight finds 97 %, sixteen 95 %.
-    """
-    good = np.flatnonzero(np.isfinite(angle_rad))
-    out = np.zeros(len(angle_rad), np.bool_)
-    if len(good) < 9:
-        return out
-    angle = angle_rad[good]
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(angle, 3, mode="edge"), 7)
-    middle = np.median(windows, axis=1)
-    spread = np.median(np.abs(windows - middle[:, None]), axis=1)
-    floor = max(scatter(angle), _LEAST_RAD)
-    limit = APART * np.maximum(np.maximum(spread, sigma_rad[good]), floor)
-    out[good] = np.abs(angle - middle) > np.where(np.isfinite(limit), limit, np.inf)
-    return out

@@ -27,8 +27,8 @@ from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
 from torsight.core.words.plausible import require_turns
 from torsight.core.words.shown import Shown, draw_series
+from torsight.core.words.wording import counted, number, unexplained
 from torsight.core.words.wording import estimate as estimate_words
-from torsight.core.words.wording import number, unexplained
 
 _SILENT: Final = 0.9
 """Ratio of posterior to prior standard deviation above which the record contains no information on a value: it is less
@@ -253,8 +253,16 @@ def taken_as_exact(names: Sequence[str]) -> str:
 
 
 def notes_of_drive(drive: Drive) -> list[str]:
-    """Return the notes on parts of a record that the model cannot follow."""
-    return [*_begun_within(drive), *_heated_again(drive)]
+    """Return the notes on parts of a record that are left out or that the model cannot follow."""
+    return [*_wrong_frames(drive), *_begun_within(drive), *_heated_again(drive)]
+
+
+def _wrong_frames(drive: Drive) -> list[str]:
+    """Return the note on measured angles that are left out, if there are any."""
+    if not drive.wrong_frames:
+        return []
+    angles = counted(drive.wrong_frames, "measured angle")
+    return [f"Left out as wrong: {angles}, further off the motion of the neighbouring frames than noise explains"]
 
 
 def _begun_within(drive: Drive) -> list[str]:
