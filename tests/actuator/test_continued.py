@@ -35,14 +35,16 @@ def warmed(log: TemperatureLog) -> TemperatureLog:
     return replace(log, temp_a_c=23.0 + a + 0.8 * b, temp_b_c=23.0 + b + 0.8 * a)
 
 
-def whole_and_continued(effects: tuple[str, ...], values: dict[str, float], *, warm: bool):
+def whole_and_continued(
+    effects: tuple[str, ...], values: dict[str, float], *, warm: bool, first=FIRST, later=LATER, start_deg=START_DEG
+):
     """Return the later part of one long simulation, the model of its first part, and the later log."""
     model = ActuatorModel(reference_spec(), effects)
-    log, temps = programme([*FIRST, *LATER])
+    log, temps = programme([*first, *later])
     log = warmed(log) if warm else log
-    split = sum(len(own) for own in temps[: len(FIRST)])
-    whole = model.simulate(model.prepare_log(log, start_angle_rad=START_DEG * DEG), values)
-    first = model.prepare_log(part_of(log, slice(split)), start_angle_rad=START_DEG * DEG)
+    split = sum(len(own) for own in temps[: len(first)])
+    whole = model.simulate(model.prepare_log(log, start_angle_rad=start_deg * DEG), values)
+    first = model.prepare_log(part_of(log, slice(split)), start_angle_rad=start_deg * DEG)
     first = replace(first, angle_rad=whole.angle_rad[:split])
     fitted = fitted_model(model, {**model.nominal(), **values}, first)
     return whole.angle_rad[split - 1 :], fitted, part_of(log, slice(split - 1, None))
@@ -67,6 +69,17 @@ def test_a_log_from_the_records_end_goes_on_as_one_long_record(effects, values, 
     write_model(tmp_path / "model.json", fitted)
     again = read_model(tmp_path / "model.json").predict(later, start_angle_rad=whole[0])
     assert again.angle_rad.tolist() == pytest.approx(found.angle_rad.tolist(), abs=1e-12)
+
+
+def test_the_state_before_the_record_is_over_at_its_end():
+    """The record ends within 2° of where it began, in the state of its own last cycle."""
+    values = {"home_hold": 0.3, "start_loss_a_deg": 8.0, "start_loss_b_deg": -5.0}
+    effects = ("home_torque", "start_winding")
+    whole, fitted, later = whole_and_continued(
+        effects, values, warm=False, first=FIRST[:2], later=LATER[1:], start_deg=177.0
+    )
+    assert abs(whole[0] - 177.0 * DEG) < 2.0 * DEG
+    np.testing.assert_allclose(fitted.predict(later, start_angle_rad=whole[0]).angle_rad, whole, atol=1e-6)
 
 
 def test_a_log_from_the_records_home_or_from_elsewhere_does_not_go_on():

@@ -21,7 +21,9 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Scale the torque that friction holds at the start."""
+    """Scale the torque that friction holds at the start, unless the state there is known."""
+    if ports.history.unwound_rad is not None:
+        return ports
     return ports.changed(home_hold=ports.home_hold * values["home_hold"])
 
 
