@@ -39,7 +39,7 @@ from torsight.discovery.inference.search import Search
 from torsight.discovery.settings import Settings
 
 FACTORS = (0.5, 1.0, 2.0)
-CONSTANTS = ((temperature_errors, "_ALIKE_S"), (temperature_errors, "_TOP_C"), (actuator_problem, "_NOISE_DRAWS"))
+CONSTANTS = ((temperature_errors, "_TOP_C"), (actuator_problem, "_NOISE_DRAWS"))
 
 
 class Scaled(ActuatorProblem):

@@ -187,7 +187,7 @@ def test_pieces_of_information_are_those_of_a_mixture(part: float) -> None:
     rows = slice(int(stretches.start[0]), int(stretches.stop[0]))
     n, step_s, alike_s = rows.stop - rows.start, float(problem.time_s[1] - problem.time_s[0]), 8.0
     white, inputs = stretches.counts(1.0), np.full(len(problem.observed), part)
-    count = stretches.counts_with(white, inputs, problem.time_s, alike_s)[rows]
+    count = stretches.counts_with(white, inputs, problem.time_s, np.full(len(white), alike_s))[rows]
     # An exponential correlation of the same integrated time.
     keep = (alike_s / step_s - 1.0) / (alike_s / step_s + 1.0)
     rows_apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))

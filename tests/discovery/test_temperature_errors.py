@@ -26,6 +26,6 @@ def test_errors_grow_where_the_lag_of_a_sensor_is_undone(lag_s: float) -> None:
     drawn = [with_errors(drive, errors.smooth_c) for errors in draw_errors(drive, seed=1, count=40)]
     spread_c = np.std([model.ports(one, values).temp_a_c - exact_c for one in drawn], axis=0)
     stated_c = Readings.of(time_s, read_c).behind(time_s, lag_s).sigma_c
-    # The driven spring is A throughout. A standard deviation of 40 draws is known to 11 %.
-    assert np.median(spread_c / stated_c) == pytest.approx(1.0, abs=0.05)
+    # The driven spring is A throughout. A standard deviation of 40 draws is known to 11 %; rows share it.
+    assert np.median(spread_c / stated_c) == pytest.approx(1.0, abs=0.11)
     assert np.mean(stated_c) > np.mean(drive.temp_sigma_c)

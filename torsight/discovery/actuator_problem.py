@@ -167,9 +167,9 @@ class ActuatorProblem(OptionalMembers):
         return np.minimum(np.gradient(self._way[self.rows]), 1.0)
 
     @cached_property
-    def input_alike_s(self) -> float:
+    def input_alike_s(self) -> Floats:
         """Integrated correlation time of the temperatures' remaining errors, s."""
-        return alike_s(self.drive)
+        return alike_s(self.drive)[self.rows]
 
     @cached_property
     def over_floor(self) -> float:

@@ -212,9 +212,9 @@ class OptionalMembers(Protocol):
         return np.ones(len(self.observed))
 
     @cached_property
-    def input_alike_s(self) -> float:
-        """Integrated correlation time, in seconds, of the errors of ``input_noise``."""
-        return 0.0
+    def input_alike_s(self: NeededMembers) -> Floats:
+        """Integrated correlation time (n,) of the errors of ``input_noise``, in seconds."""
+        return np.zeros(len(self.observed))
 
     @cached_property
     def drivers(self) -> Mapping[str, Floats]:

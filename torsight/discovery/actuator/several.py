@@ -231,9 +231,9 @@ class SeveralRecords(OptionalMembers):
         return np.concatenate([part.share for part in self.parts])
 
     @cached_property
-    def input_alike_s(self) -> float:
-        """Integrated correlation time of the temperatures' remaining errors, s: the longest of all records."""
-        return max(part.input_alike_s for part in self.parts)
+    def input_alike_s(self) -> Floats:
+        """Integrated correlation time of the temperatures' remaining errors, s."""
+        return np.concatenate([part.input_alike_s for part in self.parts])
 
     @cached_property
     def rest(self) -> Flags:

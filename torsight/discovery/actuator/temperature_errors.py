@@ -24,11 +24,9 @@ from torsight.actuator.record.ripple import UNSURE
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
-_ALIKE_S: Final = 3.0
-"""Least correlation time of the smoother's remaining errors: each also contains the noise of neighbouring readings."""
 _TOP_C: Final = 1.0
 """Distance below a top over which its error decreases by e. The resulting errors of the angle change by 2 % with half
-and twice this value, by 3 % with half and twice the time above (benchmarks/discovery/tops.py, --constants)."""
+and twice this value (benchmarks/discovery/tops.py, --constants)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,18 +49,25 @@ def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureE
             yield _draw(drive, rng)
 
 
-def alike_s(drive: Drive) -> float:
-    """Return the integrated correlation time of the drawn errors, s: 2 √π σ of a Gaussian filter's σ."""
-    return 2.0 * math.sqrt(math.pi) * _filter_s(drive)
+def alike_s(drive: Drive) -> Floats:
+    """Return the integrated correlation time (n,) of the errors that the conditioning leaves, s.
 
-
-def _filter_s(drive: Drive) -> float:
-    return max(_ALIKE_S, drive.reading_s)
+    A smoother keeps a constant, and so the spectral density of white noise at low frequencies: the errors' variance
+    times their correlation time is that of the readings, with the time between independent readings.
+    """
+    if drive.noise_c <= NEGLIGIBLE_C:
+        return np.zeros(len(drive))
+    left_over = np.maximum(drive.temp_sigma_c / drive.noise_c, 1e-3)
+    return np.asarray(drive.reading_s * np.maximum(left_over**-2, 1.0))
 
 
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
-    interval_s = usual_step(drive.time_s)
-    alike = gaussian_filter1d(rng.standard_normal((2, len(drive))), _filter_s(drive) / interval_s, mode="nearest")
+    # White noise behind a Gaussian filter of width σ has the integrated correlation time 2 √π σ. Here it is the time of
+    # all errors together, weighted with their variances.
+    left_over = np.mean(drive.temp_sigma_c**2) / drive.noise_c**2
+    filter_s = drive.reading_s * max(1.0 / left_over, 1.0) / (2.0 * math.sqrt(math.pi))
+    white = rng.standard_normal((2, len(drive)))
+    alike = gaussian_filter1d(white, filter_s / usual_step(drive.time_s), mode="nearest")
     smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
     height = UNSURE * rng.standard_normal()
     with_tops = smooth + height * np.array([drive.peaks_a_c, drive.peaks_b_c])

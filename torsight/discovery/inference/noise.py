@@ -62,18 +62,18 @@ class Stretches:
             found[a:b] = 1.0 / (b - a) if rest else share / min(max(correlation_samples, 1.0), float(share.sum()))
         return found
 
-    def counts_with(self, count: Floats, part: Floats, time_s: Floats, alike_s: float) -> Floats:
+    def counts_with(self, count: Floats, part: Floats, time_s: Floats, alike_s: Floats) -> Floats:
         """Return the pieces of information (n,) of samples in which a part (n,) of the variance is correlated longer.
 
-        ``count`` (n,) are those without that part, which is correlated over ``alike_s`` seconds at least. Correlation
-        times of independent errors add up with the errors' shares of the variance.
+        ``count`` (n,) are those without that part, which is correlated over ``alike_s`` (n,) seconds at least.
+        Correlation times of independent errors add up with the errors' shares of the variance.
         """
         found = count.copy()
         for a, b, rest in zip(self.start, self.stop, self.rest, strict=True):
-            span_s = min(alike_s, float(time_s[b - 1] - time_s[a]))
-            if not rest and span_s > 0.0:
-                slower = np.minimum(count[a:b], np.gradient(time_s[a:b]) / span_s)
-                found[a:b] = 1.0 / ((1.0 - part[a:b]) / count[a:b] + part[a:b] / np.maximum(slower, 1e-12))
+            span_s = np.minimum(alike_s[a:b], time_s[b - 1] - time_s[a])
+            if not rest and b > a + 1:
+                slower = np.minimum(count[a:b], np.gradient(time_s[a:b]) / np.maximum(span_s, 1e-9))
+                found[a:b] = 1.0 / ((1.0 - part[a:b]) / count[a:b] + part[a:b] / slower)
         return found
 
     def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
