@@ -88,12 +88,11 @@ def _even(
 def _until_the_next(segments: list[HeatingSegment]) -> tuple[HeatingSegment, ...]:
     """Return the segments with coolings that end where the next heating begins: at rest turning points are random."""
     begins = [segment.begin_s for segment in segments if segment.heating]
-    found: list[HeatingSegment] = []
-    for segment in segments:
-        following = min((begin for begin in begins if begin > segment.begin_s), default=segment.until_s)
-        limit_s = segment.until_s if segment.heating else max(segment.end_s, min(segment.until_s, following))
-        found.append(replace(segment, until_s=limit_s))
-    return tuple(found)
+
+    def until_s(segment: HeatingSegment) -> float:
+        return max(segment.end_s, min([segment.until_s, *(begin for begin in begins if begin > segment.begin_s)]))
+
+    return tuple(one if one.heating else replace(one, until_s=until_s(one)) for one in segments)
 
 
 def lag_window_s(signals: LogSignals) -> float:
