@@ -60,10 +60,6 @@ def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> H
     return Header(index, delimiter, _distinct_names(names), found)
 
 
-def _fits(names: Sequence[str], rows: Sequence[str]) -> bool:
-    return any(len(row.split()) == len(names) for row in rows)
-
-
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
     """Return distinct names: a column without a name, or with the name of another, is named by its index."""
     named = [name or f"column_{index + 1}" for index, name in enumerate(names)]
@@ -124,7 +120,7 @@ def find_columns(
         if delimiter not in line:
             continue
         names = header_names(line, delimiter)
-        if delimiter == BLANKS and rows is not None and not _fits(names, rows):
+        if delimiter == BLANKS and rows is not None and all(len(row.split()) != len(names) for row in rows):
             continue
         columns = resolve(names, chosen)
         if _count(columns, chosen) > _count(best[2], chosen):
