@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import tempfile
@@ -35,31 +36,47 @@ for name in ("SIGINT", "SIGHUP"):
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL)
 
-ROOT = Path(__file__).parents[1]
+HERE = Path(__file__).parent
+ROOT = HERE.parent
 
 
-class ByModule(LoadScopeScheduling):
-    """Give out single tests one by one; those of a module that makes something once go to one worker together.
+class ByMade(LoadScopeScheduling):
+    """Give out single tests one by one; those that share what is made once go to one worker together.
 
-    The largest modules come first and single tests last, so that no worker waits for long.
+    The largest groups come first and single tests last, so that no worker waits for long.
     """
 
     def _split_scope(self, nodeid: str) -> str:
-        path = nodeid.partition("::")[0]
-        return path if makes_something_once(path) else nodeid
+        return sharing(nodeid.partition("::")[0]) or nodeid
 
 
 @cache
-def makes_something_once(path: str) -> bool:
-    """Return whether a file of tests, or its folder, has a fixture that is made once for all of them."""
-    beside = [one for one in (ROOT / path, (ROOT / path).with_name("conftest.py")) if one.exists()]
-    return any('scope="module"' in one.read_text(encoding="utf-8") for one in beside)
+def sharing(path: str) -> str:
+    """Return the folder or file of tests that shares what is made once; empty where nothing is shared.
+
+    A folder shares the fixtures of a session in its ``conftest.py``; a file shares the fixtures of a module, there or
+    beside it, and what its own functions keep.
+    """
+    file = ROOT / path
+    for folder in file.relative_to(HERE).parents[-2::-1]:
+        if re.search('scope="session"', conftest(HERE / folder)):
+            return str(folder)
+    kept = re.search(
+        r'scope="\w+"|^@(functools\.)?(lru_)?cache\b', file.read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
+    return path if kept or 'scope="module"' in conftest(file.parent) else ""
+
+
+def conftest(folder: Path) -> str:
+    """Return the text of a folder's ``conftest.py``; empty where there is none."""
+    path = folder / "conftest.py"
+    return path.read_text(encoding="utf-8") if path.exists() else ""
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByModule:
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByMade:
     """Choose how tests are given to workers."""
-    return ByModule(config, log)
+    return ByMade(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -94,18 +94,17 @@ def match_led(
     index, partner = _pairs(film, switchings, chosen)
     seen, shown = film.at(index), switchings.at(partner)
     away_s, offset_s = seen.time_s - middle_s, shown.time_s - seen.time_s
+    second_s: float | None = None
     if gaps:
         after_gap = np.stack([shown.time_s > gap.after_s for gap in gaps], axis=1)
         variance = PRIORS.led_repeats * ((seen.step_s**2 + shown.step_s**2) / 12.0 + PRIORS.led_jitter_s**2)
         gaussian = _with_gaps(away_s, offset_s, after_gap, variance, [gap.sigma_s for gap in gaps])
-        return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1)
-    gaussian = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
-    second_s = _second_shift(film, switchings, index, partner)
+    else:
+        gaussian = _intersected(away_s=away_s, offset_s=offset_s, film_step_s=seen.step_s, log_step_s=shown.step_s)
+        second_s = _second_shift(film, switchings, index, partner)
     if second_s is not None:
         second_s -= chosen
-        covariance = gaussian.covariance.copy()
-        covariance[0, 0] += (second_s / REACH) ** 2
-        gaussian = Gaussian(gaussian.mean, covariance, gaussian.log_weight)
+        gaussian.covariance[0, 0] += (second_s / REACH) ** 2
     return LedMatch(gaussian, middle_s, count, len(film), len(switchings), len(offsets) - 1, second_s)
 
 

@@ -58,18 +58,11 @@ def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian 
     for number, restart in enumerate(reading.restarts):
         if np.isfinite(restart.gap_sigma_s):
             continue
-        step_s = usual_step(reading.log.time_s)
-        away = _time_away(angles, reading, number)
+        options = [(0.0, usual_step(reading.log.time_s), _CLOCK_ONLY), *_time_away(angles, reading, number)]
         hypotheses = [
-            option
+            (with_gap(hypothesis, number, middle_s, half_s), weight + float(np.log(share)))
             for hypothesis, weight in hypotheses
-            for option in (
-                (with_gap(hypothesis, number, 0.0, step_s), weight + float(np.log(_CLOCK_ONLY))),
-                *(
-                    (with_gap(hypothesis, number, middle_s, half_s), weight + float(np.log(share)))
-                    for middle_s, half_s, share in away
-                ),
-            )
+            for middle_s, half_s, share in options
         ]
         hypotheses = sorted(hypotheses, key=lambda hypothesis: -hypothesis[1])[:MOST_HYPOTHESES]
     found: list[tuple[MotionLikelihood, LogReading, float]] = []

@@ -84,8 +84,7 @@ def read_text_table(path: Path, chosen: ChosenColumns) -> TextTable:
     places = [column.index for column in columns.values()]
     decimal = labview.decimal or _decimal(body, delimiter, places, path=path, first_line=first + 1, repairs=repairs)
     frame = _parsed(body, list(header.names), delimiter, decimal, path=path)
-    if labview.step_s is not None:
-        labview.fill_times(frame, columns["time"].index, repairs)
+    labview.fill_times(frame, columns["time"].index, repairs)
     if decimal == ",":
         _with_points(frame, places)
     return TextTable(frame=frame, first_line=first + 1, repairs=tuple(repairs), columns=columns)

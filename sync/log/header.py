@@ -42,7 +42,7 @@ def is_row_of_numbers(line: str) -> bool:
 
 def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> Header:
     """Return the first line that names all needed columns, or raise the error of the line that names most of them."""
-    best = (0, -1)
+    best = (-1, 0)
     looked_at: set[str] = set()
     for index, line in enumerate(lines):
         # A line that differs from an earlier one only in its numbers is a row of the table: it names no other columns.
@@ -50,22 +50,14 @@ def find_header(lines: Sequence[str], chosen: ChosenColumns, *, path: Path) -> H
         if words in looked_at:
             continue
         looked_at.add(words)
-        delimiter, names, columns = find_columns(line, chosen, lines[index + 1 : index + 3])
-        count = _count(columns, chosen)
+        count = _count(find_columns(line, chosen, lines[index + 1 : index + 3])[2], chosen)
+        best = max(best, (count, index), key=lambda one: one[0])
         if count == len(chosen.required):
-            found = require_columns(columns, where=f"{path}, line {index + 1}")
-            return Header(index, delimiter, _distinct_names(names), found)
-        if count > best[0] or best[1] < 0:
-            best = (count, index)
-    where = f"{path}, line {best[1] + 1}"
-    _, names, columns = find_columns(lines[best[1]], chosen, lines[best[1] + 1 : best[1] + 3])
-    require_columns(columns, where=where)
-    missing = next(role for role in chosen.required if role not in columns)
-    raise missing_column(names, chosen, missing, where=where)
-
-
-def _fits(names: Sequence[str], rows: Sequence[str]) -> bool:
-    return any(len(row.split()) == len(names) for row in rows)
+            break
+    index = best[1]
+    delimiter, names, columns = find_columns(lines[index], chosen, lines[index + 1 : index + 3])
+    found = require_all(names, columns, chosen, where=f"{path}, line {index + 1}")
+    return Header(index, delimiter, _distinct_names(names), found)
 
 
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -128,7 +120,7 @@ def find_columns(
         if delimiter not in line:
             continue
         names = header_names(line, delimiter)
-        if delimiter == BLANKS and rows is not None and not _fits(names, rows):
+        if delimiter == BLANKS and rows is not None and all(len(row.split()) != len(names) for row in rows):
             continue
         columns = resolve(names, chosen)
         if _count(columns, chosen) > _count(best[2], chosen):
@@ -160,6 +152,17 @@ def require_columns(columns: Mapping[str, LogColumn | InputError], *, where: str
         if isinstance(column, InputError):
             raise InputError(column.what, where=where, value=column.value, limit=column.limit, do=column.do)
     return {role: column for role, column in columns.items() if isinstance(column, LogColumn)}
+
+
+def require_all(
+    names: Sequence[str], columns: Mapping[str, LogColumn | InputError], chosen: ChosenColumns, *, where: str
+) -> dict[str, LogColumn]:
+    """Return the columns, or raise the first error among them or that of the first required column that is missing."""
+    found = require_columns(columns, where=where)
+    for role in chosen.required:
+        if role not in found:
+            raise missing_column(names, chosen, role, where=where)
+    return found
 
 
 def fields_of(line: str, delimiter: str) -> list[str]:

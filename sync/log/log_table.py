@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,12 +17,11 @@ from sync.log.column_names import (
     LogColumn,
     columns_note,
     is_converted,
-    missing_column,
     resolve,
 )
 from sync.log.delimited_text import TextTable, read_text_table
-from sync.log.header import require_columns
-from sync.log.wall_clock import read_timestamps
+from sync.log.header import require_all
+from sync.log.wall_clock import Timestamps, read_timestamps
 from torsight.core.errors import InputError
 from torsight.core.files.kinds import TABLE_KINDS
 from torsight.core.files.storage import is_parquet, read_table, require_table, table_without_rows
@@ -64,18 +63,18 @@ def read_log_table(path: Path, chosen: ChosenColumns) -> LogTable:
     frame, first_line, columns = table.frame, table.first_line, table.columns
     if len(frame) == 0:
         raise table_without_rows(path)
-    time_s, zero, note = _time(frame, columns, path=path, first_line=first_line)
+    timestamps = _timestamps(frame, columns, path=path, first_line=first_line)
     named = {role: frame.iloc[:, column.index] for role, column in columns.items() if role not in ("time", DATE)}
     used = {column.index for column in columns.values()}
-    content: dict[str, Any] = {CONTRACT["time"]: time_s}
+    content: dict[str, Any] = {CONTRACT["time"]: timestamps.time_s}
     content |= {CONTRACT[role]: _converted(values, columns[role]) for role, values in named.items()}
     for index, name in enumerate(frame.columns):
         if index not in used:
             content[f"{name}{_ASIDE}" if name in content else str(name)] = frame.iloc[:, index]
     import pandas as pd
 
-    notes = [one for one in (columns_note(columns), note) if one is not None]
-    return LogTable(pd.DataFrame(content), first_line, table.repairs, columns, zero, tuple(notes))
+    notes = [one for one in (columns_note(columns), timestamps.note) if one is not None]
+    return LogTable(pd.DataFrame(content), first_line, table.repairs, columns, timestamps.zero, tuple(notes))
 
 
 def spelling(column: LogColumn) -> str:
@@ -86,24 +85,18 @@ def spelling(column: LogColumn) -> str:
 def _parquet(path: Path, chosen: ChosenColumns) -> TextTable:
     frame = read_table(path)
     names = [str(name) for name in frame.columns]
-    columns = require_columns(resolve(names, chosen), where=str(path))
-    for role in chosen.required:
-        if role not in columns:
-            raise missing_column(names, chosen, role, where=str(path))
-    return TextTable(frame, 1, (), columns)
+    return TextTable(frame, 1, (), require_all(names, resolve(names, chosen), chosen, where=str(path)))
 
 
-def _time(
-    frame: pd.DataFrame, columns: Mapping[str, LogColumn], *, path: Path, first_line: int
-) -> tuple[Any, str | None, str | None]:
-    """Return the timestamps in seconds, the instant of second 0, and the note on the reading of dates."""
+def _timestamps(frame: pd.DataFrame, columns: Mapping[str, LogColumn], *, path: Path, first_line: int) -> Timestamps:
+    """Return the timestamps in seconds."""
     column = columns["time"]
     values = frame.iloc[:, column.index]
     if DATE in columns:
         values = frame.iloc[:, columns[DATE].index].astype("string") + " " + values.astype("string")
     timestamps = read_timestamps(values, where=f"{path}, column {spelling(column)}", first_line=first_line)
     if not timestamps.numeric:
-        return timestamps.time_s, timestamps.zero, timestamps.note
+        return timestamps
     if not column.name and column.unit is None and _counts_rows(timestamps.time_s):
         # Table libraries write the row's number there.
         raise InputError(
@@ -113,7 +106,7 @@ def _time(
             do="give the column of times a name; if these are seconds, say so: --units time=s",
         )
     factor = 1.0 if column.unit is None else column.unit.factor
-    return (timestamps.time_s if factor == 1.0 else timestamps.time_s * factor), None, None
+    return replace(timestamps, time_s=timestamps.time_s * factor)
 
 
 def _counts_rows(timestamps: Floats) -> bool:

@@ -19,7 +19,7 @@ from torsight.core.errors import InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.records import TemperatureLog
 from torsight.core.series import usual_step
-from torsight.core.units import Flags, Floats
+from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.plausible import require_timestamps, require_units
 
 if TYPE_CHECKING:
@@ -169,14 +169,15 @@ def _distinct(
     count = int(np.count_nonzero(same))
     if count == 0:
         return ordered, numbers, texts
-    line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
+    group, first = np.cumsum(~same) - 1, np.flatnonzero(~same)
     if count > _COARSE_SHARE * len(same):
         repairs.append(
             Repair(
                 "coarse_stamp", count, f"{count} timestamps repeat (coarse clock); rows were spread evenly between them"
             )
         )
-        return _spread(ordered, same), numbers, texts
+        return _spread(ordered, group, first), numbers, texts
+    line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
     repairs.append(
         Repair(
             "repeated_stamp",
@@ -184,8 +185,6 @@ def _distinct(
             f"{count} rows repeat a timestamp, the first on line {line}; each set was replaced by its mean",
         )
     )
-    group = np.cumsum(~same) - 1
-    first = np.flatnonzero(~same)
     averaged = {name: np.asarray(_known(values).groupby(group).mean(), np.float64) for name, values in numbers.items()}
     kept = OrderedTimestamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
     return kept, averaged, {name: values[first] for name, values in texts.items()}
@@ -204,15 +203,12 @@ def _words(column: pd.Series[Any]) -> Floats:
     return np.asarray(lowered.map(words).to_numpy(np.float64, na_value=np.nan))
 
 
-def _spread(ordered: OrderedTimestamps, same: Flags) -> OrderedTimestamps:
-    group = np.cumsum(~same) - 1
-    first = np.flatnonzero(~same)
+def _spread(ordered: OrderedTimestamps, group: Ints, first: Ints) -> OrderedTimestamps:
+    """Return timestamps spread evenly up to the next one; ``group`` (n,) numbers the sets, which begin at ``first``."""
     size = np.bincount(group)
     timestamp = ordered.time_s[first]
-    width = np.empty(len(timestamp))
-    width[:-1] = np.diff(timestamp)
     usual = usual_step(timestamp)
-    width[-1] = usual
+    width = np.append(np.diff(timestamp), usual)
     # Before a gap or a restart the rows of one timestamp do not extend to the next timestamp.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)
     rank = np.arange(len(group)) - first[group]
@@ -227,13 +223,13 @@ def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict
         if name not in numbers:
             continue
         unread = int(np.count_nonzero(~np.isfinite(numbers[name])))
-        if unread == len(numbers[name]):
-            repairs.append(Repair("no_switch", unread, f"{name}: no field is 0, 1, on or off; left out"))
-            continue
+        none = unread == len(numbers[name])
         if unread:
-            repairs.append(
-                Repair("no_switch", unread, f"{name}: {unread} fields are not 0, 1, on or off; taken as the one before")
-            )
+            some = f"{unread} fields are not 0, 1, on or off; taken as the one before"
+            text = f"{name}: {'no field is 0, 1, on or off; left out' if none else some}"
+            repairs.append(Repair("no_switch", unread, text))
+        if none:
+            continue
         # An empty field continues the last known state.
         switches[name] = _known(numbers[name]).ffill().to_numpy() > 0.5
     return switches

@@ -58,20 +58,17 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
         repairs.append(
             Repair("no_stamp", lost, f"{lost} rows without a timestamp were dropped, the first on line {line}")
         )
+    if not len(row):
+        return OrderedTimestamps(row, np.empty(0), row, tuple(repairs))
     time_s = timestamp_s[row].copy()
     block = _blocks(time_s)
-    if block[-1:].any():
+    if block[-1]:
         lines = [str(int(row[i]) + first_line) for i in np.flatnonzero(np.diff(block)) + 1]
         at = ", ".join(lines[:5]) + (", ..." if len(lines) > 5 else "")
         repairs.append(Repair("restart", int(block[-1]), f"the clock restarted {block[-1]} times, at line {at}"))
-    rows, times, blocks = [], [], []
     counts = {"reordered": [0, 0], "wrong_stamp": [0, 0], "dropped_stamp": [0, 0]}
-    for index in range(int(block[-1]) + 1 if len(block) else 0):
-        inside = block == index
-        kept_row, kept_time = _ordered_block(row[inside], time_s[inside], counts, first_line)
-        rows.append(kept_row)
-        times.append(kept_time)
-        blocks.append(np.full(len(kept_row), index, dtype=np.int64))
+    inside = [block == index for index in range(int(block[-1]) + 1)]
+    parts = [_ordered_block(row[one], time_s[one], counts, first_line) for one in inside]
     for kind, text in (
         ("reordered", "rows out of order were sorted in"),
         ("wrong_stamp", "timestamps that fitted nowhere were interpolated from the rows around"),
@@ -80,10 +77,9 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
         count, line = counts[kind]
         if count:
             repairs.append(Repair(kind, count, f"{count} {text}, the first on line {line}"))
-    if not rows:
-        empty = np.empty(0, dtype=np.int64)
-        return OrderedTimestamps(empty, np.empty(0), empty, tuple(repairs))
-    return OrderedTimestamps(np.concatenate(rows), np.concatenate(times), np.concatenate(blocks), tuple(repairs))
+    kept_row, kept_s = (np.concatenate(one) for one in zip(*parts, strict=True))
+    number = np.repeat(np.arange(len(parts)), [len(one) for one, _ in parts])
+    return OrderedTimestamps(kept_row, kept_s, number, tuple(repairs))
 
 
 def longest_gap_s(time_s: Floats) -> float:

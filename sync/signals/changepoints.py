@@ -239,10 +239,9 @@ def find_stop(angles: StickAngles, stroke: Stroke) -> tuple[float, float] | None
     if len(time_s) < 12:
         return None
     travel = stroke.sign * (angle - stroke.start_rad)
-    best: tuple[float, float] | None = None
     step_s = usual_step(time_s)
     at = np.arange(stroke.end_s - 0.5 * window_s, stroke.end_s + 0.5 * window_s, min(step_s, window_s / 10.0) / 2.0)
-    losses = np.full(len(at), np.inf)
+    losses, closing = np.full((2, len(at)), np.inf)
     for index, stop_s in enumerate(at):
         before = np.maximum(stop_s - time_s, 0.0)
         if np.count_nonzero(before > 0) < 5 or np.count_nonzero(before == 0) < 4:
@@ -250,16 +249,12 @@ def find_stop(angles: StickAngles, stroke: Stroke) -> tuple[float, float] | None
         design = np.stack([np.ones_like(before), before, before**2], axis=1)
         coefficient, *_ = np.linalg.lstsq(design, travel, rcond=None)
         left = travel - design @ coefficient
-        losses[index] = float(left @ left) / (len(left) - 3)
-        if best is None or losses[index] < best[0]:
-            best = (losses[index], -float(coefficient[1]))
-    if best is None:
-        return None
-    lowest, closing = best
+        losses[index], closing[index] = float(left @ left) / (len(left) - 3), -coefficient[1]
+    best = int(np.argmin(losses))
     usual = stroke.length_rad / max(length_s, 1e-9)
-    if closing < 0.4 * usual:
+    if not np.isfinite(losses[best]) or closing[best] < 0.4 * usual:
         return None
-    weight = _weights(losses, lowest, len(time_s))
+    weight = _weights(losses, float(losses[best]), len(time_s))
     mean = float(weight @ at)
     sigma = float(np.sqrt(weight @ (at - mean) ** 2))
     return mean, float(np.hypot(sigma, 0.1 * step_s))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 import numpy as np
 
 from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
 from torsight.core.series import extremes
-from torsight.core.units import Floats
 from torsight.core.words.plausible import HEATED_C
 
 _MIN_SHARE: Final = 0.3
@@ -61,8 +60,7 @@ class LogSignals:
 
 def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogSignals:
     """Return both temperatures smoothed (their slopes over a separate window, if given) and their segments."""
-    readings: tuple[tuple[Spring, Floats], ...] = (("a", log.temp_a_c), ("b", log.temp_b_c))
-    springs = _even(log, readings, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
+    springs = _even(log, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
     largest = max(rises.values(), default=0.0)
     threshold_c = max(HEATED_C, _MIN_SHARE * largest)
@@ -70,36 +68,31 @@ def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float 
     heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
     # At least the window of the other signals; beyond 20 s the corners of slow programmes would vanish.
     window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), WINDOW_S, 20.0)) if heatings_s else WINDOW_S
-    heated = springs if window_s == WINDOW_S else _even(log, readings, window_s=window_s, max_gap_s=max_gap_s)
+    heated = springs if window_s == WINDOW_S else _even(log, window_s=window_s, max_gap_s=max_gap_s)
     return LogSignals(springs, heated, _until_the_next(sorted(segments, key=lambda segment: segment.begin_s)))
 
 
 def _even(
-    log: TemperatureLog,
-    readings: tuple[tuple[Spring, Floats], ...],
-    *,
-    window_s: float,
-    max_gap_s: float,
-    slope_window_s: float | None = None,
+    log: TemperatureLog, *, window_s: float, max_gap_s: float, slope_window_s: float | None = None
 ) -> dict[Spring, EvenSignal]:
-    signals = {
-        name: even_signal(
-            log.time_s, temperature, window_s=window_s, max_gap_s=max_gap_s, slope_window_s=slope_window_s
+    found: dict[Spring, EvenSignal] = {}
+    for name in get_args(Spring):
+        signal = even_signal(
+            log.time_s, log.temp_c(name), window_s=window_s, max_gap_s=max_gap_s, slope_window_s=slope_window_s
         )
-        for name, temperature in readings
-    }
-    return {name: signal for name, signal in signals.items() if signal is not None}
+        if signal is not None:
+            found[name] = signal
+    return found
 
 
 def _until_the_next(segments: list[HeatingSegment]) -> tuple[HeatingSegment, ...]:
     """Return the segments with coolings that end where the next heating begins: at rest turning points are random."""
     begins = [segment.begin_s for segment in segments if segment.heating]
-    found: list[HeatingSegment] = []
-    for segment in segments:
-        following = min((begin for begin in begins if begin > segment.begin_s), default=segment.until_s)
-        limit_s = segment.until_s if segment.heating else max(segment.end_s, min(segment.until_s, following))
-        found.append(replace(segment, until_s=limit_s))
-    return tuple(found)
+
+    def until_s(segment: HeatingSegment) -> float:
+        return max(segment.end_s, min([segment.until_s, *(begin for begin in begins if begin > segment.begin_s)]))
+
+    return tuple(one if one.heating else replace(one, until_s=until_s(one)) for one in segments)
 
 
 def lag_window_s(signals: LogSignals) -> float:

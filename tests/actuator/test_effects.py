@@ -109,7 +109,7 @@ def made_with(effects: dict, *, seed: int, **sections: dict):
             "sensor": {"sample_s": 0.05, "noise_c": 0.02},
             "effects": effects,
         },
-        rate_hz=2.0,
+        rate_hz=1.0,
     )
 
 

@@ -242,7 +242,7 @@ class OptionalMembers(Protocol):
         return with_help(values, lambda one: self.predict(one, effects))
 
     def get_ready(self) -> None:
-        """Compute members that many fits need: those computed in a copy of the process are lost with the copy."""
+        """Compute members that a search's fits need: those computed in a copy of the process are lost with the copy."""
         return
 
     def at_once(
@@ -250,7 +250,6 @@ class OptionalMembers(Protocol):
     ) -> list[_R]:
         """Return ``function`` of each item in order, several of them computed at the same time."""
         if self.in_copies:
-            self.get_ready()
             return in_copies(work, function, known=(self, progress), step=step, progress=progress)
         return in_parallel(work, function, step=step, progress=progress)
 

@@ -75,7 +75,6 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
         When the recording cannot be written.
     """
     folder = Path(folder)
-    film = None if film is None else Path(film)
     results = read_results(folder)
     path = folder / "recording.rrd"
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
@@ -145,11 +144,11 @@ def _whole(path: Path) -> Iterator[None]:
             raise full
 
 
-def _preview(results: RunResults, film: Path | None, scratch: Path, *, progress: Progress) -> Preview | None:
+def _preview(results: RunResults, film: AnyPath | None, scratch: Path, *, progress: Progress) -> Preview | None:
     frames = results.first_of("markers", "angle")
     if film is None or frames is None:
         return None
-    return write_preview(film, scratch / "preview.mp4", frame_count=len(frames), progress=progress)
+    return write_preview(Path(film), scratch / "preview.mp4", frame_count=len(frames), progress=progress)
 
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
@@ -229,9 +228,8 @@ def _log_film(stream: rr.RecordingStream, results: RunResults, preview: Preview 
         )
     else:
         chosen = np.arange(0, len(table), max(1, -(-len(table) // MOST_FRAMES)))
-    if results.markers is not None:
-        drawn = overlays(results, chosen, scale=1.0 if preview is None else preview.scale)
-        log_overlays(stream, drawn, times(chosen, time_s))
+    drawn = overlays(results, chosen, scale=1.0 if preview is None else preview.scale)
+    log_overlays(stream, drawn, times(chosen, time_s))
 
 
 def times(frame: Ints, time_s: Floats) -> list[rr.TimeColumn]:

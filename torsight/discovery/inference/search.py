@@ -60,6 +60,7 @@ class Search:
         """Return the plain model and the sets that grew out of the best ones."""
         first = self.fits.plain()
         self._keep([first])
+        self._problem.get_ready()
         for size in range(1, self._settings.most + 1):
             if size > 1:
                 # Floor and correlation have changed since these sets were fitted.

@@ -73,15 +73,12 @@ class Camera(Pictures):
                     stop.wait(0.01)
                     continue
                 last = now
-                taken_s, missed = clock.of(now, self._driver_s())
+                taken_s, missed = clock.of(now, 1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC))
                 read, picture = self._capture.retrieve()
                 luma = _luma(picture) if read else None
                 yield Picture(taken_s - clock.begin_s, luma, not read, arrived_s=taken_s, missed=missed)
         finally:
             self._capture.release()
-
-    def _driver_s(self) -> float:
-        return float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 
 
 def _luma(picture: Any) -> NDArray[np.uint8]:

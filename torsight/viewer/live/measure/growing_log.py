@@ -20,12 +20,10 @@ from sync.log.column_names import (
     ChosenColumns,
     LogColumn,
     columns_note,
-    missing_column,
     resolve,
 )
-from sync.log.header import find_columns, is_row_of_numbers, require_columns, split_line, units_row
+from sync.log.header import find_columns, is_row_of_numbers, require_all, require_columns, split_line, units_row
 from sync.log.wall_clock import RunningTimestamps
-from torsight.core.errors import InputError
 from torsight.core.files.storage import is_parquet, read_table
 
 OPTIONAL: Final = ("heat_a", "heat_b")
@@ -95,8 +93,7 @@ class LogFollower:
         table = read_table(self.path)
         header = table.head(0).to_csv(index=False).strip()
         if not self._is_header(header):
-            self._nearest = 0, [str(name) for name in table.columns]
-            raise self._no_header()
+            self._refuse([str(name) for name in table.columns])
         self._may_be_units = False
         lines = table.to_csv(index=False, header=False).splitlines()
         return [row for line in lines if (row := self._row(line)) is not None]
@@ -164,13 +161,11 @@ class LogFollower:
             if len(columns) > self._nearest[0]:
                 self._nearest = len(columns), names
             if len(names) >= 2 and is_row_of_numbers(text):
-                raise self._no_header()
+                self._refuse(self._nearest[1])
 
-    def _no_header(self) -> InputError:
-        names = self._nearest[1]
-        columns = require_columns(resolve(names, self._chosen), where=str(self.path))
-        missing = next(role for role in self._chosen.required if role not in columns)
-        return missing_column(names, self._chosen, missing, where=str(self.path))
+    def _refuse(self, names: Sequence[str]) -> None:
+        """Refuse a header with these names."""
+        require_all(names, resolve(names, self._chosen), self._chosen, where=str(self.path))
 
     def _is_header(self, text: str) -> bool:
         """Take the columns of a line if it names all required ones; return whether it does."""

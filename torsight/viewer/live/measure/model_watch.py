@@ -10,7 +10,7 @@ from array import array
 from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, Final
 
@@ -86,9 +86,9 @@ class ModelNews:
     from then on.
     """
 
-    time_s: Floats
-    angle_rad: Floats
-    residual_rad: Floats
+    time_s: Floats = field(default_factory=lambda: np.empty(0))
+    angle_rad: Floats = field(default_factory=lambda: np.empty(0))
+    residual_rad: Floats = field(default_factory=lambda: np.empty(0))
     half_cycles: tuple[HalfCycleBegin, ...] = ()
     friction: dict[str, Any] | None = None
     values: Mapping[str, float] | None = None
@@ -103,7 +103,6 @@ def model_of(
     from torsight.actuator.model import ActuatorModel
 
     time_s, angle, sigma, temp_a, temp_b, heat_a, heat_b = columns
-    nothing = np.empty(0)
     switched = bool(np.isfinite(heat_a).all() and np.isfinite(heat_b).all())
     table = SyncedTable(
         time_s=time_s,
@@ -126,7 +125,7 @@ def model_of(
             values, estimate = fit.values, fit.estimates["tau_c_mnm"].to_json()
         simulation = model.simulate(drive, values)
     except TorsightError as error:
-        return ModelNews(nothing, nothing, nothing, trouble=str(error))
+        return ModelNews(trouble=str(error))
     return ModelNews(
         drive.time_s,
         simulation.angle_rad,
@@ -238,8 +237,7 @@ class ModelWatch:
             self.broken = True
             return None
         except Exception as error:  # noqa: BLE001 - whatever ails the model, the measurement goes on
-            nothing = np.empty(0)
-            return ModelNews(nothing, nothing, nothing, trouble=f"{type(error).__name__}: {error}")
+            return ModelNews(trouble=f"{type(error).__name__}: {error}")
         if len(news.half_cycles) > self._half_cycles:
             self._half_cycles = len(news.half_cycles)
             self._fit_next = True
