@@ -193,7 +193,7 @@ def test_rows_beside_lost_frames_stand_for_their_own_instant():
 @pytest.mark.parametrize("rows", [0, 5])
 def test_too_few_rows(rows):
     nothing = np.zeros(rows)
-    with pytest.raises(InputError, match="too short|has no rows"):
+    with pytest.raises(InputError, match=r"too short|has no rows"):
         prepare_table(SyncedTable(np.arange(rows, dtype=float), nothing, nothing, nothing, nothing))
 
 
