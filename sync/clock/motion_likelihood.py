@@ -13,7 +13,7 @@ from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weig
 from sync.clock.offset_search import ALIKE, OffsetRange, assign, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import refine, scan
-from sync.log.outliers import noise_c
+from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
 from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
@@ -278,7 +278,13 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
         )
         temperature = inputs.log.temp_c(segment.spring)
         changepoint = heating_end(
-            inputs.log, segment, cooling, noise=noise_c(temperature), lag_s=inputs.lag.value_s, split=inputs.lag.split
+            inputs.log,
+            segment,
+            cooling,
+            noise=noise_c(temperature),
+            rounding=rounding_c(temperature),
+            lag_s=inputs.lag.value_s,
+            split=inputs.lag.split,
         )
         if changepoint is None:
             continue
