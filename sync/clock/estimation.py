@@ -19,6 +19,7 @@ from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
 from sync.clock.motion_likelihood import MotionLikelihood
 from sync.clock.offset_search import ALIKE, find_ranges
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
+from sync.clock.threshold_likelihood import SCATTERS_C
 from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
@@ -297,6 +298,11 @@ def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
         notes.append(
             f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes have no heating or cooling "
             f"that explains them: look for a piece of the log that is missing or stands at a wrong time"
+        )
+    if likelihood.scatter_c >= SCATTERS_C[-1]:
+        notes.append(
+            f"strokes of one kind pass the same angle at temperatures that scatter by {likelihood.scatter_c:.2g} °C or "
+            "more, on most rigs by hundredths: check that film and log are of one experiment"
         )
     weights = np.array([gaussian.log_weight for gaussian in likelihood.mixture])
     offsets = np.array([gaussian.mean[0] for gaussian in likelihood.mixture])

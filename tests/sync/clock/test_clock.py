@@ -76,6 +76,12 @@ def test_a_hold_that_is_read_too_cold_by_rounding_moves_no_clock(seed):
     assert high - low < 7.2
 
 
+def test_a_log_of_another_day_is_doubted():
+    (angles, log), (_, other) = (records(make_pair(seed)) for seed in (3, 6))
+    assert not any("one experiment" in note for note in estimate_clock(angles, log).notes)
+    assert any("film and log are of one experiment" in note for note in estimate_clock(angles, other).notes)
+
+
 def test_one_rate_and_no_stop_gives_a_wide_interval():
     cycles = programme(7, rates=(0.12, 0.12001), incomplete=False)
     pair = make_pair(7, cycles=cycles, offset_s=25.0)
