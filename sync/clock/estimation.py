@@ -144,10 +144,13 @@ def _find(
     if light is not None and given_offset_s is None:
         return _from_led(angles, reading, light, prior)
     weighed = weigh_restarts(angles, reading, prior=prior)
+    doubts: tuple[str, ...] = ()
+    if given_offset_s is not None:
+        doubts = _against_motion(angles, reading, given_offset_s, drift_known=drift_known)
     if given_offset_s is not None and drift_known:
         exact = (given_offset_s, given_offset_s), (0.0, 0.0)
-        clock = ClockMap(given_offset_s, 0.0, *exact, f"{GIVEN_OFFSET} and drift", _restart_notes(weighed))
-        return Found(clock, weighed.reading)
+        notes = (*doubts, *_restart_notes(weighed))
+        return Found(ClockMap(given_offset_s, 0.0, *exact, f"{GIVEN_OFFSET} and drift", notes), weighed.reading)
     likelihood = weighed.likelihood
     if given_offset_s is None:
         _require_seconds(angles, weighed.reading.log, likelihood)
@@ -155,15 +158,34 @@ def _find(
         if given_offset_s is None:
             raise _unknown(angles, reading.log)
         interval = (-REACH * PRIORS.drift_sigma_ppm, REACH * PRIORS.drift_sigma_ppm)
-        notes = ("drift is not known and taken as none", *_restart_notes(weighed))
+        notes = (*doubts, "drift is not known and taken as none", *_restart_notes(weighed))
         exact_offset = (given_offset_s, given_offset_s)
         return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, GIVEN_OFFSET, notes), weighed.reading)
     if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
     method = f"{GIVEN_OFFSET}; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
     clock = clock_of(likelihood.mixture, middle_s=likelihood.middle_s, method=method)
-    clock = replace(clock, notes=(*_notes(likelihood, clock), *_restart_notes(weighed)))
-    return Found(clock if given_offset_s is not None else _coarse(clock, reading.coarse_s), weighed.reading)
+    clock = replace(clock, notes=(*doubts, *_notes(likelihood, clock), *_restart_notes(weighed)))
+    if given_offset_s is not None:
+        return Found(replace(clock, offset_s=given_offset_s), weighed.reading)
+    return Found(_coarse(clock, reading.coarse_s), weighed.reading)
+
+
+def _against_motion(
+    angles: StickAngles, reading: LogReading, given_offset_s: float, *, drift_known: bool
+) -> tuple[str, ...]:
+    """Return the note on a given offset outside the interval from motion and temperature alone, if it is outside."""
+    prior = _given(None, drift_known=True) if drift_known else None
+    alone = weigh_restarts(angles, reading, prior=prior).likelihood
+    if alone is None:
+        return ()
+    clock = clock_of(alone.mixture, middle_s=alone.middle_s)
+    low, high = clock.offset_ci95_s
+    if low <= given_offset_s <= high:
+        return ()
+    alone_text = f"{clock.offset_s:.3f} s (95 %: {low:.3f} to {high:.3f})"
+    causes = "check the given one and its sign (temperature time minus film time); a missing effect may also be late"
+    return (f"motion and temperature alone give an offset of {alone_text}: {causes}",)
 
 
 def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prior: Gaussian | None) -> Found:

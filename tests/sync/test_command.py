@@ -208,3 +208,12 @@ def test_a_failed_sync_says_that_the_table_is_an_earlier_one(pair, tmp_path, cap
     assert leave(*command, str(tmp_path)) == 3
     assert "merged.csv is that of an earlier sync" in capsys.readouterr().err
     assert (tmp_path / "merged.csv").read_bytes() == before
+
+
+@pytest.mark.parametrize("drift", [{}, {"drift_ppm": 0.0}])
+def test_a_given_offset_that_the_motion_contradicts_is_told(pair, tmp_path, drift):
+    for given, told in ((OFFSET_S, False), (-OFFSET_S, True)):
+        run(pair, tmp_path, offset_s=given, **drift)
+        content = json.loads((tmp_path / "sync.json").read_text())
+        assert content["offset_s"]["value"] == given
+        assert any("check the given one and its sign" in note for note in content["notes"]) == told
