@@ -118,7 +118,7 @@ def judge_pair(*, pairs: int, epipolar_px: float, baseline_share: float) -> Verd
             _Criterion("pairs:", pairs, 8, 4, text="{:.0f}", limit="{:.0f}", do="take more pairs"),
             _Criterion(
                 "epipolar error", epipolar_px, 0.5, 1.0, text="is {:.2f} px", limit="{:.2g} px",
-                do="release both cameras at one instant, hold the board still, move no camera",
+                do="give both sides in one order, release both cameras at once, hold the board still, move no camera",
             ),
             _Criterion(
                 "baseline", 100.0 * baseline_share, 0.5, 2.0,

@@ -19,6 +19,7 @@ from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
 from sync.clock.motion_likelihood import MotionLikelihood
 from sync.clock.offset_search import ALIKE, find_ranges
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
+from sync.clock.threshold_likelihood import SCATTERS_C
 from sync.led.led_events import LightEvents
 from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
@@ -143,10 +144,13 @@ def _find(
     if light is not None and given_offset_s is None:
         return _from_led(angles, reading, light, prior)
     weighed = weigh_restarts(angles, reading, prior=prior)
+    doubts: tuple[str, ...] = ()
+    if given_offset_s is not None:
+        doubts = _against_motion(angles, reading, given_offset_s, drift_known=drift_known)
     if given_offset_s is not None and drift_known:
         exact = (given_offset_s, given_offset_s), (0.0, 0.0)
-        clock = ClockMap(given_offset_s, 0.0, *exact, f"{GIVEN_OFFSET} and drift", _restart_notes(weighed))
-        return Found(clock, weighed.reading)
+        notes = (*doubts, *_restart_notes(weighed))
+        return Found(ClockMap(given_offset_s, 0.0, *exact, f"{GIVEN_OFFSET} and drift", notes), weighed.reading)
     likelihood = weighed.likelihood
     if given_offset_s is None:
         _require_seconds(angles, weighed.reading.log, likelihood)
@@ -154,15 +158,34 @@ def _find(
         if given_offset_s is None:
             raise _unknown(angles, reading.log)
         interval = (-REACH * PRIORS.drift_sigma_ppm, REACH * PRIORS.drift_sigma_ppm)
-        notes = ("drift is not known and taken as none", *_restart_notes(weighed))
+        notes = (*doubts, "drift is not known and taken as none", *_restart_notes(weighed))
         exact_offset = (given_offset_s, given_offset_s)
         return Found(ClockMap(given_offset_s, 0.0, exact_offset, interval, GIVEN_OFFSET, notes), weighed.reading)
     if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
     method = f"{GIVEN_OFFSET}; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
     clock = clock_of(likelihood.mixture, middle_s=likelihood.middle_s, method=method)
-    clock = replace(clock, notes=(*_notes(likelihood, clock), *_restart_notes(weighed)))
-    return Found(clock if given_offset_s is not None else _coarse(clock, reading.coarse_s), weighed.reading)
+    clock = replace(clock, notes=(*doubts, *_notes(likelihood, clock), *_restart_notes(weighed)))
+    if given_offset_s is not None:
+        return Found(replace(clock, offset_s=given_offset_s), weighed.reading)
+    return Found(_coarse(clock, reading.coarse_s), weighed.reading)
+
+
+def _against_motion(
+    angles: StickAngles, reading: LogReading, given_offset_s: float, *, drift_known: bool
+) -> tuple[str, ...]:
+    """Return the note on a given offset outside the interval from motion and temperature alone, if it is outside."""
+    prior = _given(None, drift_known=True) if drift_known else None
+    alone = weigh_restarts(angles, reading, prior=prior).likelihood
+    if alone is None:
+        return ()
+    clock = clock_of(alone.mixture, middle_s=alone.middle_s)
+    low, high = clock.offset_ci95_s
+    if low <= given_offset_s <= high:
+        return ()
+    alone_text = f"{clock.offset_s:.3f} s (95 %: {low:.3f} to {high:.3f})"
+    causes = "check the given one and its sign (temperature time minus film time); a missing effect may also be late"
+    return (f"motion and temperature alone give an offset of {alone_text}: {causes}",)
 
 
 def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prior: Gaussian | None) -> Found:
@@ -297,6 +320,11 @@ def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
         notes.append(
             f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes have no heating or cooling "
             f"that explains them: look for a piece of the log that is missing or stands at a wrong time"
+        )
+    if likelihood.scatter_c >= SCATTERS_C[-1]:
+        notes.append(
+            f"strokes of one kind pass the same angle at temperatures that scatter by {likelihood.scatter_c:.2g} °C or "
+            "more, on most rigs by hundredths: check that film and log are of one experiment"
         )
     weights = np.array([gaussian.log_weight for gaussian in likelihood.mixture])
     offsets = np.array([gaussian.mean[0] for gaussian in likelihood.mixture])

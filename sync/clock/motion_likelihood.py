@@ -12,8 +12,8 @@ from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussia
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, OffsetRange, assign, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
-from sync.clock.threshold_likelihood import refine, scan
-from sync.log.outliers import noise_c
+from sync.clock.threshold_likelihood import refine, scan, scatter_c
+from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
 from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
@@ -30,7 +30,8 @@ class MotionLikelihood:
 
     ``lag`` is the distribution of the sensor's lag. ``strokes``, ``matched`` and ``stops`` count the film's strokes,
     those with a segment, and the abrupt stops that are paired with a changepoint. ``ranges`` are the possible ranges of
-    the offset; ``swapped`` is true where the motion fits better with the springs exchanged.
+    the offset; ``swapped`` is true where the motion fits better with the springs exchanged. ``scatter_c`` is the
+    scatter of the temperatures at which strokes of one kind pass the same angle.
     """
 
     mixture: tuple[Gaussian, ...]
@@ -41,6 +42,7 @@ class MotionLikelihood:
     stops: int
     ranges: tuple[OffsetRange, ...]
     swapped: bool
+    scatter_c: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +111,7 @@ def motion_likelihood(
         stops=best.stops,
         ranges=ranges,
         swapped=swapped,
+        scatter_c=best.scatter_c,
     )
 
 
@@ -118,6 +121,7 @@ class _Weighed:
     middle_s: float
     matched: int
     stops: int
+    scatter_c: float
 
     @property
     def weight(self) -> float:
@@ -154,7 +158,9 @@ def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -
             if prior is not None:
                 gaussian = _with_prior(gaussian, prior, crossings.middle_s)
             mixture += _with_stops(gaussian, paired, inputs, crossings.middle_s)
-    return _Weighed(mixture, crossings.middle_s, matched, len(paired))
+    likeliest = max(delays, key=lambda delay: delay.log_weight)
+    scatter = scatter_c(crossings, inputs.signals, clock=likeliest, lag_s=assumed_s, gaps=inputs.gaps)
+    return _Weighed(mixture, crossings.middle_s, matched, len(paired), scatter)
 
 
 def _possible(
@@ -278,7 +284,13 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
         )
         temperature = inputs.log.temp_c(segment.spring)
         changepoint = heating_end(
-            inputs.log, segment, cooling, noise=noise_c(temperature), lag_s=inputs.lag.value_s, split=inputs.lag.split
+            inputs.log,
+            segment,
+            cooling,
+            noise=noise_c(temperature),
+            rounding=rounding_c(temperature),
+            lag_s=inputs.lag.value_s,
+            split=inputs.lag.split,
         )
         if changepoint is None:
             continue

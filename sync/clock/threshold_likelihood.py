@@ -192,17 +192,43 @@ def scan(
     return log_likelihood
 
 
+def scatter_c(
+    crossings: ThresholdCrossings, signals: LogSignals, *, clock: Gaussian, lag_s: float, gaps: Sequence[UnknownGap]
+) -> float:
+    """Return the most probable scatter of the temperature at which strokes pass an angle, with the clock at its mean.
+
+    The scatters of heatings and of coolings are estimated separately, and the larger one is returned.
+    """
+    at = clock.mean
+    halves = _halves(crossings, _wire(crossings, signals, at, gaps, lag_s), at)
+    best = [
+        int(
+            np.argmax(
+                [weight - 0.5 * (square - 2.0 * right @ at + at @ known @ at) for known, right, square, weight in half]
+            )
+        )
+        for half in halves
+    ]
+    return SCATTERS_C[max(best, default=0)]
+
+
 def _linear(
     crossings: ThresholdCrossings, wire: _Wire, point: Floats, prior: Gaussian, *, every: int = 1
 ) -> list[Gaussian]:
     """Return the solutions with temperatures linearised around a point, for each pair of scatters."""
+    keep = wire.known
+    density = _density(crossings.stroke[keep], crossings.kind[keep], wire.rate_c_s[keep])
+    return _combined(_halves(crossings, wire, point, every=every), prior, log_weight=density)
+
+
+def _halves(crossings: ThresholdCrossings, wire: _Wire, point: Floats, *, every: int = 1) -> list[list[_Half]]:
+    """Return the normal equations of heatings and of coolings for each scatter, linearised around a point."""
     keep = wire.known
     rate = wire.rate_c_s[keep]
     jacobian = rate[:, None] * wire.columns[keep]
     # y + J (p - point) = curve + scatter, seen as data d = y - J point with design -J. The prior of the curve has its
     # mean at 50 °C, between a room and the end of a heating.
     data = wire.temp_c[keep] - jacobian @ point - 50.0
-    density = _density(crossings.stroke[keep], crossings.kind[keep], rate)
     common = crossings.common_c2[np.ix_(keep, keep)] + np.diag(wire.variance[keep])
     heating = crossings.heating[keep]
     scatter = crossings.scatter[np.ix_(keep, keep)]
@@ -214,7 +240,7 @@ def _linear(
             own, alike, going = (one[np.ix_(rows, rows)] for one in (common, scatter, with_rate))
             totals = ((c, own + c**2 * (alike + _cause(c) ** 2 * going)) for c in SCATTERS_C[::every])
             halves.append([_half(total, jacobian[rows], data[rows], c) for c, total in totals])
-    return _combined(halves, prior, log_weight=density)
+    return halves
 
 
 def _with_rate(kind: Ints, rate: Floats, heating: Flags) -> Floats:

@@ -1,7 +1,8 @@
 """Delimited text as instruments and spreadsheets write it: delimiter, decimal sign, preamble, broken rows.
 
 A decimal comma is read as one only where nothing else is possible: commas do not separate the fields, and at least
-one number has other than three digits after its comma (``1,234`` alone might be a thousand and more).
+one number cannot be written with a thousands sign (``1,234`` seconds alone might be a thousand and more, a spring of
+``23,360`` degrees can only have been 23.36).
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _COMMA_NUMBER: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,\d+(?![\d.,])")
-_SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?\d+,(?:\d{1,2}|\d{4,})(?![\d.,])")
+_SURE_COMMA: Final = re.compile(r"(?<![\d.,:])[-+]?(?:\d+,(?:\d{1,2}|\d{4,})|(?:0\d*|\d{4,}),\d{3})(?![\d.,])")
+"""A number with a comma where no thousands sign can be: before other than three digits, after a zero or four digits."""
 _QUOTED_NUMBER: Final = re.compile(r'"\s*([-+]?\d+),(\d+)\s*"')
 _BOTH_SIGNS: Final = re.compile(r"\d\.\d{3},\d|\d,\d{3}\.\d")
 _BLANKS: Final = re.compile(r"[ \t]+")
@@ -82,7 +84,7 @@ def read_text_table(path: Path, chosen: ChosenColumns) -> TextTable:
         columns = require_columns(units, where=f"{path}, Y_Unit_Label")
     body = _whole_rows(rows, len(header.names), delimiter, path=path, first_line=first + 1, repairs=repairs)
     places = [column.index for column in columns.values()]
-    decimal = labview.decimal or _decimal(body, delimiter, places, path=path, first_line=first + 1, repairs=repairs)
+    decimal = labview.decimal or _decimal(body, delimiter, columns, path=path, first_line=first + 1, repairs=repairs)
     frame = _parsed(body, list(header.names), delimiter, decimal, path=path)
     labview.fill_times(frame, columns["time"].index, repairs)
     if decimal == ",":
@@ -202,16 +204,24 @@ def _fault(line: str, columns: int, delimiter: str) -> str:
 
 
 def _decimal(
-    body: Sequence[str], delimiter: str, columns: Sequence[int], *, path: Path, first_line: int, repairs: list[Repair]
+    body: Sequence[str],
+    delimiter: str,
+    columns: Mapping[str, LogColumn],
+    *,
+    path: Path,
+    first_line: int,
+    repairs: list[Repair],
 ) -> str:
     """Return the decimal sign of the given columns; ambiguous numbers are refused."""
-    numbers = _with_comma(body, delimiter, columns)
+    numbers = _with_comma(body, delimiter, [column.index for column in columns.values()])
     signs = ((line, _COMMA_NUMBER.search(text) or _BOTH_SIGNS.search(text)) for line, text in numbers.items())
     line, first = next(((line, match) for line, match in signs if match is not None), (0, None))
     if first is None:
         return "."
     whole = "\n".join(numbers.values())
-    if _BOTH_SIGNS.search(whole) or not _SURE_COMMA.search(whole):
+    # No spring has a temperature of a thousand and more.
+    readings = "\n".join(_with_comma(body, delimiter, [columns[spring].index for spring in "ab"]).values())
+    if _BOTH_SIGNS.search(whole) or not (_SURE_COMMA.search(whole) or _COMMA_NUMBER.search(readings)):
         raise InputError(
             "has numbers whose comma can be a decimal sign or a thousands sign",
             where=f"{path}, line {line + first_line}",

@@ -78,11 +78,26 @@ def in_range(temp_c: Floats) -> Floats:
 
 
 def noise_c(temp_c: Floats) -> float:
-    """Return the noise of one reading, °C, from second differences (robust against corners and spikes)."""
+    """Return the noise of one reading, °C, from second differences (robust against corners and spikes).
+
+    Of readings that are rounded more coarsely than they are noisy, this is the error of rounding.
+    """
     known = temp_c[np.isfinite(temp_c)]
     if len(known) < 8:
         return 0.0
-    return scatter(known, order=2)
+    return scatter(known, order=2) or rounding_c(known)
+
+
+def rounding_c(temp_c: Floats) -> float:
+    """Return the standard deviation of the rounding, °C, of readings that do not differ by noise; 0 for others.
+
+    Where noise changes the last digit from reading to reading, a mean rounds much less; without noise the readings of a
+    constant temperature are all rounded alike.
+    """
+    known = temp_c[np.isfinite(temp_c)]
+    step = np.abs(np.diff(known))
+    step = step[step > 0.0]
+    return float(np.median(step)) / math.sqrt(12.0) if len(step) and scatter(known, order=2) == 0.0 else 0.0
 
 
 def spikes(time_s: Floats, temp_c: Floats) -> Flags:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sync.log.column_names import chosen_columns
-from sync.log.log_table import NEEDED_NAMES, read_log_table
+from sync.log.log_table import NEEDED_NAMES, LogTable, read_log_table
 from sync.log.outliers import RANGE_C, clean_channel, in_range
 from sync.log.repairs import LogReading, Repair
 from sync.log.restart_gaps import SHORTEST_STRETCH_S, join_blocks
@@ -88,7 +88,8 @@ def read_temperature_log(
             value=f"{ordered.time_s[0]:g}",
             do="record it again, with a clock that runs",
         )
-    series = {str(name): frame[name] for name in frame.columns if name != "time_s"}
+    unread = {"time_s", *_no_switches(table, path=path, repairs=repairs)}
+    series = {str(name): frame[name] for name in frame.columns if name not in unread}
     timestamps, numbers, texts = _distinct(ordered, series, first_line=first_line, repairs=repairs)
     readings = [in_range(numbers[name]) for name in NEEDED_NAMES[1:]]
     time_s, restarts = join_blocks(timestamps.time_s, timestamps.block, readings)
@@ -214,6 +215,29 @@ def _spread(ordered: OrderedTimestamps, group: Ints, first: Ints) -> OrderedTime
     rank = np.arange(len(group)) - first[group]
     time_s = ordered.time_s + width[group] * rank / size[group]
     return OrderedTimestamps(ordered.row, time_s, ordered.block, ordered.repairs)
+
+
+def _no_switches(table: LogTable, *, path: Path, repairs: list[Repair]) -> list[str]:
+    """Return the columns whose names look like a switch's but which hold other numbers than 0 and 1.
+
+    Raises InputError for such a number where the user or the contract says that the column is a switch.
+    """
+    import pandas as pd
+
+    others: list[str] = []
+    for name in (one for one in _SWITCHES if one in table.columns):
+        state = pd.to_numeric(table.frame[name], errors="coerce").to_numpy(np.float64, na_value=np.nan)
+        wrong = np.flatnonzero(np.isfinite(state) & ~np.isin(state, (0.0, 1.0)))
+        if not len(wrong):
+            continue
+        column, line, value = table.columns[name], int(wrong[0]) + table.first_line, f"{state[wrong[0]]:g}"
+        if not column.guessed:
+            where = f"{path}, line {line}, column {column.name}"
+            raise InputError("is no switch", where=where, value=value, limit="0 or 1", do="write 1 where it is on")
+        others.append(name)
+        text = f"'{column.name}' is no heating switch: {value} on line {line} is neither 0 nor 1; not used"
+        repairs.append(Repair("no_switch", len(wrong), text))
+    return others
 
 
 def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict[str, Flags]:

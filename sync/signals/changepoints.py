@@ -9,7 +9,7 @@ the lag where the power is cut abruptly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -266,6 +266,7 @@ def heating_end(
     cooling: Changepoint | None,
     *,
     noise: float,
+    rounding: float,
     lag_s: float | None,
     split: float,
 ) -> Changepoint | None:
@@ -273,7 +274,7 @@ def heating_end(
 
     ``lag_s`` is the roundness of the log's sharp changepoints, if known; the lag of this changepoint is then fitted,
     too. Where a hold follows, the end is the changepoint between ramp and hold; else it is the beginning of the
-    cooling.
+    cooling. ``rounding`` is the error, °C, that all readings of the hold have in common.
     """
     temp_c = log.temp_c(segment.spring)
     off_s = cooling.time_s if cooling is not None else segment.end_s
@@ -308,7 +309,11 @@ def heating_end(
         after_s=hold_s + reach_s,
         noise=noise,
     )
-    return None if changepoint is None or changepoint.time_sigma_s > 2.0 else changepoint
+    if changepoint is None:
+        return None
+    # The ramp reaches the hold's level earlier or later by the error of that level.
+    sigma_s = float(np.hypot(changepoint.time_sigma_s, rounding / rate))
+    return None if sigma_s > 2.0 else replace(changepoint, time_sigma_s=sigma_s)
 
 
 def lagged_ramp(x_s: Floats, lag_s: Floats | float, split: float) -> Floats:

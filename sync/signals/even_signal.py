@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from torsight.core.series import scatter, usual_step
+from sync.log.outliers import noise_c
+from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats
 
 WINDOW_S: Final = 2.0
@@ -84,7 +85,7 @@ def even_signal(
     slope_points = points if slope_window_s is None else _odd(slope_window_s / step_s, count)
     smooth, value_spread = _local_parabola(filled, points, slope=False)
     slope, slope_spread = _local_parabola(filled, slope_points, slope=True)
-    noise = _noise(there)
+    noise = noise_c(there)
     scale = noise / np.sqrt(per_point)
     return EvenSignal(
         start_s=float(at_s[0]),
@@ -134,12 +135,3 @@ def _binned(at_s: Floats, there: Floats, grid_s: Floats, step_s: float, filled: 
     # The mean of samples that are uneven in their bin is shifted along the local slope to the bin's middle.
     local = np.gradient(filled, step_s)
     return np.where(count > 0, mean + local * (grid_s - mean_s), filled)
-
-
-def _noise(value: Floats) -> float:
-    spread = scatter(value, order=2)
-    if spread > 0:
-        return spread
-    step = np.abs(np.diff(value))
-    # Coarsely rounded numbers: the error of rounding.
-    return float(np.median(step[step > 0]) / np.sqrt(12.0)) if (step > 0).any() else 0.0

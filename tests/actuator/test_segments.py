@@ -56,6 +56,21 @@ def test_the_same_spring_twice():
     assert half_cycles(log.temp_a_c, log.temp_b_c, heat_a=log.heat_a, heat_b=log.heat_b).springs == (0, 0, 1)
 
 
+@pytest.mark.parametrize("warm", [0.0, 0.3])
+@pytest.mark.parametrize(("name", "own", "other"), [("heat_a", "A", "B"), ("heat_b", "B", "A")])
+def test_a_switch_that_is_on_while_the_other_spring_warms_is_refused(name, own, other, warm):
+    log, _ = programme(HALVES)
+    a_c = log.temp_a_c + warm * (log.temp_b_c - 23.0)
+    b_c = log.temp_b_c + warm * (log.temp_a_c - 23.0)
+    never = np.zeros(len(log), np.bool_)
+    wrong = {"heat_a": never, "heat_b": never, name: log.heat_b if own == "A" else log.heat_a}
+    words = (
+        rf"m\.csv, column {name}: spring {other} warms while spring {own} is said to be heated; found rises of 1?\d\d\."
+    )
+    with pytest.raises(InputError, match=words):
+        half_cycles(a_c, b_c, **wrong, where="m.csv")
+
+
 @pytest.mark.parametrize("noise_deg", [0.0, 0.06])
 def test_a_half_cycle_begins_where_the_angle_jumps_before_heat_is_seen(noise_deg):
     log, _ = programme(HALVES)
@@ -178,7 +193,7 @@ def test_rows_beside_lost_frames_stand_for_their_own_instant():
 @pytest.mark.parametrize("rows", [0, 5])
 def test_too_few_rows(rows):
     nothing = np.zeros(rows)
-    with pytest.raises(InputError, match="too short"):
+    with pytest.raises(InputError, match=r"too short|has no rows"):
         prepare_table(SyncedTable(np.arange(rows, dtype=float), nothing, nothing, nothing, nothing))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,6 +78,14 @@ def test_a_start_that_is_further_than_the_springs_are_wound_is_no_whole_turn(
     assert predicted.angle_rad[0] == pytest.approx(taken * DEG)
 
 
+@pytest.mark.parametrize("start", ["3.1", None, np.nan, [1.0], np.zeros(2)])
+def test_a_start_angle_is_a_number(model: ActuatorModel, record: SyncedTable, start: Any) -> None:
+    log = TemperatureLog(record.time_s, record.temp_a_c, record.temp_b_c)
+    for predict in (FittedModel(model, model.nominal()).predict, model.prepare_log):
+        with pytest.raises(ConfigError, match=r"first row: the start angle is no number; found .*; allowed a number"):
+            predict(log, start_angle_rad=start)
+
+
 def test_what_wound_the_springs_at_home_holds_for_logs_that_start_there(
     model: ActuatorModel, record: SyncedTable
 ) -> None:
@@ -93,7 +102,7 @@ def test_what_wound_the_springs_at_home_holds_for_logs_that_start_there(
     np.testing.assert_array_equal(predicted(0.3, elsewhere_rad), predicted(1.0, elsewhere_rad))
 
 
-@pytest.mark.parametrize("degrees", [135.0, -135.0, 1e6, np.nan])
+@pytest.mark.parametrize("degrees", [135.0, -135.0, 1e6])
 def test_degrees_are_not_taken_for_radians(model: ActuatorModel, record: SyncedTable, degrees: float) -> None:
     values = {parameter.name: parameter.value for parameter in model.parameters}
     fitted = fitted_model(model, values, model.prepare(record))

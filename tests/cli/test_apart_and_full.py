@@ -6,6 +6,9 @@ import inspect
 import re
 import shlex
 import shutil
+import subprocess
+import sys
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -14,9 +17,19 @@ import pytest
 
 from tests import command_line
 from tests.cli.bad_inputs import make_world
+from tests.core.test_lock import HOLD
 from tests.full_disk import full_disk
 from tests.fuzz.readers import READERS, TESTS, make_neighbours
 from torsight.cli.main import COMMANDS
+from torsight.core.files import lock
+
+LINE = """
+from torsight.discovery import parameter
+output = "angle_deg"
+parameters = [parameter("slope", -9.0), parameter("level", 600.0)]
+def predict(p, record):
+    return p.level + p.slope * record.temp_a_c
+"""
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +171,30 @@ def test_a_place_that_cannot_be_written_is_told_before_any_work(
 def test_no_command_that_writes_is_left_out() -> None:
     commands = {name: getattr(import_module(f"torsight.cli.{name}"), name) for name in COMMANDS}
     assert {name for name, one in commands.items() if "out" in inspect.signature(one).parameters} == set(NOWHERE)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "sync --angle {angle.csv} --temperature {temps.csv} --out {out}",
+        "fit {merged.csv} --actuator {actuator.toml} --out {out}",
+        "discover {merged.csv} --actuator {actuator.toml} --out {out}",
+        "missing {line.py} {merged.csv} --out {out}",
+    ],
+)
+def test_a_folder_that_another_process_fills_is_refused(
+    world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    """Two commands that write at the same time would leave files of both."""
+    monkeypatch.setattr(lock, "only_writer", partial(lock.only_writer, patience_s=0.1))
+    (world / "line.py").write_text(LINE)
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(world / "out")], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        assert leave(command, world) == 3
+        other.kill()
+    assert "out: is being filled by another torsight; allowed one at a time" in capsys.readouterr().err
+    assert [item.name for item in (world / "out").iterdir()] == [".lock"]
 
 
 def make_world_film(folder: Path) -> None:

@@ -30,3 +30,8 @@ def test_files_that_are_there_stay(tmp_path: Path) -> None:
         init(tmp_path)
     assert (tmp_path / "experiment.toml").read_text() == "mine"
     assert not (tmp_path / "actuator.toml").exists()
+
+
+def test_the_commands_that_it_names_can_be_copied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    init(tmp_path / "my rig")
+    assert f"torsight run '{tmp_path / 'my rig' / 'experiment.toml'}'" in capsys.readouterr().err

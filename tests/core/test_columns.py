@@ -69,6 +69,11 @@ def test_a_column_that_no_record_can_have_is_refused_where_it_is_given(column: s
         replace(TABLE, **{column: values})
 
 
+def test_a_record_without_rows_is_refused() -> None:
+    with pytest.raises(InputError, match=r"TemperatureLog: has no rows; allowed at least one"):
+        TemperatureLog(np.empty(0), np.empty(0), np.empty(0))
+
+
 def test_a_frame_number_is_whole() -> None:
     with pytest.raises(InputError, match=r"StickAngles, frame, row 1: is no whole number; found 0\.5"):
         replace(ANGLES, frame=[0.0, 0.5, 1.0, 2.0, 3.0])

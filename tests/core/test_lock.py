@@ -25,7 +25,10 @@ def test_the_folder_is_left_as_it_was(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with only_writer(folder), only_writer(folder, patience_s=0.0):
         assert [item.name for item in folder.iterdir()] == [".lock"]
-    assert list(folder.iterdir()) == []
+    assert not folder.exists()
+    with only_writer(folder):
+        (folder / "made").touch()
+    assert [item.name for item in folder.iterdir()] == ["made"]
 
 
 def test_a_second_process_is_refused_until_the_first_is_killed(tmp_path: Path) -> None:

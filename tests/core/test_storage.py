@@ -84,6 +84,12 @@ def test_a_full_disk_is_told(tmp_path: Path) -> None:
     assert target.read_text() == "old"
 
 
+def test_a_table_is_not_written_under_a_name_of_another_kind(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"has another suffix; found \.xlsx; allowed \.csv"):
+        write_table(tmp_path / "t.xlsx", {"time_s": np.arange(3.0)})
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_tables_come_back_as_they_were(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"table{suffix}"

@@ -196,3 +196,24 @@ def test_parquet_in_and_out(pair, tmp_path):
     assert again["temp_a_c"].to_numpy() == pytest.approx(from_csv.temp_a_c, nan_ok=True)
     written = pd.read_csv(tmp_path / "out" / "merged.csv")
     assert list(again.columns) == list(written.columns)
+
+
+def test_a_failed_sync_says_that_the_table_is_an_earlier_one(pair, tmp_path, capsys):
+    (tmp_path / "empty.csv").write_text("time_s,temp_a_c,temp_b_c\n")
+    command = ["sync", "--angle", str(pair / "angle.csv"), "--temperature", str(tmp_path / "empty.csv"), "--out"]
+    assert leave(*command, str(tmp_path / "new")) == 3
+    assert "earlier" not in capsys.readouterr().err
+    run(pair, tmp_path, offset_s=OFFSET_S)
+    before = (tmp_path / "merged.csv").read_bytes()
+    assert leave(*command, str(tmp_path)) == 3
+    assert "merged.csv is that of an earlier sync" in capsys.readouterr().err
+    assert (tmp_path / "merged.csv").read_bytes() == before
+
+
+@pytest.mark.parametrize("drift", [{}, {"drift_ppm": 0.0}])
+def test_a_given_offset_that_the_motion_contradicts_is_told(pair, tmp_path, drift):
+    for given, told in ((OFFSET_S, False), (-OFFSET_S, True)):
+        run(pair, tmp_path, offset_s=given, **drift)
+        content = json.loads((tmp_path / "sync.json").read_text())
+        assert content["offset_s"]["value"] == given
+        assert any("check the given one and its sign" in note for note in content["notes"]) == told

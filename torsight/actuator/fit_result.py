@@ -27,7 +27,7 @@ from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
 from torsight.core.words.plausible import require_turns
 from torsight.core.words.shown import Shown, draw_series
-from torsight.core.words.wording import counted, number, unexplained
+from torsight.core.words.wording import counted, listed, number, unexplained
 from torsight.core.words.wording import estimate as estimate_words
 
 _SILENT: Final = 0.9
@@ -277,13 +277,16 @@ def _begun_within(drive: Drive) -> list[str]:
 
 def _heated_again(drive: Drive) -> list[str]:
     """Return the notes on springs that are heated twice in a row, whose torque the model then does not describe."""
-    begins_s = drive.time_s[drive.cycles.begins]
+    begins_s = drive.time_s[drive.cycles.begins][1:]
+    again: dict[int, list[str]] = {}
+    for begin_s, (before, spring) in zip(begins_s, pairwise(drive.cycles.springs), strict=True):
+        if spring == before:
+            again.setdefault(spring, []).append(f"{begin_s:.0f}")
     return [
-        f"Spring {'AB'[spring]} is heated again at {begin_s:.0f} s although the other one has not wound it back: until "
-        "that has happened the model's angle may be off by more than 10°, which no effect explains; heat the springs "
-        "in turn"
-        for begin_s, (before, spring) in zip(begins_s[1:], pairwise(drive.cycles.springs), strict=True)
-        if spring == before
+        f"Spring {'AB'[spring]} is heated again at {listed(times_s)} s although the other one has not wound it back: "
+        "until that has happened the model's angle may be off by more than 10°, which no effect explains; heat the "
+        "springs in turn"
+        for spring, times_s in again.items()
     ]
 
 

@@ -14,7 +14,7 @@ from torsight.actuator.doubt import Doubt, doubt_from
 from torsight.actuator.drive import Drive, filled_in
 from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
-from torsight.actuator.model import ActuatorModel, PhaseLaw, too_far
+from torsight.actuator.model import ActuatorModel, PhaseLaw, require_start, too_far
 from torsight.actuator.ports import History
 from torsight.actuator.record.full_cycle import full_cycle
 from torsight.actuator.simulation import Prediction, Simulation
@@ -147,11 +147,12 @@ class FittedModel(Frozen, Shown):
         Raises
         ------
         ConfigError
-            When the start angle is outside half of the total winding.
+            When the start angle is no number, or outside half of the total winding.
         InputError
             When the log cannot drive the model.
         """
         require_kind(log, TemperatureLog, where=f"predict, {where}", do="read_log(path) gives one")
+        require_start(start_angle_rad, where=where)
         ahead_rad = 2.0 * np.pi * self._turns_of(start_angle_rad, where=where)
         whole, rows = filled_in(log)
         start_rad = start_angle_rad - ahead_rad

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
 from math import isfinite
+from numbers import Real
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -155,11 +156,12 @@ class ActuatorModel:
         Raises
         ------
         ConfigError
-            When the start is further than the springs are wound.
+            When the start is no number, or further than the springs are wound.
         InputError
             When the log cannot drive a model, or has times that are no seconds or temperatures that are not in °C.
         """
         require_kind(log, TemperatureLog, where=f"prepare_log, {where}", do="read_log(path) gives one")
+        require_start(start_angle_rad, where=where)
         reach_deg = self.spec.values["theta_p_deg"] / 2.0
         if not abs(start_angle_rad) < reach_deg * DEG:
             raise too_far(start_angle_rad, reach_deg, where=where)
@@ -276,6 +278,18 @@ class ActuatorModel:
     def _run_options(self, drive: Drive) -> dict[str, Any]:
         tanaka = self.phase_law == "tanaka"
         return {"start_angle_rad": drive.start_angle_rad, "tanaka": tanaka, "theta_l_deg": self.theta_l_deg}
+
+
+def require_start(start_angle_rad: object, *, where: str) -> None:
+    """Refuse a start angle that is no finite number."""
+    if not isinstance(start_angle_rad, Real) or not isfinite(start_angle_rad):
+        raise ConfigError(
+            "the start angle is no number",
+            where=f"{where}, first row",
+            value=repr(start_angle_rad),
+            limit="a number: degrees in a command, radians in Python",
+            do="give the angle as read at the first row",
+        )
 
 
 def too_far(start_angle_rad: float, wound_deg: float, *, where: str, turns: Iterable[int] = (0,)) -> ConfigError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 import sys
 import threading
 import time
@@ -70,6 +71,11 @@ def _compiles(frame: FrameType | None) -> bool:
     while frame is not None and not frame.f_globals.get("__name__", "").startswith("numba."):
         frame = frame.f_back
     return frame is not None
+
+
+def command(*words: object) -> str:
+    """Return a command of torsight as it is typed into a shell."""
+    return shlex.join(["torsight", *map(str, words)])
 
 
 def say(text: str) -> None:

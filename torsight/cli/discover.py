@@ -105,6 +105,7 @@ def discover_to_folder(
     others, and ``model.json`` continues from the end of the last.
     """
     from torsight.actuator import read_actuator
+    from torsight.core.files.lock import only_writer
     from torsight.discovery.discover import discover as find
     from torsight.discovery.together import discover_together
 
@@ -113,15 +114,16 @@ def discover_to_folder(
     require_one_rig(merged)
     spec = read_actuator(actuator)
     records, names = [read_merged(path) for path in merged], [str(path) for path in merged]
-    if len(records) == 1:
-        report = find(records[0], spec, seed=seed, progress=progress, where=names[0])
-        _write(report, out)
-        return report
-    joint = discover_together(records, spec, names=names, seed=seed, progress=progress)
-    _write(joint, out)
-    for k, record in enumerate(joint.records[1:], start=1):
-        write_table(out / curves_name(k), record.curves)
-    return joint
+    with only_writer(out):
+        if len(records) == 1:
+            report = find(records[0], spec, seed=seed, progress=progress, where=names[0])
+            _write(report, out)
+            return report
+        joint = discover_together(records, spec, names=names, seed=seed, progress=progress)
+        _write(joint, out)
+        for k, record in enumerate(joint.records[1:], start=1):
+            write_table(out / curves_name(k), record.curves)
+        return joint
 
 
 def require_one_rig(records: Sequence[Path]) -> None:
@@ -170,9 +172,11 @@ def explain_together(merged: Sequence[Path], actuator: Path, *, out: Path, seed:
 
 def _write_report(out: Path, *, progress: Progress) -> None:
     """Write the report; the plotting modules are imported only here, because they are slow to load."""
+    from torsight.core.files.lock import only_writer
     from torsight.report import write_report
 
-    write_report(out, progress=progress)
+    with only_writer(out):
+        write_report(out, progress=progress)
 
 
 def _write(report: DiscoveryReport, out: Path) -> None:

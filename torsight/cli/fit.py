@@ -88,16 +88,18 @@ def fit_to_folder(
     from torsight.actuator.fitted import fitted_model, write_model
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.spec import read_actuator
+    from torsight.core.files.lock import only_writer
     from torsight.discovery.model_fit import fit_model
 
     require_apart([out / "fit.json", out / "model.json"], [merged, actuator])
     model = ActuatorModel(read_actuator(actuator), effects)
     drive = model.prepare(read_merged(merged), where=str(merged))
-    result = fit_model(model, drive, progress=progress, where=str(merged))
-    write_json(out / "fit.json", result.to_json())
-    account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
-    fitted = fitted_model(result.model, result.values, drive, account=account, doubt=result.doubt)
-    write_model(out / "model.json", fitted)
+    with only_writer(out):
+        result = fit_model(model, drive, progress=progress, where=str(merged))
+        write_json(out / "fit.json", result.to_json())
+        account = {"rmse_deg": result.rmse_deg, "r2": result.r2, "made_by": "torsight fit"}
+        fitted = fitted_model(result.model, result.values, drive, account=account, doubt=result.doubt)
+        write_model(out / "model.json", fitted)
     if result.explains_nothing:
         what = "the fitted model is no better than a constant angle"
         say(f"torsight: {nothing_explained(what, result.r2, where=str(merged), more=f': {turns(result)}')}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.console import say
+from torsight.cli.console import command, say
 from torsight.core.errors import ConfigError
 from torsight.core.files.storage import write_text
 
@@ -33,5 +33,5 @@ def init(
         write_text(target, template.read_text(encoding="utf-8"))
         say(f"wrote {target}")
     experiment = folder / "experiment.toml"
-    say(f"Fill them in, then: torsight doctor {experiment}, and torsight run {experiment}")
+    say(f"Fill them in, then: {command('doctor', experiment)}, and {command('run', experiment)}")
     return Answer({"folder": str(folder)}, files=tuple(targets.values()))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.console import say
+from torsight.cli.console import command, say
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.tracks import MARKERS
@@ -69,7 +69,7 @@ def _page(source: Source, out: Path, *, port: int, wait_s: float, no_open: bool)
 
     with Server(port=port) as server:
         content = pick(server, Session(source, out=out), patience_s=wait_s, tell=tell)
-    say(f"wrote {out}; next: torsight track {source.name} --markers {out} --out results")
+    say(f"wrote {out}; next: {command('track', source.name, '--markers', out, '--out', 'results')}")
     return Answer(content, files=(out,))
 
 

@@ -49,6 +49,7 @@ def missing(
     from torsight.discovery.own.syntax import parsed
 
     parsed(model)  # before the imports, which take seconds
+    from torsight.core.files.lock import only_writer
     from torsight.discovery.own.answer.saved import write_model
     from torsight.discovery.own.find import find_missing
     from torsight.discovery.own.model.model_file import problem_of
@@ -56,8 +57,9 @@ def missing(
 
     require_apart([out / name for name in (*FILES, FAILURES)], [model, *records])
     require_each_once(records)
-    with progress_bar() as progress:
-        found = find_missing(problem_of(model, records), seed=seed, progress=progress)
+    problem = problem_of(model, records)
+    with only_writer(out), progress_bar() as progress:
+        found = find_missing(problem, seed=seed, progress=progress)
         _drop_laws(out)
         write_json(out / "discovery.json", found.to_json())
         write_model(out / "model.json", found.model(), model_file=model)

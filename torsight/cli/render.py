@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from torsight.cli.answer import Answer
-from torsight.cli.console import progress_bar, say
+from torsight.cli.console import command, progress_bar, say
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import read_toml
 
@@ -37,9 +37,10 @@ def render(
     if record:
         merged = record_scene(read, out=out)
         actuator = out / "actuator.toml"
-        say(f"recorded {scene} in {out}; analyse it with: torsight discover {merged} --actuator {actuator} --out {out}")
+        next_one = command("discover", merged, "--actuator", actuator, "--out", out)
+        say(f"recorded {scene} in {out}; analyse it with: {next_one}")
         return Answer({"merged": str(merged)}, files=(merged, actuator, out / "truth.toml"))
     with progress_bar() as progress:
         experiment = render_scene(read, out=out, progress=progress)
-    say(f"filmed {scene} into {out}; analyse it with: torsight run {experiment}")
+    say(f"filmed {scene} into {out}; analyse it with: {command('run', experiment)}")
     return Answer({"experiment": str(experiment)}, files=sorted(path for path in out.iterdir() if path.is_file()))

@@ -74,19 +74,24 @@ def sync(
     """
     given = {"offset_s": offset, "drift_ppm": drift_ppm, "max_gap_s": max_gap, "led_events": led_events, "led": led}
     settings = {key: value for key, value in given.items() if value is not None}
-    with progress_bar() as progress:
-        sync_to_folder(
-            angle,
-            temperature,
-            settings=settings,
-            out=out,
-            film=film,
-            timestamps=timestamps,
-            fps=fps,
-            table=table,
-            **said(columns, units),
-            progress=progress,
-        )
+    try:
+        with progress_bar() as progress:
+            sync_to_folder(
+                angle,
+                temperature,
+                settings=settings,
+                out=out,
+                film=film,
+                timestamps=timestamps,
+                fps=fps,
+                table=table,
+                **said(columns, units),
+                progress=progress,
+            )
+    except (InputError, NoResultError) as error:
+        if (out / "merged.csv").exists():
+            error.do = "; ".join(filter(None, (error.do, f"{out / 'merged.csv'} is that of an earlier sync")))
+        raise
     content = read_json(out / "sync.json")
     for line in summary_lines(content):
         say(line)
@@ -120,6 +125,7 @@ def sync_to_folder(
     from sync.log.timestamps import longest_gap_s
     from sync.merge.merged_table import require_overlap, sync_content
     from sync.merge.slow_motion import slow_motion_text
+    from torsight.core.files.lock import only_writer
     from tracker.frames.timing import timing
 
     steps = 4.0
@@ -132,28 +138,31 @@ def sync_to_folder(
     angles = read_angles(angle)
     reading = read_temperature_log(temperature, columns=columns, units=units)
     progress("one clock", 1.0, steps)
-    light = known.events
-    if known.led is not None:
-        light = _led_changes(known.led, film, timestamps, fps, out=out, progress=progress)
-    slow = slow_motion_text(
-        float(np.ptp(angles.time_s)), float(np.ptp(reading.log.time_s)), rate_fps=timing(angles.time_s).rate_fps
-    )
-    if slow is not None:
-        say(f"warning: {angle}: {slow[0]}; {slow[1]}")
-    try:
-        found = find_clock(angles, reading, given_offset_s=known.offset_s, given_drift_ppm=known.drift_ppm, light=light)
-    except (InputError, NoResultError) as error:
-        error.where = f"{angle} and {temperature}, {error.where}"
-        raise
-    clock, reading = found.clock, found.reading
-    progress("one clock", 2.0, steps)
-    max_gap_s = longest_gap_s(reading.log.time_s) if known.max_gap_s is None else known.max_gap_s
-    merged = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
-    require_overlap(merged, angles, reading.log, clock, where=str(temperature))
-    progress("one clock", 3.0, steps)
-    for path in [out / "merged.csv", *([] if table is None else [table])]:
-        write_merged(path, merged)
-    write_json(out / "sync.json", sync_content(clock, reading, merged, max_gap_s=max_gap_s))
+    with only_writer(out):
+        light = known.events
+        if known.led is not None:
+            light = _led_changes(known.led, film, timestamps, fps, out=out, progress=progress)
+        slow = slow_motion_text(
+            float(np.ptp(angles.time_s)), float(np.ptp(reading.log.time_s)), rate_fps=timing(angles.time_s).rate_fps
+        )
+        if slow is not None:
+            say(f"warning: {angle}: {slow[0]}; {slow[1]}")
+        try:
+            found = find_clock(
+                angles, reading, given_offset_s=known.offset_s, given_drift_ppm=known.drift_ppm, light=light
+            )
+        except (InputError, NoResultError) as error:
+            error.where = f"{angle} and {temperature}, {error.where}"
+            raise
+        clock, reading = found.clock, found.reading
+        progress("one clock", 2.0, steps)
+        max_gap_s = longest_gap_s(reading.log.time_s) if known.max_gap_s is None else known.max_gap_s
+        merged = merge(angles, reading.log, clock, max_gap_s=max_gap_s)
+        require_overlap(merged, angles, reading.log, clock, where=str(temperature))
+        progress("one clock", 3.0, steps)
+        for path in [out / "merged.csv", *([] if table is None else [table])]:
+            write_merged(path, merged)
+        write_json(out / "sync.json", sync_content(clock, reading, merged, max_gap_s=max_gap_s))
     progress("one clock", steps, steps)
     return merged
 

@@ -231,8 +231,10 @@ class SyncedTable(Columns, Shown):
 
 
 def _require_increasing(table: TemperatureLog | SyncedTable) -> None:
-    """Refuse times that are not finite or do not increase."""
+    """Refuse a table without rows, and times that are not finite or do not increase."""
     time_s = table.time_s
+    if len(time_s) == 0:
+        raise InputError("has no rows", where=type(table).__name__, limit="at least one", do="record it again")
     wrong = ~np.isfinite(time_s)
     wrong[1:] |= ~(time_s[1:] > time_s[:-1])
     for row in np.flatnonzero(wrong)[:1]:

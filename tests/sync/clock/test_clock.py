@@ -64,6 +64,24 @@ def test_a_lag_of_the_sensor_is_not_taken_for_an_offset():
     assert abs(clock.offset_s - 40.0) < 1.0
 
 
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_hold_that_is_read_too_cold_by_rounding_moves_no_clock(seed):
+    """The sensor's steps of 0.5 °C let 60 °C read as 59.85 °C, which a ramp of 0.1 °C/s reaches 1.5 s earlier."""
+    angles, log = records(make_pair(seed, rig=Rig(temp_noise_c=0.01), offset_s=40.0))
+    coarse = {name: 0.5 * np.round((getattr(log, name) - 0.35) / 0.5) + 0.35 for name in ("temp_a_c", "temp_b_c")}
+    clock = estimate_clock(angles, replace(log, **coarse))
+    low, high = clock.offset_ci95_s
+    assert low <= 40.0 <= high
+    # Twice the hold's error of 0.5 °C / √12 at the slowest of its two ramps is 3.6 s.
+    assert high - low < 7.2
+
+
+def test_a_log_of_another_day_is_doubted():
+    (angles, log), (_, other) = (records(make_pair(seed)) for seed in (3, 6))
+    assert not any("one experiment" in note for note in estimate_clock(angles, log).notes)
+    assert any("film and log are of one experiment" in note for note in estimate_clock(angles, other).notes)
+
+
 def test_one_rate_and_no_stop_gives_a_wide_interval():
     cycles = programme(7, rates=(0.12, 0.12001), incomplete=False)
     pair = make_pair(7, cycles=cycles, offset_s=25.0)

@@ -29,10 +29,25 @@ def test_decimal_commas_where_they_are_unambiguous(tmp_path):
 
 def test_comma_that_may_be_a_thousands_sign_is_refused(tmp_path):
     path = tmp_path / "temps.csv"
-    rows = "\n".join(f"{i};2{i % 10},125;23,500" for i in range(20))
-    path.write_text("time_s;temp_a_c;temp_b_c\n" + rows)
+    path.write_text("time_s;temp_a_c;temp_b_c\n" + "\n".join(f"{i + 1},250;24.5;23.5" for i in range(20)))
     with pytest.raises(InputError, match="thousands"):
         read_temperature_log(path)
+
+
+@pytest.mark.parametrize("time", ["{i},250", "{i}", "31.05.2024 10:00:0{i},250", "{i}000,250"])
+def test_three_decimals_of_a_temperature_are_no_thousands(tmp_path, time):
+    # LabVIEW's "%.3f" where the decimal sign is a comma: no spring has 23,500 degrees.
+    rows = "".join(f"{time.format(i=i)};2{i},125;23,500\n" for i in range(5))
+    (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c\n" + rows)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert reading.log.temp_a_c.tolist() == [20.125, 21.125, 22.125, 23.125, 24.125]
+    assert np.diff(reading.log.time_s).tolist() == [1000.0 if time == "{i}000,250" else 1.0] * 4
+
+
+def test_a_number_that_begins_with_zero_has_no_thousands(tmp_path):
+    rows = "".join(f"0,{i}25;24.5;25.5\n" for i in range(5))
+    (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c\n" + rows)
+    assert read_temperature_log(tmp_path / "t.csv").log.time_s.tolist() == [0.025, 0.125, 0.225, 0.325, 0.425]
 
 
 def test_decimal_commas_between_commas_are_refused(tmp_path):
@@ -125,9 +140,9 @@ def test_commas_and_points_in_one_column(tmp_path):
 
 
 def test_an_ambiguous_number_is_told_with_its_line(tmp_path):
-    rows = "0;24.5;25.5;1,5\n1;24.5;25.5;1,5\n2;24,125;25.5;1,5\n"
+    rows = "0;24.5;25.5;1,5\n1;24.5;25.5;1,5\n2,125;24.5;25.5;1,5\n"
     (tmp_path / "t.csv").write_text("time_s;temp_a_c;temp_b_c;note\n" + rows)
-    with pytest.raises(InputError, match=r"line 4.*found 24,125"):
+    with pytest.raises(InputError, match=r"line 4.*found 2,125"):
         read_temperature_log(tmp_path / "t.csv")
 
 

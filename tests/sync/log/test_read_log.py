@@ -272,6 +272,18 @@ def test_a_switch_that_cannot_be_read_is_told(tmp_path, words, left):
     assert (reading.log.heat_a is None) == (left == 6)
 
 
+def test_a_number_that_is_no_state_of_a_switch_is_refused(tmp_path):
+    rows = "".join(f"{i},24.5,25.5,{2 * (i > 2)}\n" for i in range(6))
+    (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c,heat_a\n" + rows)
+    with pytest.raises(InputError, match=r"line 5, column heat_a: is no switch; found 2; allowed 0 or 1"):
+        read_temperature_log(tmp_path / "t.csv")
+    # A column that only looks like a switch is left alone.
+    (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c,Heater A\n" + rows)
+    reading = read_temperature_log(tmp_path / "t.csv")
+    assert reading.log.heat_a is None
+    assert kinds(reading) == {"no_switch": 3}
+
+
 def test_a_clock_that_stands_still_is_refused(tmp_path):
     (tmp_path / "t.csv").write_text("time_s,temp_a_c,temp_b_c\n" + "1.0,24.5,25.5\n" * 9)
     with pytest.raises(InputError, match="same time"):

@@ -9,7 +9,7 @@ only warmed by its neighbour does not count as driven.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from typing import Final
 
 import numpy as np
@@ -101,12 +101,14 @@ def half_cycles(
 ) -> HalfCycles:
     """Split a record into half-cycles.
 
-    Raises InputError when both springs are heated, but only together; NoResultError when neither spring is ever heated.
+    Raises InputError when both springs are heated, but only together, or when a switch is on while the other spring
+    warms; NoResultError when neither spring is ever heated.
     """
     temps = (temp_a_c, temp_b_c)
     switched = False
     if heat_a is not None and heat_b is not None and (heat_a.any() or heat_b.any()):
         heatings, switched = _switched(temps, (heat_a, heat_b)), True
+        _require_own_rise(_merged(heatings, temps), temps, (heat_a, heat_b), where=where)
     else:
         heatings = _driven(temps, rise_c=max(_RISE_C, 2.0 * BY_CHANCE * noise_c), turn_c=turn_of(noise_c))
     if not any(item.top_c - item.base_c >= _RISE_C for item in heatings):
@@ -187,6 +189,28 @@ def _switched(temps: tuple[Floats, Floats], heat: tuple[Flags, Flags]) -> list[H
             top = start + int(np.argmax(temps[spring][start:end]))
             found.append(Heating(spring, start, top, float(temps[spring][start]), float(temps[spring][top])))
     return sorted(found, key=lambda item: item.start)
+
+
+def _require_own_rise(
+    heatings: list[Heating], temps: tuple[Floats, Floats], heat: tuple[Flags, Flags], *, where: str
+) -> None:
+    """Refuse a switch with which, over all its heatings, the other spring warms and its own one warms less."""
+    rises_c = np.zeros((2, 2))  # by the spring that is said to be heated, of both springs
+    for item, later in zip_longest(heatings, heatings[1:]):
+        end = len(temps[0]) if later is None else later.start
+        on = item.start + np.flatnonzero(heat[item.spring][item.start : end])
+        rises_c[item.spring] += [np.max(temp_c[on]) - temp_c[item.start] for temp_c in temps]
+    for spring in (0, 1):
+        own_c, other_c = rises_c[spring, spring], rises_c[spring, 1 - spring]
+        if other_c > max(own_c, _RISE_C):
+            name, other = "ab"[spring], "ab"[1 - spring]
+            raise InputError(
+                f"spring {other.upper()} warms while spring {name.upper()} is said to be heated",
+                where=f"{where}, column heat_{name}",
+                value=f"rises of {other_c:.1f} °C (temp_{other}_c) and {own_c:.1f} °C (temp_{name}_c)",
+                limit="the larger rise for the spring that is heated",
+                do="exchange heat_a and heat_b, or the temperatures; without switches the temperatures decide",
+            )
 
 
 def _driven(temps: tuple[Floats, Floats], *, rise_c: float, turn_c: float) -> list[Heating]:

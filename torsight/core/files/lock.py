@@ -24,6 +24,7 @@ def only_writer(folder: Path, *, patience_s: float = 10.0) -> Iterator[None]:
     """
     path = folder.resolve() / _NAME
     lock = FileLock(path, is_singleton=True)
+    was_there = path.parent.exists()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=patience_s)
@@ -43,4 +44,8 @@ def only_writer(folder: Path, *, patience_s: float = 10.0) -> Iterator[None]:
             # Removed while it is held: a waiting process notices and locks a new file. Windows removes no open file.
             with contextlib.suppress(PermissionError):
                 path.unlink(missing_ok=True)
+            if not was_there:
+                # A command that failed leaves no empty folder.
+                with contextlib.suppress(OSError):
+                    path.parent.rmdir()
         lock.release()

@@ -263,11 +263,14 @@ def is_parquet(path: Path) -> bool:
 
 
 def write_table(path: Path, columns: Mapping[str, Any], *, clock: str = "time_s") -> None:
-    """Write columns of equal length as CSV or, by suffix, as Parquet.
+    """Write columns of equal length as CSV or, by suffix, as Parquet; another suffix is a ConfigError.
 
     CSV: header row, ``.`` decimal, ten significant digits, an empty field for NaN; booleans as 0 and 1. The column
     ``clock`` has enough digits to distinguish its rows, whatever the clock's epoch.
     """
+    if path.suffix.lower() not in (allowed := (*CSV_SUFFIXES, *PARQUET_SUFFIXES)):
+        do = f"choose a name that ends in {allowed[0]}"
+        raise ConfigError("has another suffix", where=str(path), value=path.suffix, limit=", ".join(allowed), do=do)
     data = {name: _column(values) for name, values in columns.items()}
     if not is_parquet(path) and _plain_numbers(data):
         with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
