@@ -64,7 +64,7 @@ def alike_s(drive: Drive) -> Floats:
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     # White noise behind a Gaussian filter of width σ has the integrated correlation time 2 √π σ. Here it is the time of
     # all errors together, weighted with their variances.
-    left_over = np.mean(drive.temp_sigma_c**2) / drive.noise_c**2
+    left_over = float(np.mean(drive.temp_sigma_c**2)) / drive.noise_c**2
     filter_s = drive.reading_s * max(1.0 / left_over, 1.0) / (2.0 * math.sqrt(math.pi))
     white = rng.standard_normal((2, len(drive)))
     alike = gaussian_filter1d(white, filter_s / usual_step(drive.time_s), mode="nearest")
