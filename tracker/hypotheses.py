@@ -35,6 +35,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -135,12 +136,18 @@ def _median(values: Floats) -> Floats:
 
 
 class Weighing:
-    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them."""
+    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them.
 
-    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
+    Dots that are known to be ``at_rest`` (d,) are not followed. ``none`` is the probability, by the last weighing, that
+    the markers are none of the dots that turn and rest.
+    """
+
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags | None = None) -> None:
+        self.none = 0.0
         self._luma = luma
-        self._paths = DotPaths(luma, dots)
+        self._paths = DotPaths(luma, dots, np.zeros(len(dots), bool) if at_rest is None else at_rest)
         self._time_s: list[float] = []
+        self._number = {id(dot): number for number, dot in enumerate(self._paths.dots)}
         self._pairs = Pairs(self._paths.dots)
         self._strips: dict[tuple[int, int], float] = {}
 
@@ -151,12 +158,12 @@ class Weighing:
 
     def weighed(self) -> list[Couple]:
         """Return the couples, the most probable first; none where picture and motion show none."""
-        places = self._paths.places
+        places, self.none = self._paths.places, 0.0
         places = places[_apart(places)]
         stands = _stands(places)
         turning = self._turning(places, stands)
         if not len(turning.ends):
-            return self._shown()
+            return self._shown
         # In a hand-held film all dots shake at least as much as the steadiest one, which increases their variance.
         shake = 1.0 + float(stands.min())
         found, none = list[_Bound](), -math.inf
@@ -164,7 +171,7 @@ class Weighing:
             more, neither = self._with_bases(places, turning.of(np.array([j])), shake)
             found, none = found + more, max(none, neither)
         if not found:
-            return self._shown()
+            return self._shown
         found.sort(key=lambda one: -one[0])
         best, sure = -math.inf, list[tuple[float, Couple]]()
         for most, base, moving, axis in found:
@@ -175,15 +182,26 @@ class Weighing:
             score = most + self._goes_on(one, two, axis)
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
-        return likeliest(sure, none=none)
+        couples = likeliest(sure, none=none)
+        self.none = 1.0 - sum(one.probability for one in couples)
+        return couples
 
+    @cached_property
     def _shown(self) -> list[Couple]:
-        """Return the couples from the picture alone, with either pair as the base, the most probable first."""
-        both = [pair for one, two in couples_in(self._luma, dots=self._paths.dots) for pair in ((one, two), (two, one))]
-        unlike = [self._pairs.unlike(self._numbers(one)[None], self._numbers(two))[0] for one, two in both]
-        return likeliest(
-            [(-0.5 * off, Couple(*towards_axis(*two), 0.0)) for off, two in zip(unlike, both, strict=True)]
-        )
+        """The couples from the picture alone, with either pair as the base, the most probable first."""
+        found = couples_in(self._luma, dots=self._paths.dots)
+        pairs = {id(stick): stick for couple in found for stick in couple}
+        numbers = {one: self._numbers(stick).tolist() for one, stick in pairs.items()}
+        ends = np.array([[numbers[id(one)], numbers[id(two)]] for one, two in found], np.int64).reshape(-1, 2, 2)
+        score = -0.5 * self._pairs.unlike(ends[:, 0], ends[:, 1])
+        order = np.argsort(-score, kind="stable")
+        both = [
+            (float(score[k]), Couple(*towards_axis(*couple), probability=0.0))
+            for k in order[:MOST].tolist()
+            for couple in (found[k], found[k][::-1])
+        ]
+        # Those beyond a list that anybody reads count together.
+        return likeliest(both, none=float(np.logaddexp.reduce(score[order[MOST:]], initial=-np.inf)) + math.log(2.0))
 
     def _turning(self, places: Places, stands: Floats) -> _Turning:
         """Return the pairs of dots that may be the moving stick's: those whose motion is explained by a rotation."""
@@ -311,23 +329,35 @@ class Weighing:
             size_px=(width, height),
         )
 
+    def resting(self) -> Places:
+        """Return the positions of the dots that were at rest all the time."""
+        places = self._paths.places
+        rests = np.isfinite(places).all(axis=0) & (np.abs(places - places[0]).max(axis=0) < SIGMAS * STANDS_PX)
+        return np.asarray(places[0, rests])
+
     def _numbers(self, stick: Stick) -> Ints:
         """Return the indices of a stick's dots, the inner one first."""
-        dots = [id(dot) for dot in self._paths.dots]
-        return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
+        return np.array([self._number[id(dot)] for dot in (stick.inner, stick.outer)])
 
 
 class Search:
     """The choice among the couples of one picture ``luma``, from as many frames after it as it takes.
 
-    It is settled once a couple's probability exceeds :data:`tracker.innovation.SURE` twice in succession, or, if only
-    the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise the film's end settles it.
+    It is settled once a couple's probability, or that of none, exceeds :data:`tracker.innovation.SURE` twice in
+    succession, or, if only the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise
+    the film's end settles it. Dots that are known to be ``at_rest`` (d,) are not followed.
     """
 
-    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags) -> None:
         self.luma = luma
-        self._weighing = Weighing(luma, dots)
+        self._weighing = Weighing(luma, dots, at_rest=at_rest)
+        self.resting = self._weighing.resting
         self._number, self._due, self._found = 0, STALE, list[Couple]()
+
+    @property
+    def none(self) -> float:
+        """The probability that none of the couples is right."""
+        return self._weighing.none
 
     def add(self, frame: Frame) -> bool:
         """Follow all dots into the next frame; return whether the choice is settled."""
@@ -336,8 +366,11 @@ class Search:
         if self._number < self._due:
             return False
         self._due *= 2
-        before, self._found = self._found, self._weighing.weighed()
+        before, none, self._found = self._found, self.none, self._weighing.weighed()
         found = self._found
+        # That none of the couples is right may be as certain as that one is.
+        if min(none, self.none) > SURE:
+            return True
         # Probability that these two pairs are the sticks, whichever of them is the base.
         alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
         if self._number >= LOOKED_AT[-1] and alike > SURE:
