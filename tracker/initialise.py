@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,12 @@ from tracker.appearance.dot_fit import Dot
 from tracker.couples import Choice, Couple
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
-from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
-from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear
+from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, given_dots
+from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear, judge_pair
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
-from tracker.follow.marker import Marker, given_markers, markers_on
+from tracker.follow.marker import Marker, markers_on
 from tracker.follow.redetect import place_of
 from tracker.follow.rotation_axis import STANDS_PX
 from tracker.frames.frame import REPORT_EVERY, Frame, FrameSource
@@ -36,7 +36,8 @@ class Start:
     ``markers`` are two of one stick, two of the other (none where a stick has no dots), found in ``frame``; ``moving``
     is the index of the stick that moves, None where it is not known yet; ``doubtful``: the markers are so faint that
     only their motion distinguishes them from the background. ``first``, the first frame, is stored for sticks without
-    dots. ``choice`` is the choice among several couples of sticks.
+    dots. ``choice`` is the choice among several couples of sticks; ``unlike`` are reasons, by the name of a stick, why
+    two given dots do not look as if they were on one stick.
     """
 
     markers: list[Marker]
@@ -47,6 +48,7 @@ class Start:
     first: Frame | None = None
     hints: MarkerHints | None = None
     choice: Choice | None = None
+    unlike: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -243,7 +245,12 @@ def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:
 
 def _given(source: FrameSource, hints: MarkerHints) -> Start:
     frame = first_frame(source)
-    return Start(given_markers(frame, hints, sticks=(0, 1)), frame.index, 1, hints=hints)
+    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
+    sticks = given_dots(frame, hints, sticks=(0, 1))
+    judged = {name: judge_pair(frame.luma, one.inner, one.outer) for name, one in zip(STICKS, sticks, strict=True)}
+    unlike = {name: why for name, why in judged.items() if isinstance(why, str)}
+    markers = [marker for stick in sticks for marker in markers_on(frame.luma, stick)]
+    return Start(markers, frame.index, 1, hints=hints, unlike=unlike)
 
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:

@@ -106,6 +106,16 @@ def test_dots_that_the_moving_stick_takes_along_are_no_stick_of_their_own(tmp_pa
         np.testing.assert_allclose(places, film.at(start.frame).dots_px, atol=1.0)
 
 
+def test_a_dark_moving_stick_with_a_light_base_is_found(tmp_path: Path) -> None:
+    # Each is made in its own way: nothing else in the film turns, or looks like a stick.
+    film = DecoyFilm.of(0, decoys=0)
+    made = {"level": 70.0, "dot_level": 30.0}
+    film = replace(film, moving=replace(film.moving, **made), base=replace(film.base, level=225.0, dot_level=30.0))
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert result.report["markers"]["probability"] > 0.9
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
+
+
 def short(bar: Bar, *, inner: float, outer: float) -> Bar:
     """Return a bar that ends on this side of the axis."""
     return replace(bar, ends=(inner - 10.0, outer + 10.0), dots=(inner, outer), across=(0.0, 0.0))

@@ -60,10 +60,6 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
         if isinstance(dot, str):
             refused.append(Refused(x, y, radius, dot))
             continue
-        if not SMALLEST_PX <= dot.radius_px <= HUGE_PX:
-            limits = f"{SMALLEST_PX:g} to {HUGE_PX:g} px are looked for"
-            refused.append(Refused(x, y, radius, f"its radius is {dot.radius_px:.1f} px; {limits}"))
-            continue
         if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
             continue
         dots.append(dot)
@@ -92,6 +88,8 @@ def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, si
     needed = max(3.0 * fit.residual, 6.0)
     if fit.step < needed:
         return f"its contrast is {fit.step:.0f} grey levels; {needed:.0f} needed to stand out of the noise"
+    if not SMALLEST_PX <= fit.radius_px <= HUGE_PX:
+        return f"its radius is {fit.radius_px:.1f} px; {SMALLEST_PX:g} to {HUGE_PX:g} px are looked for"
     return fit
 
 

@@ -16,7 +16,7 @@ from tracker.angle.plane import Orientation
 from tracker.detect.marker_file import STICKS
 from tracker.follow.camera_state import circle_sigma_px
 from tracker.follow.judgement import MOVED_RAD
-from tracker.innovation import SURE, passes
+from tracker.innovation import SIGMAS, SURE, passes
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -41,6 +41,7 @@ def doubts(result: TrackResult) -> list[str]:
     if given and "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Either end of a tag may be nearer to the axis, depending on how it was attached: it has no inner marker.
         found = found or _exchanged_markers(result.tracks)
+        found += _off_their_stick(result)
     return found + _repeated_texture(result) + _moving_axis(result.tracks) + _file_faults(result)
 
 
@@ -174,6 +175,29 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
     what = "every angle is off by 180 degrees" if len(found) == 1 else "the angles hold, but not the markers' names"
     words = " and ".join(found)
     return [f"{words[0].upper()}{words[1:]}: {what}. Exchange the two positions in the marker file."]
+
+
+def _off_their_stick(result: TrackResult) -> list[str]:
+    """Return a warning for a stick whose two given dots look unlike, and lie on a line that misses the axis.
+
+    Markers lie on the middle line of a stick to within about their radius.
+    """
+    unlike, tracks = result.report["markers"].get("not_on_one_stick", {}), unmoved(result.tracks).tracks
+    axis = axis_px(tracks) if unlike else None
+    words = []
+    for name, first in zip(STICKS, (0, 2), strict=True) if axis is not None else ():
+        both = np.flatnonzero(tracks.valid[:, first : first + 2].all(axis=1))
+        radius_px = result.report["markers"]["radius_px"]
+        if name in unlike and len(both):
+            away, along = tracks.position_px[both[0], first] - axis, np.diff(tracks.position_px[both[0]], axis=0)[first]
+            beside_px = float(abs(away[0] * along[1] - away[1] * along[0]) / np.hypot(*along))
+            if beside_px > SIGMAS * radius_px:
+                words.append(
+                    f"The two dots given for the {name} stick may not be on one stick: {unlike[name]}, and the line "
+                    f"through them passes the axis at {beside_px:.0f} px. All angles are off by the same amount if one "
+                    "of them is no marker. Look in track.png, and mend the marker file."
+                )
+    return words
 
 
 def _repeated_texture(result: TrackResult) -> list[str]:
