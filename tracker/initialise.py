@@ -185,7 +185,8 @@ class _Dots:
         return any(self._decide(*one) for one in settled)
 
     def _tell(self, frame: Frame) -> None:
-        if frame.index % REPORT_EVERY == 0:
+        # Most films are decided before the first report.
+        if frame.index and frame.index % REPORT_EVERY == 0:
             self._progress("telling the markers by their motion", frame.index, self._source.frame_count)
 
     def end(self) -> None:

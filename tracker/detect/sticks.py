@@ -105,12 +105,12 @@ def couples_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) ->
 
 
 def _worst(couple: tuple[Stick, Stick]) -> float:
-    return min(stick.score for stick in couple)
+    return min(couple[0].score, couple[1].score)
 
 
 def are_markers(sticks: tuple[Stick, Stick]) -> bool:
     """Return whether two pairs of dots are clear enough to be taken for the markers."""
-    return min(stick.score for stick in sticks) > _LEAST
+    return _worst(sticks) > _LEAST
 
 
 def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[Stick, Stick]]:
