@@ -354,11 +354,6 @@ class Search:
         self.resting = self._weighing.resting
         self._number, self._due, self._found = 0, STALE, list[Couple]()
 
-    @property
-    def none(self) -> float:
-        """The probability that none of the couples is right."""
-        return self._weighing.none
-
     def add(self, frame: Frame) -> bool:
         """Follow all dots into the next frame; return whether the choice is settled."""
         self._weighing.add(frame)
@@ -366,10 +361,10 @@ class Search:
         if self._number < self._due:
             return False
         self._due *= 2
-        before, none, self._found = self._found, self.none, self._weighing.weighed()
+        before, none, self._found = self._found, self._weighing.none, self._weighing.weighed()
         found = self._found
         # That none of the couples is right may be as certain as that one is.
-        if min(none, self.none) > SURE:
+        if min(none, self._weighing.none) > SURE:
             return True
         # Probability that these two pairs are the sticks, whichever of them is the base.
         alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))

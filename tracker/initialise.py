@@ -213,9 +213,7 @@ class _Dots:
         self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=choice)
         self.in_tags = all(_in_tag(search.luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
-        # Another picture may have the markers where none of this one's couples can be right.
-        possible = search.none < SURE and 2.0 * read >= 1.0
-        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or possible)
+        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
 
 
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
