@@ -27,6 +27,8 @@ HUGE_PX: Final = 46.0
 """Radii of the smallest and the largest dots that are found."""
 _RATIO: Final = 1.22
 """Ratio of successive radii: a disc with a radius that is 10 % wrong still correlates at 0.95."""
+_RADII: Final = tuple(SMALLEST_PX * _RATIO**step for step in range(15))
+"""Radii of the discs that are tried, up to ``HUGE_PX``."""
 _LIKELY: Final = 0.5
 """Correlation above which a dot is fitted at a position; the fit then decides."""
 _SMALL_PX: Final = 7.5
@@ -66,13 +68,20 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
     return sorted(dots, key=lambda dot: -dot.explained), refused
 
 
-def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, sign: float) -> Dot | str:
-    """Return the dot near a position, fitted within the uniform background around it, or in words why there is none."""
+def _judge_dot(
+    levels: Levels, x_px: float, y_px: float, *, radius_px: float, sign: float, beside: float = 0.25
+) -> Dot | str:
+    """Return the dot near a position, fitted within the uniform background around it, or in words why there is none.
+
+    ``beside`` is the width of the ring around the dot that the first fit includes, as a share of the radius.
+    """
     luma, (coarse, scale), light_dot, close = levels[0], _coarse(levels, radius_px), sign > 0.0, None
     # First in the coarse picture: what is no dot there is none in the fine one, with up to 64 times the pixels.
     for level, size in [(luma, 1.0)] if scale == 1.0 else [(coarse, scale), (luma, 1.0)]:
         x, y, radius = x_px * size, y_px * size, _rim(level, x_px * size, y_px * size, radius_px * size, sign)
-        close = fit_dot(level, x, y, radius_px=radius, light_dot=light_dot, room_px=1.25 * radius + 1.5, ellipse=False)
+        close = fit_dot(
+            level, x, y, radius_px=radius, light_dot=light_dot, room_px=(1.0 + beside) * radius + 1.5, ellipse=False
+        )
         if close is None or close.explained < EXPLAINED:
             return _unexplained(close)
         x_px, y_px, radius_px = close.x_px / size, close.y_px / size, close.radius_px / size
@@ -102,19 +111,21 @@ def _unexplained(fit: Dot | None) -> str:
 
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
     """Return the dot whose centre is nearest to a position, within ``reach_px`` or within its own radius."""
-    best: tuple[float, Dot] | None = None
     levels = _halved(luma)
-    for _, x, y, radius, sign in _places(levels, near=(x_px, y_px, reach_px)).tolist():
-        dot = _judge_dot(levels, x, y, radius_px=radius, sign=sign)
-        if isinstance(dot, str):
-            continue
-        distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
-        if distance > max(reach_px, dot.radius_px):
-            continue
-        merit = distance - 6.0 * dot.explained
-        if best is None or merit < best[0]:
-            best = (merit, dot)
-    return None if best is None else best[1]
+    # A dot nearly as wide as its stick, on a ground of other brightness, correlates with no disc, but can be fitted.
+    here = np.array([[0.0, x_px, y_px, radius, sign] for radius in _RADII for sign in (1.0, -1.0)])
+    for places, reach, beside in ((_places(levels, near=(x_px, y_px, reach_px)), reach_px, 0.25), (here, 0.0, 0.0)):
+        found = list[tuple[float, Dot]]()
+        for _, x, y, radius, sign in places.tolist():
+            dot = _judge_dot(levels, x, y, radius_px=radius, sign=sign, beside=beside)
+            if isinstance(dot, str):
+                continue
+            distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
+            if distance <= max(reach, dot.radius_px):
+                found.append((distance - 6.0 * dot.explained, dot))
+        if found:
+            return min(found, key=lambda one: one[0])[1]
+    return None
 
 
 @compiled
@@ -169,8 +180,7 @@ def _places(levels: Levels, *, near: tuple[float, float, float] | None = None) -
     ``near`` (x, y, reach) limits them to a distance of the reach or of the dot's own radius, plus the coarse steps.
     """
     each: list[Floats] = []
-    radius = SMALLEST_PX
-    while radius < HUGE_PX:
+    for radius in _RADII:
         if near is None:
             each.append(_places_of(levels, radius))
         else:
@@ -178,7 +188,6 @@ def _places(levels: Levels, *, near: tuple[float, float, float] | None = None) -
             box = (math.floor(x - far), math.floor(y - far), math.ceil(x + far), math.ceil(y + far))
             places = places_in(levels[0], radius, box)
             each.append(places[np.hypot(places[:, 1] - x, places[:, 2] - y) <= far])
-        radius *= _RATIO
     found = np.concatenate(each)
     found = found[np.argsort(-found[:, 0], kind="stable")]
     at, size = found[:, 1] + 1j * found[:, 2], found[:, 3]
