@@ -6,24 +6,26 @@ axis, both sticks point at that axis, and both are made in the same way. So ever
 of dots that turn may be the moving stick, pairs at rest away from it its base, and a couple (base i, moving j) explains
 all the dots of the film by
 
-    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln(g_ij h_j),  σ_j² = r² + δ_jj² + σ_c²
+    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj, o) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln(g_ij h_j),
 
-up to a constant that all couples share. s and t are χ² of a marker at rest and of one on a circle, in a median frame
-(errors are correlated over a film, and count once; frames are chosen so that the dots move equally far between them),
-divided by the factor by which the camera's shaking increases it; c_dj is χ² of a dot d of neither stick as one that is
-carried around by pair j. Frames in which the dots of i, or d, may be those of j are left out: once two dots have met,
-both readings may be of the same dot.
+up to a constant that all couples share, with σ_j² = r² + δ_jj² + σ_c². s and t are χ² of a marker at rest and of one on
+a circle, in a median frame (errors are correlated over a film, and count once; frames are chosen so that the dots move
+equally far between them), divided by the factor by which the camera's shaking increases it; c_dj is χ² of a dot d of
+neither stick as one that is carried around by pair j. A dot may also be of something else that moves, a fan or a hand,
+with the probability 1 − ``SURE`` = exp(−o / 2). Frames in which the dots of i, or d, may be those of j are left out:
+once two dots have met, both readings may be of the same dot.
 δ_ij is the distance of the axis shown by pair j from the line of pair i. Markers lie on the middle line of a stick to
 within their radius r, and both sticks are made in the same way: the axis may be as far from the base's line as from
 that of the moving stick. σ_c is the standard deviation of the axis. u_ij is χ² of the ratios of the dots' steps in
-brightness, of the light around them, and of the sticks' lengths, of the moving pair's score as dots on a stick, and of
-how far the base's score is below it. h_j is the density of δ_jj for a stick over that for the line of any two dots.
-g_ij expects the base's line to the axis to be bright where the moving stick's is, at the same distance from the axis:
-both have one hub. Where only one of the two lines reaches, it is evidence neither for a couple nor against it. The
-distances of both inner dots from the axis are as similar as lengths, but with a Cauchy distribution: a base may be a
-frame around the rig. If the axis lies beyond the inner marker of one stick, the probability that it lies between those
-of the other is only 1 − ``SURE``; so is that of a dot on the axis, where sticks have a shaft or a screw, being a
-marker. These factors apply once the axis is known to within a marker's radius.
+brightness and of the light around them (or, with the probability 1 − ``SURE``, each stick is made in its own way), of
+the sticks' lengths, of the moving pair's score as dots on a stick, and of how far the base's score is below it. h_j is
+the density of δ_jj for a stick over that for the line of any two dots. g_ij expects the base's line to the axis to be
+bright where the moving stick's is, at the same distance from the axis: both have one hub. Where only one of the two
+lines reaches, it is evidence neither for a couple nor against it. The distances of both inner dots from the axis are as
+similar as lengths, but with a Cauchy distribution: a base may be a frame around the rig. If the axis lies beyond the
+inner marker of one stick, the probability that it lies between those of the other is only 1 − ``SURE``; so is that of a
+dot on the axis, where sticks have a shaft or a screw, being a marker. These factors apply once the axis is known to
+within a marker's radius.
 A marker may be none of the dots. That case has the probability of a couple with a misfit of three standard deviations,
 whose moving pair is one marker and a dot as clear as one picture requires: couples that fit worse, or of which one dot
 is less clear than the other, are not certain.
@@ -225,7 +227,8 @@ class Weighing:
         own, pairs = moving.ends[0], self._pairs
         beside = _beside(places, own, pairs.radius_px)
         stand = _stands(beside)
-        rest = np.minimum(stand, _carried(beside, moving))
+        # A dot may also be of something else that moves: −2 ln(1 − SURE) is the quantile for two coordinates.
+        rest = np.minimum(np.minimum(stand, _carried(beside, moving)), LIMITS[1] * shake)
         rest[own] = 0.0
         axis = _Axis(complex(moving.axis[0]), float(moving.variance_px2[0]), float(moving.beside_px[0]))
         apart = ~np.isin(pairs.ends, own).any(axis=1)
