@@ -116,7 +116,8 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             where=where,
             limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, none more "
             f"than {SIZES:g} times as large as another; or a tag on each stick",
-            do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
+            do="pick them with 'torsight markers' and name its file with --markers, choose dots that differ from the "
+            "stick in a black-and-white picture, or light the sticks better",
         )
     return dots.start
 
