@@ -141,7 +141,7 @@ class Weighing:
     """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them.
 
     Dots that are known to be ``at_rest`` (d,) are not followed. ``none`` is the probability, by the last weighing, that
-    the markers are none of the dots that turn and rest.
+    the markers are none of the dots; 0 as long as they may be dots that have not turned yet.
     """
 
     def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags | None = None) -> None:
@@ -185,7 +185,8 @@ class Weighing:
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
         couples = likeliest(sure, none=none)
-        self.none = 1.0 - sum(one.probability for one in couples)
+        # Dots at rest that look like two sticks may turn yet.
+        self.none = 0.0 if self._shown else 1.0 - sum(one.probability for one in couples)
         return couples
 
     @cached_property
