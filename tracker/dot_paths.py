@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import Floats
+from torsight.core.units import Flags, Floats
 from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import READING, Luma
 from tracker.appearance.motion_blur import smear_slack
@@ -23,7 +23,7 @@ _LEVELS: Final = 3
 
 
 class DotPaths:
-    """The dots of a picture (h, w), followed one by one.
+    """The dots of a picture (h, w), followed one by one, but for those ``at_rest`` (d,), which are known to stay.
 
     The starting points for reading a dot are its first position plus the picture's shift, its last position plus its
     last step, and the result of pyramidal Lucas–Kanade from the last frame. A lost dot is found again at its first or
@@ -31,19 +31,22 @@ class DotPaths:
     positions in the picture and in every frame after it, NaN where not seen, ``covariance`` (n, d, 3) xx, xy, yy, px².
     """
 
-    def __init__(self, luma: Luma, dots: Sequence[Dot]) -> None:
-        markers = [(dot, Marker(dot)) for dot in dots]
-        read = [(dot, marker, marker.read(luma, dot.x_px, dot.y_px)) for dot, marker in markers]
+    def __init__(self, luma: Luma, dots: Sequence[Dot], at_rest: Flags) -> None:
         self._markers: list[Marker] = []
         self.dots: list[Dot] = []
-        for dot, marker, reading in read:
+        self._followed: list[int] = []
+        for dot, rests in zip(dots, at_rest.tolist(), strict=True):
+            marker = Marker(dot)
+            reading = marker.read(luma, dot.x_px, dot.y_px)
             if reading is not None:
                 marker.begin(reading)
+                self._followed += [] if rests else [len(self.dots)]
                 self.dots.append(dot)
                 self._markers.append(marker)
         self._first = np.array([complex(one.x_px, one.y_px) for one in self._markers], np.complex128)
         self._last, self._step, self._shift = self._first.copy(), np.zeros_like(self._first), 0.0j
         self._seen = np.ones(len(self._first), bool)
+        self._radius_px = np.array([marker.radius_px for marker in self._markers])
         self._before: Luma = luma.copy()
         self._rows = [self._first.copy()]
         self._spread = [np.zeros((len(self._first), 3))]
@@ -61,14 +64,14 @@ class DotPaths:
 
     def add(self, luma: Luma | None) -> None:
         """Follow the dots into the next frame; None for one without a usable picture."""
-        now, spread = np.full_like(self._first, complex(math.nan, math.nan)), np.zeros((len(self._first), 3))
+        now, spread = self._first.copy(), np.zeros((len(self._first), 3))
+        now[self._followed] = complex(math.nan, math.nan)
         if luma is not None:
             homes, ahead = self._first + self._shift, self._last + self._step
-            missed = [
-                index
-                for index in range(len(now))
-                if not self._read(luma, index, self._tried(index, homes[index], ahead[index]), now, spread)
-            ]
+            # The first position comes last once the dot has left it to others.
+            gone = self._seen & (np.abs(ahead - homes) > self._radius_px)
+            tried = np.where(gone, [ahead, homes], [homes, ahead]).T.tolist()
+            missed = [index for index in self._followed if not self._read(luma, index, tried[index], now, spread)]
             self._look_further(luma, [index for index in missed if self._seen[index]], ahead, now, spread)
             seen = np.isfinite(now)
             self._step = np.where(seen & self._seen, now - self._last, 0.0)
@@ -80,11 +83,6 @@ class DotPaths:
             np.copyto(self._before, luma)
         self._rows.append(now)
         self._spread.append(spread)
-
-    def _tried(self, index: int, home: complex, ahead: complex) -> tuple[complex, complex]:
-        """Return the starting points in order: the first position last once the dot has left it to others."""
-        gone = self._seen[index] and abs(ahead - home) > self._markers[index].radius_px
-        return (ahead, home) if gone else (home, ahead)
 
     def _read(
         self, luma: Luma, index: int, tried: Sequence[complex], now: NDArray[np.complex128], spread: Floats

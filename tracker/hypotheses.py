@@ -6,24 +6,26 @@ axis, both sticks point at that axis, and both are made in the same way. So ever
 of dots that turn may be the moving stick, pairs at rest away from it its base, and a couple (base i, moving j) explains
 all the dots of the film by
 
-    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln(g_ij h_j),  σ_j² = r² + δ_jj² + σ_c²
+    −2 ln p = s_i + t_j + Σ_d min(s_d, c_dj, o) + δ_ij² / σ_j² + ln σ_j² + u_ij − 2 ln(g_ij h_j),
 
-up to a constant that all couples share. s and t are χ² of a marker at rest and of one on a circle, in a median frame
-(errors are correlated over a film, and count once; frames are chosen so that the dots move equally far between them),
-divided by the factor by which the camera's shaking increases it; c_dj is χ² of a dot d of neither stick as one that is
-carried around by pair j. Frames in which the dots of i, or d, may be those of j are left out: once two dots have met,
-both readings may be of the same dot.
+up to a constant that all couples share, with σ_j² = r² + δ_jj² + σ_c². s and t are χ² of a marker at rest and of one on
+a circle, in a median frame (errors are correlated over a film, and count once; frames are chosen so that the dots move
+equally far between them), divided by the factor by which the camera's shaking increases it; c_dj is χ² of a dot d of
+neither stick as one that is carried around by pair j. A dot may also be of something else that moves, a fan or a hand,
+with the probability 1 − ``SURE`` = exp(−o / 2). Frames in which the dots of i, or d, may be those of j are left out:
+once two dots have met, both readings may be of the same dot.
 δ_ij is the distance of the axis shown by pair j from the line of pair i. Markers lie on the middle line of a stick to
 within their radius r, and both sticks are made in the same way: the axis may be as far from the base's line as from
 that of the moving stick. σ_c is the standard deviation of the axis. u_ij is χ² of the ratios of the dots' steps in
-brightness, of the light around them, and of the sticks' lengths, of the moving pair's score as dots on a stick, and of
-how far the base's score is below it. h_j is the density of δ_jj for a stick over that for the line of any two dots.
-g_ij expects the base's line to the axis to be bright where the moving stick's is, at the same distance from the axis:
-both have one hub. Where only one of the two lines reaches, it is evidence neither for a couple nor against it. The
-distances of both inner dots from the axis are as similar as lengths, but with a Cauchy distribution: a base may be a
-frame around the rig. If the axis lies beyond the inner marker of one stick, the probability that it lies between those
-of the other is only 1 − ``SURE``; so is that of a dot on the axis, where sticks have a shaft or a screw, being a
-marker. These factors apply once the axis is known to within a marker's radius.
+brightness and of the light around them (or, with the probability 1 − ``SURE``, each stick is made in its own way), of
+the sticks' lengths, of the moving pair's score as dots on a stick, and of how far the base's score is below it. h_j is
+the density of δ_jj for a stick over that for the line of any two dots. g_ij expects the base's line to the axis to be
+bright where the moving stick's is, at the same distance from the axis: both have one hub. Where only one of the two
+lines reaches, it is evidence neither for a couple nor against it. The distances of both inner dots from the axis are as
+similar as lengths, but with a Cauchy distribution: a base may be a frame around the rig. If the axis lies beyond the
+inner marker of one stick, the probability that it lies between those of the other is only 1 − ``SURE``; so is that of a
+dot on the axis, where sticks have a shaft or a screw, being a marker. These factors apply once the axis is known to
+within a marker's radius.
 A marker may be none of the dots. That case has the probability of a couple with a misfit of three standard deviations,
 whose moving pair is one marker and a dot as clear as one picture requires: couples that fit worse, or of which one dot
 is less clear than the other, are not certain.
@@ -35,6 +37,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -135,12 +138,18 @@ def _median(values: Floats) -> Floats:
 
 
 class Weighing:
-    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them."""
+    """Dots that were found in one picture ``luma``, followed frame by frame, and the couples' probabilities by them.
 
-    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
+    Dots that are known to be ``at_rest`` (d,) are not followed. ``none`` is the probability, by the last weighing, that
+    the markers are none of the dots; 0 as long as they may be dots that have not turned yet.
+    """
+
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags | None = None) -> None:
+        self.none = 0.0
         self._luma = luma
-        self._paths = DotPaths(luma, dots)
+        self._paths = DotPaths(luma, dots, np.zeros(len(dots), bool) if at_rest is None else at_rest)
         self._time_s: list[float] = []
+        self._number = {id(dot): number for number, dot in enumerate(self._paths.dots)}
         self._pairs = Pairs(self._paths.dots)
         self._strips: dict[tuple[int, int], float] = {}
 
@@ -151,12 +160,12 @@ class Weighing:
 
     def weighed(self) -> list[Couple]:
         """Return the couples, the most probable first; none where picture and motion show none."""
-        places = self._paths.places
+        places, self.none = self._paths.places, 0.0
         places = places[_apart(places)]
         stands = _stands(places)
         turning = self._turning(places, stands)
         if not len(turning.ends):
-            return self._shown()
+            return self._shown
         # In a hand-held film all dots shake at least as much as the steadiest one, which increases their variance.
         shake = 1.0 + float(stands.min())
         found, none = list[_Bound](), -math.inf
@@ -164,7 +173,7 @@ class Weighing:
             more, neither = self._with_bases(places, turning.of(np.array([j])), shake)
             found, none = found + more, max(none, neither)
         if not found:
-            return self._shown()
+            return self._shown
         found.sort(key=lambda one: -one[0])
         best, sure = -math.inf, list[tuple[float, Couple]]()
         for most, base, moving, axis in found:
@@ -175,15 +184,27 @@ class Weighing:
             score = most + self._goes_on(one, two, axis)
             best = max(best, score)
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
-        return likeliest(sure, none=none)
+        couples = likeliest(sure, none=none)
+        # Dots at rest that look like two sticks may turn yet.
+        self.none = 0.0 if self._shown else 1.0 - sum(one.probability for one in couples)
+        return couples
 
+    @cached_property
     def _shown(self) -> list[Couple]:
-        """Return the couples from the picture alone, with either pair as the base, the most probable first."""
-        both = [pair for one, two in couples_in(self._luma, dots=self._paths.dots) for pair in ((one, two), (two, one))]
-        unlike = [self._pairs.unlike(self._numbers(one)[None], self._numbers(two))[0] for one, two in both]
-        return likeliest(
-            [(-0.5 * off, Couple(*towards_axis(*two), 0.0)) for off, two in zip(unlike, both, strict=True)]
-        )
+        """The couples from the picture alone, with either pair as the base, the most probable first."""
+        found = couples_in(self._luma, dots=self._paths.dots)
+        pairs = {id(stick): stick for couple in found for stick in couple}
+        numbers = {one: self._numbers(stick).tolist() for one, stick in pairs.items()}
+        ends = np.array([[numbers[id(one)], numbers[id(two)]] for one, two in found], np.int64).reshape(-1, 2, 2)
+        score = -0.5 * self._pairs.unlike(ends[:, 0], ends[:, 1])
+        order = np.argsort(-score, kind="stable")
+        both = [
+            (float(score[k]), Couple(*towards_axis(*couple), probability=0.0))
+            for k in order[:MOST].tolist()
+            for couple in (found[k], found[k][::-1])
+        ]
+        # Those beyond a list that anybody reads count together.
+        return likeliest(both, none=float(np.logaddexp.reduce(score[order[MOST:]], initial=-np.inf)) + math.log(2.0))
 
     def _turning(self, places: Places, stands: Floats) -> _Turning:
         """Return the pairs of dots that may be the moving stick's: those whose motion is explained by a rotation."""
@@ -207,7 +228,8 @@ class Weighing:
         own, pairs = moving.ends[0], self._pairs
         beside = _beside(places, own, pairs.radius_px)
         stand = _stands(beside)
-        rest = np.minimum(stand, _carried(beside, moving))
+        # A dot may also be of something else that moves: −2 ln(1 − SURE) is the quantile for two coordinates.
+        rest = np.minimum(np.minimum(stand, _carried(beside, moving)), LIMITS[1] * shake)
         rest[own] = 0.0
         axis = _Axis(complex(moving.axis[0]), float(moving.variance_px2[0]), float(moving.beside_px[0]))
         apart = ~np.isin(pairs.ends, own).any(axis=1)
@@ -311,22 +333,29 @@ class Weighing:
             size_px=(width, height),
         )
 
+    def resting(self) -> Places:
+        """Return the positions of the dots that were at rest all the time."""
+        places = self._paths.places
+        rests = np.isfinite(places).all(axis=0) & (np.abs(places - places[0]).max(axis=0) < SIGMAS * STANDS_PX)
+        return np.asarray(places[0, rests])
+
     def _numbers(self, stick: Stick) -> Ints:
         """Return the indices of a stick's dots, the inner one first."""
-        dots = [id(dot) for dot in self._paths.dots]
-        return np.array([dots.index(id(dot)) for dot in (stick.inner, stick.outer)])
+        return np.array([self._number[id(dot)] for dot in (stick.inner, stick.outer)])
 
 
 class Search:
     """The choice among the couples of one picture ``luma``, from as many frames after it as it takes.
 
-    It is settled once a couple's probability exceeds :data:`tracker.innovation.SURE` twice in succession, or, if only
-    the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise the film's end settles it.
+    It is settled once a couple's probability, or that of none, exceeds :data:`tracker.innovation.SURE` twice in
+    succession, or, if only the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise
+    the film's end settles it. Dots that are known to be ``at_rest`` (d,) are not followed.
     """
 
-    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot]) -> None:
+    def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags) -> None:
         self.luma = luma
-        self._weighing = Weighing(luma, dots)
+        self._weighing = Weighing(luma, dots, at_rest=at_rest)
+        self.resting = self._weighing.resting
         self._number, self._due, self._found = 0, STALE, list[Couple]()
 
     def add(self, frame: Frame) -> bool:
@@ -336,8 +365,11 @@ class Search:
         if self._number < self._due:
             return False
         self._due *= 2
-        before, self._found = self._found, self._weighing.weighed()
+        before, none, self._found = self._found, self._weighing.none, self._weighing.weighed()
         found = self._found
+        # That none of the couples is right may be as certain as that one is.
+        if min(none, self._weighing.none) > SURE:
+            return True
         # Probability that these two pairs are the sticks, whichever of them is the base.
         alike = sum(one.probability for one in found if one is found[0] or one.swaps(found[0]))
         if self._number >= LOOKED_AT[-1] and alike > SURE:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,15 @@ from tracker.appearance.dot_fit import Dot
 from tracker.couples import Choice, Couple
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
-from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame
-from tracker.detect.marker_file import MarkerHints
-from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear
+from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, given_dots
+from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear, judge_pair
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
-from tracker.follow.marker import Marker, given_markers, markers_on
+from tracker.follow.marker import Marker, markers_on
 from tracker.follow.redetect import place_of
-from tracker.frames.frame import Frame, FrameSource
+from tracker.follow.rotation_axis import STANDS_PX
+from tracker.frames.frame import REPORT_EVERY, Frame, FrameSource
 from tracker.hypotheses import Search
 from tracker.innovation import SURE
 
@@ -35,7 +36,8 @@ class Start:
     ``markers`` are two of one stick, two of the other (none where a stick has no dots), found in ``frame``; ``moving``
     is the index of the stick that moves, None where it is not known yet; ``doubtful``: the markers are so faint that
     only their motion distinguishes them from the background. ``first``, the first frame, is stored for sticks without
-    dots. ``choice`` is the choice among several couples of sticks.
+    dots. ``choice`` is the choice among several couples of sticks; ``unlike`` are reasons, by the name of a stick, why
+    two given dots do not look as if they were on one stick.
     """
 
     markers: list[Marker]
@@ -46,6 +48,7 @@ class Start:
     first: Frame | None = None
     hints: MarkerHints | None = None
     choice: Choice | None = None
+    unlike: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -81,7 +84,7 @@ def find_start(source: FrameSource, hints: MarkerHints | None, *, progress: Prog
 
 def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
     """Return the start at the four dots that are clearest in one of the first frames, or else at two tags."""
-    dots, tags = _Dots(source), TagsSeen()
+    dots, tags = _Dots(source, progress), TagsSeen()
     last = -1
     for frame in decoded(source):
         if frame.index > LOOKED_AT[-1] and not dots.undecided:
@@ -113,7 +116,8 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             where=where,
             limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, none more "
             f"than {SIZES:g} times as large as another; or a tag on each stick",
-            do="pick them with 'torsight markers' and name its file with --markers, or light the sticks better",
+            do="pick them with 'torsight markers' and name its file with --markers, choose dots that differ from the "
+            "stick in a black-and-white picture, or light the sticks better",
         )
     return dots.start
 
@@ -132,17 +136,19 @@ class _Dots:
     Dots of one picture may be the wrong ones: while the light comes on, while something else is before the camera, or
     where one stick lies over a dot of the other. Wrong dots are lost in the frames that follow, their base is not at
     rest, or nothing moves. So later pictures are tried, until the sticks of one are certain or are read in most of the
-    frames after it; otherwise the picture counts whose sticks are read in the largest share of them. The first picture
-    is tried alone, the later ones together, as the film is read once more.
+    frames after it; otherwise the picture counts whose sticks are right and are read in the largest share of them. The
+    first picture is tried alone, the later ones together, as the film is read once more.
     """
 
-    def __init__(self, source: FrameSource) -> None:
+    def __init__(self, source: FrameSource, progress: Progress) -> None:
         self.start: Start | None = None
         self.in_tags = False
-        self._source = source
+        self._source, self._progress = source, progress
         self._read, self._score = -1.0, -math.inf
         self._asked: list[NDArray[np.complex128]] = []
         self.undecided: list[tuple[int, Search]] = []
+        # Dots that are at rest from the first picture to the film's end are not followed again.
+        self._resting = np.zeros(0, complex)
 
     @property
     def leave_it_to_tags(self) -> bool:
@@ -156,22 +162,33 @@ class _Dots:
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
         if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
             return False
-        search = Search(luma, dots)
+        at_rest = np.array([bool((np.abs(one - self._resting) < STANDS_PX).any()) for one in at])
+        search = Search(luma, dots, at_rest=at_rest)
         alone = not self._asked
         self._asked.append(at)
         if not alone:
             self.undecided.append((index, search))
             return False
         for later in decoded(self._source):
+            self._tell(later)
             if later.index > index and search.add(later):
                 break
+        else:
+            self._resting = search.resting()
         return self._decide(index, search)
 
     def followed(self, frame: Frame) -> bool:
         """Follow the dots of all pictures into a frame; return whether the sticks of one are found."""
+        if self.undecided:
+            self._tell(frame)
         settled = [one for one in self.undecided if one[1].add(frame)]
         self.undecided = [one for one in self.undecided if one not in settled]
         return any(self._decide(*one) for one in settled)
+
+    def _tell(self, frame: Frame) -> None:
+        # Most films are decided before the first report.
+        if frame.index and frame.index % REPORT_EVERY == 0:
+            self._progress("telling the markers by their motion", frame.index, self._source.frame_count)
 
     def end(self) -> None:
         """Decide what the film leaves open."""
@@ -184,16 +201,17 @@ class _Dots:
         weighed, read = search.result()
         if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
             return False
-        score = min(weighed[0].base.score, weighed[0].moving.score)
+        score, choice = min(weighed[0].base.score, weighed[0].moving.score), Choice.of(weighed)
         if score > CLEAR:
-            if read <= self._read:
+            # Expected share of the frames in which the right sticks are read.
+            if choice.sure * read <= self._read:
                 return False
-            self._read = read
+            self._read = choice.sure * read
         elif self._read >= 0.0 or score <= self._score:
             return False
         self._score = score
         markers = _markers(search.luma, weighed[0])
-        self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=Choice.of(weighed))
+        self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=choice)
         self.in_tags = all(_in_tag(search.luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
         return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
@@ -227,7 +245,12 @@ def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:
 
 def _given(source: FrameSource, hints: MarkerHints) -> Start:
     frame = first_frame(source)
-    return Start(given_markers(frame, hints, sticks=(0, 1)), frame.index, 1, hints=hints)
+    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
+    sticks = given_dots(frame, hints, sticks=(0, 1))
+    judged = {name: judge_pair(frame.luma, one.inner, one.outer) for name, one in zip(STICKS, sticks, strict=True)}
+    unlike = {name: why for name, why in judged.items() if isinstance(why, str)}
+    markers = [marker for stick in sticks for marker in markers_on(frame.luma, stick)]
+    return Start(markers, frame.index, 1, hints=hints, unlike=unlike)
 
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:

@@ -261,6 +261,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             **_tags(start, base=base),
             "first_frame": start.frame,
             "faint": start.doubtful,
+            **({"not_on_one_stick": dict(start.unlike)} if start.unlike else {}),
             **choice,
             **follower.report(),
             **_alike(start, follower, moving=moving),

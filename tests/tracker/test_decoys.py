@@ -20,6 +20,7 @@ from torsight.markers.session import find_markers, first_picture
 from tracker.angle.orient import orient
 from tracker.frames.source import open_source
 from tracker.initialise import find_start
+from tracker.innovation import SURE
 from tracker.track import told_by_motion, track_film
 
 # Of these 1 had its base from the decoys, 8 had no result, and 15 was off by 126 degrees when the picture alone chose.
@@ -104,6 +105,16 @@ def test_dots_that_the_moving_stick_takes_along_are_no_stick_of_their_own(tmp_pa
     for couple in (start.choice.taken, *start.choice.rivals):
         places = np.array(couple.moving.places_px)
         np.testing.assert_allclose(places, film.at(start.frame).dots_px, atol=1.0)
+
+
+def test_a_dark_moving_stick_with_a_light_base_is_found(tmp_path: Path) -> None:
+    # Each is made in its own way: nothing else in the film turns, or looks like a stick.
+    film = DecoyFilm.of(0, decoys=0)
+    made = {"level": 70.0, "dot_level": 30.0}
+    film = replace(film, moving=replace(film.moving, **made), base=replace(film.base, level=225.0, dot_level=30.0))
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert result.report["markers"]["probability"] > 0.9
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
 
 
 def short(bar: Bar, *, inner: float, outer: float) -> Bar:
@@ -211,6 +222,25 @@ def test_sticks_before_a_sheet_with_holes_are_told_by_what_turns(tmp_path: Path)
     sheet = tuple(replace(hole, x=20.0 + 80.0 * i, y=20.0 + 37.0 * j) for i in range(5) for j in range(8))
     film = replace(film, decoys=sheet)
     result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
+
+
+class FanFilm(DecoyFilm):
+    """A film in which the decoys turn, each about its own origin."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        for number in range(len(self.angle_deg)):
+            turned = tuple(replace(bar, turn_deg=bar.turn_deg + 3.0 * number) for bar in self.decoys)
+            now = {"decoys": turned, "angle_deg": self.angle_deg[number : number + 1]}
+            yield from DecoyFilm(**{**vars(self), **now}).pictures()
+
+
+def test_dots_of_a_fan_in_the_background_are_of_neither_stick(tmp_path: Path) -> None:
+    film = DecoyFilm.of(1, size=(640, 480), decoys=0)
+    fan = short(replace(film.base, x=560.0, y=80.0), inner=30.0, outer=62.0)
+    film = FanFilm(**vars(replace(film, decoys=(fan,), shake_px=np.zeros((75, 2)))))
+    result = track_film(open_source(film.write(tmp_path / "film.mkv")))
+    assert result.report["markers"]["probability"] > SURE
     assert error_deg(film, orient(result.tracks, None).angles.angle_rad) < 0.3
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, shared
+from torsight.core.units import Floats
 from tracker.appearance.dot_fit import Dot, fit_dot
 
 Levels = list[NDArray[np.uint8]]
@@ -26,6 +27,8 @@ HUGE_PX: Final = 46.0
 """Radii of the smallest and the largest dots that are found."""
 _RATIO: Final = 1.22
 """Ratio of successive radii: a disc with a radius that is 10 % wrong still correlates at 0.95."""
+_RADII: Final = tuple(SMALLEST_PX * _RATIO**step for step in range(15))
+"""Radii of the discs that are tried, up to ``HUGE_PX``."""
 _LIKELY: Final = 0.5
 """Correlation above which a dot is fitted at a position; the fit then decides."""
 _SMALL_PX: Final = 7.5
@@ -52,16 +55,12 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
     dots: list[Dot] = []
     refused: list[Refused] = []
     levels = _halved(luma)
-    for _, x, y, radius, light_dot in _places(levels):
+    for _, x, y, radius, sign in _places(levels).tolist():
         if any(math.hypot(x - dot.x_px, y - dot.y_px) < dot.radius_px for dot in dots):
             continue
-        dot = _judge_dot(levels, x, y, radius_px=radius, light_dot=light_dot)
+        dot = _judge_dot(levels, x, y, radius_px=radius, sign=sign)
         if isinstance(dot, str):
             refused.append(Refused(x, y, radius, dot))
-            continue
-        if not SMALLEST_PX <= dot.radius_px <= HUGE_PX:
-            limits = f"{SMALLEST_PX:g} to {HUGE_PX:g} px are looked for"
-            refused.append(Refused(x, y, radius, f"its radius is {dot.radius_px:.1f} px; {limits}"))
             continue
         if any(math.hypot(dot.x_px - o.x_px, dot.y_px - o.y_px) < o.radius_px for o in dots):
             continue
@@ -69,14 +68,20 @@ def find_and_refuse(luma: NDArray[np.uint8]) -> tuple[list[Dot], list[Refused]]:
     return sorted(dots, key=lambda dot: -dot.explained), refused
 
 
-def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, light_dot: bool) -> Dot | str:
-    """Return the dot near a position, fitted within the uniform background around it, or in words why there is none."""
-    luma, (coarse, scale), sign = levels[0], _coarse(levels, radius_px), 1.0 if light_dot else -1.0
-    close = None
+def _judge_dot(
+    levels: Levels, x_px: float, y_px: float, *, radius_px: float, sign: float, beside: float = 0.25
+) -> Dot | str:
+    """Return the dot near a position, fitted within the uniform background around it, or in words why there is none.
+
+    ``beside`` is the width of the ring around the dot that the first fit includes, as a share of the radius.
+    """
+    luma, (coarse, scale), light_dot, close = levels[0], _coarse(levels, radius_px), sign > 0.0, None
     # First in the coarse picture: what is no dot there is none in the fine one, with up to 64 times the pixels.
     for level, size in [(luma, 1.0)] if scale == 1.0 else [(coarse, scale), (luma, 1.0)]:
         x, y, radius = x_px * size, y_px * size, _rim(level, x_px * size, y_px * size, radius_px * size, sign)
-        close = fit_dot(level, x, y, radius_px=radius, light_dot=light_dot, room_px=1.25 * radius + 1.5, ellipse=False)
+        close = fit_dot(
+            level, x, y, radius_px=radius, light_dot=light_dot, room_px=(1.0 + beside) * radius + 1.5, ellipse=False
+        )
         if close is None or close.explained < EXPLAINED:
             return _unexplained(close)
         x_px, y_px, radius_px = close.x_px / size, close.y_px / size, close.radius_px / size
@@ -92,6 +97,8 @@ def _judge_dot(levels: Levels, x_px: float, y_px: float, *, radius_px: float, li
     needed = max(3.0 * fit.residual, 6.0)
     if fit.step < needed:
         return f"its contrast is {fit.step:.0f} grey levels; {needed:.0f} needed to stand out of the noise"
+    if not SMALLEST_PX <= fit.radius_px <= HUGE_PX:
+        return f"its radius is {fit.radius_px:.1f} px; {SMALLEST_PX:g} to {HUGE_PX:g} px are looked for"
     return fit
 
 
@@ -104,19 +111,21 @@ def _unexplained(fit: Dot | None) -> str:
 
 def dot_near(luma: NDArray[np.uint8], x_px: float, y_px: float, *, reach_px: float) -> Dot | None:
     """Return the dot whose centre is nearest to a position, within ``reach_px`` or within its own radius."""
-    best: tuple[float, Dot] | None = None
     levels = _halved(luma)
-    for _, x, y, radius, light_dot in _places(levels, near=(x_px, y_px, reach_px)):
-        dot = _judge_dot(levels, x, y, radius_px=radius, light_dot=light_dot)
-        if isinstance(dot, str):
-            continue
-        distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
-        if distance > max(reach_px, dot.radius_px):
-            continue
-        merit = distance - 6.0 * dot.explained
-        if best is None or merit < best[0]:
-            best = (merit, dot)
-    return None if best is None else best[1]
+    # A dot nearly as wide as its stick, on a ground of other brightness, correlates with no disc, but can be fitted.
+    here = np.array([[0.0, x_px, y_px, radius, sign] for radius in _RADII for sign in (1.0, -1.0)])
+    for places, reach, beside in ((_places(levels, near=(x_px, y_px, reach_px)), reach_px, 0.25), (here, 0.0, 0.0)):
+        found = list[tuple[float, Dot]]()
+        for _, x, y, radius, sign in places.tolist():
+            dot = _judge_dot(levels, x, y, radius_px=radius, sign=sign, beside=beside)
+            if isinstance(dot, str):
+                continue
+            distance = math.hypot(dot.x_px - x_px, dot.y_px - y_px)
+            if distance <= max(reach, dot.radius_px):
+                found.append((distance - 6.0 * dot.explained, dot))
+        if found:
+            return min(found, key=lambda one: one[0])[1]
+    return None
 
 
 @compiled
@@ -165,40 +174,33 @@ def _on_ring(x_px: float, y_px: float, reach_px: float, angle_rad: float) -> tup
     return round(x_px + reach_px * math.cos(angle_rad)), round(y_px + reach_px * math.sin(angle_rad))
 
 
-Place = tuple[float, float, float, float, bool]
-"""Score, x, y, radius, and whether the dot is lighter than its surroundings."""
-
-
-def _places(levels: Levels, *, near: tuple[float, float, float] | None = None) -> list[Place]:
-    """Return the positions that look like a dot of some radius, the best first.
+def _places(levels: Levels, *, near: tuple[float, float, float] | None = None) -> Floats:
+    """Return the positions that look like a dot of some radius, the best first, as :func:`places_in`.
 
     ``near`` (x, y, reach) limits them to a distance of the reach or of the dot's own radius, plus the coarse steps.
     """
-    found: list[Place] = []
-    radius = SMALLEST_PX
-    while radius < HUGE_PX:
+    each: list[Floats] = []
+    for radius in _RADII:
         if near is None:
-            found += _places_of(levels, radius)
+            each.append(_places_of(levels, radius))
         else:
             x, y, far = near[0], near[1], max(near[2], 1.2 * radius) + 3.0
             box = (math.floor(x - far), math.floor(y - far), math.ceil(x + far), math.ceil(y + far))
-            found += [
-                place for place in places_in(levels[0], radius, box) if math.hypot(place[1] - x, place[2] - y) <= far
-            ]
-        radius *= _RATIO
-    found.sort(key=lambda place: -place[0])
-    kept: list[Place] = []
-    at, size = np.array([complex(*place[1:3]) for place in found]), np.array([place[3] for place in found])
-    left = np.ones(len(found), bool)
+            places = places_in(levels[0], radius, box)
+            each.append(places[np.hypot(places[:, 1] - x, places[:, 2] - y) <= far])
+    found = np.concatenate(each)
+    found = found[np.argsort(-found[:, 0], kind="stable")]
+    at, size = found[:, 1] + 1j * found[:, 2], found[:, 3]
+    kept, left = list[int](), np.ones(len(found), bool)
     # A dot of one radius also correlates with discs whose radius is up to three steps smaller or larger.
     alike = _RATIO**3.5
     while left.any() and len(kept) < _MOST:
         best = int(np.argmax(left))
-        kept.append(found[best])
+        kept.append(best)
         ratio = size / size[best]
         close = np.abs(at - at[best]) <= 0.6 * np.maximum(size, size[best])
         left &= ~(close & (ratio <= alike) & (ratio >= 1.0 / alike))
-    return kept
+    return found[kept]
 
 
 def _halved(luma: NDArray[np.uint8], radius_px: float = HUGE_PX) -> Levels:
@@ -216,13 +218,6 @@ def _coarse(levels: Levels, radius_px: float) -> tuple[NDArray[np.uint8], float]
     return levels[number], 0.5**number
 
 
-def _spread(level: NDArray[np.uint8], half: int) -> NDArray[np.float32]:
-    picture = level.astype(np.float32)
-    side = (2 * half + 1, 2 * half + 1)
-    mean = cv2.blur(picture, side)
-    return np.asarray(np.sqrt(np.maximum(cv2.blur(picture * picture, side) - mean * mean, 0.0)), dtype=np.float32)
-
-
 def _disc_picture(radius_px: float) -> NDArray[np.float32]:
     """Return a blurred light disc in the smallest square that contains its rim."""
     half = math.ceil(1.35 * radius_px + 0.5)
@@ -230,39 +225,44 @@ def _disc_picture(radius_px: float) -> NDArray[np.float32]:
     return np.asarray(np.clip(radius_px + 0.5 - np.hypot(x, y), 0.0, 1.0), dtype=np.float32)
 
 
-def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, int, int]) -> list[Place]:
-    """Return the positions that look like a dot of a radius in a part of a picture: left, top, right and bottom."""
+def places_in(luma: NDArray[np.uint8], radius_px: float, box: tuple[int, int, int, int]) -> Floats:
+    """Return the positions that look like a dot of a radius in a part of a picture: left, top, right and bottom.
+
+    Rows (p, 5) are the clearness, x, y, the radius, and the sign of the dot: 1 where it is lighter than its
+    surroundings, else −1.
+    """
     # With a margin, so that a dot at the rim is seen whole.
     more, (height, width) = math.ceil(2.0 * radius_px), luma.shape
     left, top = max(0, box[0] - more), max(0, box[1] - more)
     part = luma[top : min(height, box[3] + more), left : min(width, box[2] + more)]
-    places = _places_of(_halved(part, radius_px), radius_px)
-    return [(merit, x + left, y + top, radius, light) for merit, x, y, radius, light in places]
+    return np.asarray(_places_of(_halved(part, radius_px), radius_px) + np.array([0.0, left, top, 0.0, 0.0]))
 
 
-def _places_of(levels: Levels, radius_px: float) -> list[Place]:
-    """Return the positions in a picture that look like a dot of a radius."""
+def _places_of(levels: Levels, radius_px: float) -> Floats:
+    """Return the positions in a picture that look like a dot of a radius, as :func:`places_in`."""
     level, scale = _coarse(levels, radius_px)
     pattern = _disc_picture(radius_px * scale)
-    half = pattern.shape[0] // 2
-    if level.shape[0] <= 2 * half + 1 or level.shape[1] <= 2 * half + 1:
-        return []
+    side = pattern.shape[0]
+    half = side // 2
+    if min(level.shape) <= side:
+        return np.empty((0, 5))
     score = cv2.matchTemplate(level.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED)
-    places: list[Place] = []
+    around = np.ones((side - 2, side - 2), np.uint8)
+    light = (score > _LIKELY) & (score == cv2.dilate(score, around))
+    rows, columns = np.nonzero(light | ((score < -_LIKELY) & (score == cv2.erode(score, around))))
+    like = score[rows, columns].astype(np.float64)
     # Clearness of the dot: a disc explains the square of the correlation, and the spread is proportional to its step.
-    spread = _spread(level, half)
-    for sign in (1.0, -1.0):
-        signed = sign * score
-        crest = cv2.dilate(signed, np.ones((2 * half - 1, 2 * half - 1), np.uint8))
-        rows, columns = np.nonzero((signed >= crest) & (signed > _LIKELY) & np.isfinite(signed))
-        places += [
-            (
-                float(signed[row, column]) ** 8 * math.sqrt(spread[row + half, column + half]),
-                (column + half) / scale,
-                (row + half) / scale,
-                radius_px,
-                sign > 0,
-            )
-            for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
-        ]
-    return places
+    mean, square = (
+        (
+            sums[rows + side, columns + side]
+            - sums[rows, columns + side]
+            - sums[rows + side, columns]
+            + sums[rows, columns]
+        )
+        / side**2
+        for sums in cv2.integral2(level, sdepth=cv2.CV_64F)
+    )
+    clear = np.abs(like) ** 8 * np.maximum(square - mean**2, 0.0) ** 0.25
+    size = np.full(len(rows), radius_px)
+    found = np.stack([clear, (columns + half) / scale, (rows + half) / scale, size, np.sign(like)], axis=1)
+    return np.asarray(found[np.isfinite(like)])

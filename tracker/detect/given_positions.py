@@ -63,7 +63,8 @@ def given_dots(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> li
                 where=f"{hints.where}, {name.replace('_', ', ')} marker",
                 value=f"[{x:g}, {y:g}]",
                 limit=f"a dot of 3 to {HUGE_PX:g} px radius within {SNAP_PX:g} px, in frame {frame.index}",
-                do='mend the position, or set kind = "texture" for a point without a dot',
+                do="mend the position, choose a dot that differs from the stick in a black-and-white picture, or set "
+                'kind = "texture" for a point without a dot',
             )
         for other, before in dots.items():
             if math.hypot(before.x_px - dot.x_px, before.y_px - dot.y_px) < 0.5 * dot.radius_px:

@@ -11,7 +11,7 @@ import numpy as np
 from torsight.core.units import Floats, Ints
 from tracker.appearance.dot_fit import Dot
 from tracker.detect.sticks import CLEAR, CLEARER, LIKE, SIZES, least_length
-from tracker.innovation import SIGMAS
+from tracker.innovation import SIGMAS, SURE
 
 CLEARNESS: Final = 0.5 * SIGMAS**2 / math.log(CLEARER)
 """Exponent that turns a pair's score into a likelihood: a score lower by ``CLEARER``, the factor that separates markers
@@ -28,14 +28,18 @@ class Pairs:
             .T
         )
         one, two = np.triu_indices(len(dots), 1)
-        distance, needed = self._length(one, two), least_length(self.radius_px[one], self.radius_px[two])
+        distance, needed = (
+            self._length(np.stack([one, two], axis=1)),
+            least_length(self.radius_px[one], self.radius_px[two]),
+        )
         alike = (np.sign(sign[one]) == np.sign(sign[two])) & (distance >= needed)
-        for what, limit in ((self.radius_px, SIZES), (self._step, LIKE), (self._light, LIKE)):
+        for what, limit in ((self.radius_px, SIZES), (self._step, SIZES), (self._light, LIKE)):
             alike &= np.abs(np.log(what[one] / what[two])) < math.log(limit)
         self.ends: Ints = np.stack([one[alike], two[alike]], axis=1)
 
-    def _length(self, one: Ints, two: Ints) -> Floats:
-        return np.asarray(np.hypot(self._x[one] - self._x[two], self._y[one] - self._y[two]))
+    def _length(self, ends: Ints) -> Floats:
+        (ax, bx), (ay, by) = (np.moveaxis(at[ends], -1, 0) for at in (self._x, self._y))
+        return np.asarray(np.hypot(ax - bx, ay - by))
 
     def score_of(self, ends: Ints) -> Floats:
         """Return the scores (p,) of pairs (p, 2) as sticks, judged by their dots alone."""
@@ -52,9 +56,11 @@ class Pairs:
         return math.sqrt(CLEAR * max(CLEAR, clearest))
 
     def unlike(self, ends: Ints, other: Ints) -> Floats:
-        """Return χ² (p,) of the differences of pairs (p, 2) from another one (2,): dots' step, light, and length."""
-        found = np.zeros(len(ends))
-        for what, limit in ((self._step, LIKE), (self._light, LIKE)):
-            found += (SIGMAS * np.log(what[ends].sum(axis=1) / what[other].sum()) / math.log(limit)) ** 2
-        length = self._length(*ends.T) / self._length(*other)
-        return found + np.asarray((SIGMAS * np.log(length) / math.log(SIZES)) ** 2)
+        """Return χ² (p,) of the differences of pairs (p, 2) from one other (2,) or as many: step, light, length."""
+        made = np.zeros(len(ends))
+        for what in (self._step, self._light):
+            made += (SIGMAS * np.log(what[ends].sum(axis=-1) / what[other].sum(axis=-1)) / math.log(LIKE)) ** 2
+        length = self._length(ends) / self._length(other)
+        # Sticks made each in its own way, a dark disc and a white stick, are improbable, not impossible.
+        own_way = -2.0 * np.logaddexp(-0.5 * made, math.log(1.0 - SURE))
+        return np.asarray(own_way + (SIGMAS * np.log(length) / math.log(SIZES)) ** 2)

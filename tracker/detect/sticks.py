@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.units import Flags, Floats
+from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import EDGE_PX, Dot
 from tracker.detect.dots import find_and_refuse
 
@@ -105,12 +105,12 @@ def couples_in(luma: NDArray[np.uint8], *, dots: Sequence[Dot] | None = None) ->
 
 
 def _worst(couple: tuple[Stick, Stick]) -> float:
-    return min(stick.score for stick in couple)
+    return min(couple[0].score, couple[1].score)
 
 
 def are_markers(sticks: tuple[Stick, Stick]) -> bool:
     """Return whether two pairs of dots are clear enough to be taken for the markers."""
-    return min(stick.score for stick in sticks) > _LEAST
+    return _worst(sticks) > _LEAST
 
 
 def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[Stick, Stick]]:
@@ -119,14 +119,10 @@ def choose_sticks(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[tuple[St
     Two dots lie on one stick if they are similar and the line between them has the stick's brightness throughout.
     """
     pairs = pairs_in(luma, dots)
-    found: list[tuple[float, Stick, Stick]] = []
-    for one, two in itertools.combinations(pairs, 2):
-        if {id(one.inner), id(one.outer)} & {id(two.inner), id(two.outer)}:
-            continue
-        score = one.score + two.score + _couple_score(one, two)
-        if score > 0:
-            found.append((score, one, two))
-    return [(one, two) for _, one, two in sorted(found, key=lambda item: -item[0])]
+    one, two = np.triu_indices(len(pairs), 1)
+    score = _couple_scores(pairs, one, two)
+    best = np.argsort(-score, kind="stable")[: int((score > 0.0).sum())]
+    return [(pairs[i], pairs[j]) for i, j in zip(one[best].tolist(), two[best].tolist(), strict=True)]
 
 
 def pairs_in(luma: NDArray[np.uint8], dots: Sequence[Dot]) -> list[Stick]:
@@ -267,7 +263,7 @@ def _ratios(a: Dot, b: Dot) -> list[tuple[str, float, float]]:
     """Return name, ratio and largest allowed ratio of the properties by which two dots are compared."""
     values = (
         ("radius", a.radius_px, b.radius_px, SIZES),
-        ("contrast", a.step, b.step, LIKE),
+        ("contrast", a.step, b.step, SIZES),
         ("light around them", a.light, b.light, LIKE),
     )
     return [(name, max(one, two) / max(min(one, two), 1e-6), limit) for name, one, two, limit in values]
@@ -323,23 +319,26 @@ def _as_bright(luma: NDArray[np.uint8], dots: tuple[Dot, Dot], end: tuple[float,
     return np.asarray(np.abs(luma[y, x] - expected) < limit)
 
 
-def _couple_score(one: Stick, two: Stick) -> float:
-    """Return a score of two pairs as the sticks of one rig; −∞ where they cannot be."""
-    radii = [dot.radius_px for dot in (one.inner, one.outer, two.inner, two.outer)]
-    steps = [dot.step for dot in (one.inner, one.outer, two.inner, two.outer)]
-    unlike = max(radii) / min(radii)
-    if unlike > SIZES or max(steps) > 2.5 * min(steps):
-        return -math.inf
-    if max(one.length_px, two.length_px) > SIZES * min(one.length_px, two.length_px):
-        return -math.inf
-    unlikely = max(0.0, 1.0 - LIKE / unlike) * (one.score + two.score)
-    axis = crossing(one, two)
-    if axis is None:
-        return -unlikely
+def _couple_scores(pairs: Sequence[Stick], one: Ints, two: Ints) -> Floats:
+    """Return scores (c,) of couples of pairs, by their indices, as the sticks of one rig; −∞ where they cannot be."""
+    ends = [(pair.inner, pair.outer) for pair in pairs]
+    at = np.array([[complex(dot.x_px, dot.y_px) for dot in both] for both in ends]).reshape(-1, 2)
+    radii, steps = (
+        np.array([[getattr(dot, what) for dot in both] for both in ends]).reshape(-1, 2)[np.stack([one, two], 1)]
+        for what in ("radius_px", "step")
+    )
+    own = np.array([pair.score for pair in pairs])
+    unlike, unsteady = (each.max(axis=(1, 2)) / each.min(axis=(1, 2)) for each in (radii, steps))
+    along = at[:, 1] - at[:, 0]
+    longer = np.exp(np.abs(np.log(np.abs(along[one]) / np.abs(along[two]))))
+    shared = (at[one][:, :, None] == at[two][:, None]).any(axis=(1, 2))
+    possible = ~shared & (unlike <= SIZES) & (unsteady <= 2.5) & (longer <= SIZES)
+    score = (own[one] + own[two]) * (1.0 - np.maximum(0.0, 1.0 - LIKE / unlike))
     # The axis lies beyond the inner end of both sticks, not between a stick's markers.
-    beyond = 0.0
-    for stick in (one, two):
-        ux, uy = stick.outer.x_px - stick.inner.x_px, stick.outer.y_px - stick.inner.y_px
-        along = ((axis[0] - stick.inner.x_px) * ux + (axis[1] - stick.inner.y_px) * uy) / (ux * ux + uy * uy)
-        beyond += -1.0 if 0.0 < along < 1.0 else 1.0
-    return beyond - unlikely
+    u, v, between = along[one], along[two], at[two, 0] - at[one, 0]
+    cross = (np.conj(u) * v).imag
+    meet = np.abs(cross) >= PARALLEL * np.abs(u) * np.abs(v)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for share in ((np.conj(between) * v).imag / cross, (np.conj(between) * u).imag / cross):
+            score += np.where(meet, np.where((share > 0.0) & (share < 1.0), -1.0, 1.0), 0.0)
+    return np.where(possible, score, -np.inf)

@@ -270,9 +270,10 @@ def _path_to(scene: Scene, index: int, place: Point) -> Floats:
 
 def _places(luma: NDArray[np.uint8], marker: Record, region: Region) -> list[Point]:
     """Return the positions in a region that look most like a dot of the marker's radius, the best first."""
-    radius, light_dot = float(marker["shape"]["radius"]), marker["shape"]["contrast"] > 0.0
-    places = [place for place in places_in(luma, radius, region) if place[4] == light_dot]
-    return [(x, y) for _, x, y, _, _ in sorted(places, key=lambda place: -place[0])[:MOST]]
+    places = places_in(luma, float(marker["shape"]["radius"]), region)
+    places = places[places[:, 4] == np.sign(marker["shape"]["contrast"])]
+    best = places[np.argsort(-places[:, 0], kind="stable")[:MOST]]
+    return [(x, y) for _, x, y, _, _ in best.tolist()]
 
 
 def _both_seen(scene: Scene, stick: int) -> bool:

@@ -16,7 +16,7 @@ from tracker.angle.plane import Orientation
 from tracker.detect.marker_file import STICKS
 from tracker.follow.camera_state import circle_sigma_px
 from tracker.follow.judgement import MOVED_RAD
-from tracker.innovation import SURE, passes
+from tracker.innovation import SIGMAS, SURE, passes
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -41,7 +41,9 @@ def doubts(result: TrackResult) -> list[str]:
     if given and "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Either end of a tag may be nearer to the axis, depending on how it was attached: it has no inner marker.
         found = found or _exchanged_markers(result.tracks)
-    return found + _repeated_texture(result) + _moving_axis(result.tracks) + _file_faults(result)
+    still = unmoved(result.tracks).tracks
+    found += _off_their_stick(result.report["markers"], still)
+    return found + _repeated_texture(result) + _moving_axis(still) + _file_faults(result)
 
 
 def doubts_of_tilt(orientation: Orientation) -> list[str]:
@@ -176,6 +178,28 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
     return [f"{words[0].upper()}{words[1:]}: {what}. Exchange the two positions in the marker file."]
 
 
+def _off_their_stick(markers: Mapping[str, Any], tracks: MarkerTracks) -> list[str]:
+    """Return a warning for a stick whose two given dots look unlike, and lie on a line that misses the axis.
+
+    Markers lie on the middle line of a stick to within about their radius; ``tracks`` are as by a fixed camera.
+    """
+    unlike = markers.get("not_on_one_stick", {})
+    axis = axis_px(tracks) if unlike else None
+    words = []
+    for name, first in zip(STICKS, (0, 2), strict=True) if axis is not None else ():
+        both = np.flatnonzero(tracks.valid[:, first : first + 2].all(axis=1))
+        if name in unlike and len(both):
+            away, along = tracks.position_px[both[0], first] - axis, np.diff(tracks.position_px[both[0]], axis=0)[first]
+            beside_px = float(abs(away[0] * along[1] - away[1] * along[0]) / np.hypot(*along))
+            if beside_px > SIGMAS * markers["radius_px"]:
+                words.append(
+                    f"The two dots given for the {name} stick may not be on one stick: {unlike[name]}, and the line "
+                    f"through them passes the axis at {beside_px:.0f} px. All angles are off by the same amount if one "
+                    "of them is no marker. Look in track.png, and mend the marker file."
+                )
+    return words
+
+
 def _repeated_texture(result: TrackResult) -> list[str]:
     """Return a warning if the moving stick's texture is repeated nearby: marks of a scale, teeth of a wheel."""
     turn_deg = result.report["markers"].get("looks_alike_turned_by_deg")
@@ -192,9 +216,9 @@ def _repeated_texture(result: TrackResult) -> list[str]:
 def _moving_axis(tracks: MarkerTracks) -> list[str]:
     """Return a warning if the moving stick turns about no fixed axis: it rolls, is carried, or was misread at times.
 
-    The markers' distances from the axis are tested as :mod:`tracker.follow` tests those of a marker found again.
+    The markers' distances from the axis are tested as :mod:`tracker.follow` tests those of a marker found again;
+    ``tracks`` are as by a fixed camera.
     """
-    tracks = unmoved(tracks).tracks
     axis = axis_px(tracks)
     both = np.flatnonzero(tracks.valid[:, 2:].all(axis=1) & tracks.valid[:, :2].any(axis=1))
     if axis is None or not len(both):

@@ -69,7 +69,7 @@ def why(picture: np.ndarray, x: float, y: float) -> str:
 
 def test_a_dot_without_a_likeness_names_the_value_and_the_limit() -> None:
     assert "radius by a factor of 3.2; 3 allowed" in why(board(FOUR[0], (60.1, 60.7, 16.0, 40.0)), 100.0, 60.0)
-    assert "contrast by a factor of 2.0; 1.6 allowed" in why(board(FOUR[0], (60.1, 60.7, 5.0, 110.0)), 100.0, 60.0)
+    assert "contrast by a factor of 3.5; 3 allowed" in why(board(FOUR[0], (60.1, 60.7, 5.0, 140.0)), 100.0, 60.0)
     assert "one of the two is dark and the other light" in why(board(FOUR[0], (60.1, 60.7, 5.0, 250.0)), 100.0, 60.0)
     assert "13 px apart; 18 px needed" in why(board((100.0, 60.0, 5.0, 40.0), (113.0, 60.0, 5.0, 40.0)), 100.0, 60.0)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.tracker.films import Rig
+from tracker.detect.dots import dot_near
 from tracker.detect.sticks import sticks_in
 
 STILL = Rig(lambda t: np.full_like(t, 75.0), frames=1)
@@ -82,3 +83,15 @@ def test_background_is_not_taken_where_clear_dots_are_of_no_use(seed: int) -> No
         seed=seed,
     )
     assert sticks_in(next(rig.pictures())) is None
+
+
+def test_a_given_dot_nearly_as_wide_as_its_stick_is_found() -> None:
+    # A yellow sticker on white paper before a dark ground: the ground contrasts four times as much as the dot.
+    y, x = np.mgrid[:600, :960] / 6.0
+    picture = np.where(np.abs(y - 50.0) < 11.0, 208.0, 75.0)
+    picture[np.hypot(x - 80.3, y - 50.2) < 9.0] = 169.0
+    luma = picture.reshape(100, 6, 160, 6).mean(axis=(1, 3)) + np.random.default_rng(1).normal(0.0, 1.5, (100, 160))
+    dot = dot_near(np.rint(luma).astype(np.uint8), 80.0, 49.0, reach_px=12.0)
+    assert dot is not None
+    # Pixel centres are at whole numbers.
+    assert (dot.x_px, dot.y_px, dot.radius_px) == pytest.approx((80.3 - 5 / 12, 50.2 - 5 / 12, 9.0), abs=0.1)

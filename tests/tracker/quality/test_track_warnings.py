@@ -123,6 +123,21 @@ def test_a_dot_beside_the_stick_is_no_marker_of_the_stick(tmp_path: Path, capsys
     assert float(told[2]) == pytest.approx(5.0, abs=0.5)
 
 
+def test_a_screw_beside_the_base_is_no_marker_of_the_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base, moving = positions()
+    rig = replace(RIG, frames=60, extra_dots=[(90.0, -60.0, 5.0)])
+    film = write_film(rig, tmp_path / "film.mkv")
+    beside = (rig.project(np.array([90.0, -60.0, 0.0]))).tolist()
+    first = advice_of(film, tmp_path / "out", markers={"base": [base[0], beside], "moving": moving})[0]
+    assert first.startswith("The two dots given for the base stick may not be on one stick")
+    assert first in capsys.readouterr().err
+    away, along = base[0] - rig.project(np.zeros(3)), np.subtract(beside, base[0])
+    passed_px = abs(away[0] * along[1] - away[1] * along[0]) / np.hypot(*along)
+    told = re.search(r"passes the axis at (\d+) px", first)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(passed_px, abs=1.5)
+
+
 def test_a_smear_is_told_as_a_shutter_too_long() -> None:
     result, angles = made_gap(share=0.5)
     frames = {"total": 40, "without_angle": 10, "why": {"hidden": 10}}
