@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import InputError, NoResultError
+from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
@@ -30,7 +31,7 @@ from tracker.innovation import SURE
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class Start(Frozen):
     """Start of the tracking.
 
     ``markers`` are two of one stick, two of the other (none where a stick has no dots), found in ``frame``; ``moving``

@@ -102,7 +102,7 @@ def test_explanations_that_predict_something_else_widen_it_there(log, share: flo
 
 def test_noise_of_the_temperatures_counts_where_an_incomplete_heating_ends(log) -> None:
     rng = np.random.default_rng(4)
-    noisy = replace(log, temp_a_c=log.temp_a_c + 0.1 * rng.standard_normal(len(log)))
+    noisy = replace(log, temp_a_c=log.temp_a_c + 0.15 * rng.standard_normal(len(log)))
     model = model_with(Doubt((), np.zeros((0, 0)), 0.1))
     sigma_deg = predict_with_sigma(model, noisy, start_angle_rad=START_RAD).sigma_rad / DEG
     assert np.median(sigma_deg) < 0.3
