@@ -186,25 +186,13 @@ def test_pieces_of_information_are_those_of_a_mixture(part: float) -> None:
     stretches = Stretches.of(problem)
     rows = slice(int(stretches.start[0]), int(stretches.stop[0]))
     n, step_s, alike_s = rows.stop - rows.start, float(problem.time_s[1] - problem.time_s[0]), 8.0
-    part_of_all, alike_of_all = np.full(len(problem.observed), part), np.full(len(problem.observed), alike_s)
-    whole = part * alike_s / step_s + (1.0 - part)
-    count = stretches.counts_with(whole, part_of_all, problem.time_s, alike_of_all)[rows]
+    white, inputs = stretches.counts(1.0), np.full(len(problem.observed), part)
+    count = stretches.counts_with(white, inputs, problem.time_s, np.full(len(white), alike_s))[rows]
     # An exponential correlation of the same integrated time.
     keep = (alike_s / step_s - 1.0) / (alike_s / step_s + 1.0)
     rows_apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     covariance = part * keep**rows_apart + (1.0 - part) * np.eye(n)
     assert 1.0 / np.sum(count) == pytest.approx(float(np.mean(covariance)), rel=0.1)
-
-
-def test_a_correlation_is_shared_out_to_the_samples_that_have_it() -> None:
-    problem = machine(0.0)
-    stretches = Stretches.of(problem)
-    n, moving = len(problem.observed), ~problem.rest & problem.valid
-    part = np.where(np.arange(n) % 4 == 0, 0.9, 0.0)
-    alike_s = np.full(n, 16.0 * (problem.time_s[1] - problem.time_s[0]))
-    count = stretches.counts_with(5.0, part, problem.time_s, alike_s)
-    assert np.mean(1.0 / count[moving]) == pytest.approx(5.0, rel=0.05)
-    assert np.mean(count[moving & (part > 0.0)]) < 0.7 * np.mean(count[moving & (part == 0.0)])
 
 
 def test_scales_are_what_lies_beyond_the_floor() -> None:

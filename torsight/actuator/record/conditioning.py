@@ -125,6 +125,9 @@ class Readings:
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
         """Return the wire's temperature (n,) at the wanted times, for a sensor with the time constant ``lag_s``."""
         known_c, slope_c_s, left_over = self.smooth(lag_s)
+        if lag_s > 0.0 and self.noise_c > NEGLIGIBLE_C:
+            # Where the readings have become level, so has the wire.
+            level_holds(self.time_s, self.temp_c, self.sigma_c, value=known_c, rate=slope_c_s, left_over=left_over)
         if self.far_apart:
             return self.with_corners(known_c, left_over, wanted_s)
         value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))

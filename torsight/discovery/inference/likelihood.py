@@ -10,11 +10,11 @@ the record is not known. Neighbouring residuals are not independent: in motion a
 of information, τ the integrated correlation time, in samples, of the residual in units of each sample's standard
 deviation (samples that lie closer than usual share that); a rest of m samples counts as one piece, so each sample as
 1/m. Errors that the inputs' noise causes have a correlation time of their own: where they are a part f of a sample's
-variance, 1/c is the mean of that time and of the rest's, weighted with f and 1 − f, and the rest has the time with
-which the mean over the samples is τ. The power c of a likelihood keeps intervals and evidence honest where the
-correlation's form is not known (composite likelihood; Varin, Reid and Firth, Statistica Sinica 21 (2011) 5). The
-discrepancy's size is a part of the likelihood and not a fixed weight: the gain of a model with half the residual grows
-with the number of pieces of information (Kennedy and O'Hagan, J. R. Statist. Soc. B 63 (2001) 425).
+variance and that time is longer than τ, 1/c is the mean of both, weighted with f and 1 − f. The power c of a likelihood
+keeps intervals and evidence honest where the correlation's form is not known (composite likelihood; Varin, Reid and
+Firth, Statistica Sinica 21 (2011) 5). The discrepancy's size is a part of the likelihood and not a fixed weight: the
+gain of a model with half the residual grows with the number of pieces of information (Kennedy and O'Hagan, J. R.
+Statist. Soc. B 63 (2001) 425).
 """
 
 from __future__ import annotations

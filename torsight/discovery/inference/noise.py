@@ -54,37 +54,27 @@ class Stretches:
         share = np.asarray(problem.share, np.float64)
         return cls(start[keep], stop[keep], rest[start[keep]], opening, share)
 
-    def counts(self, correlation_samples: float | Floats) -> Floats:
-        """Return the pieces of information (n,) of the samples; their sum is one in a rest, one or more in motion.
-
-        The correlation time is one for all samples in motion, or one for each (n,).
-        """
-        found, samples = np.zeros(len(self.share)), np.maximum(correlation_samples, 1.0) * np.ones(len(self.share))
+    def counts(self, correlation_samples: float) -> Floats:
+        """Return the pieces of information (n,) of the samples; their sum is one in a rest, one or more in motion."""
+        found = np.zeros(len(self.share))
         for a, b, rest in zip(self.start, self.stop, self.rest, strict=True):
             share = self.share[a:b]
-            found[a:b] = 1.0 / (b - a) if rest else share / np.minimum(samples[a:b], float(share.sum()))
+            found[a:b] = 1.0 / (b - a) if rest else share / min(max(correlation_samples, 1.0), float(share.sum()))
         return found
 
-    def counts_with(self, correlation_samples: float, part: Floats, time_s: Floats, alike_s: Floats) -> Floats:
+    def counts_with(self, count: Floats, part: Floats, time_s: Floats, alike_s: Floats) -> Floats:
         """Return the pieces of information (n,) of samples in which a part (n,) of the variance is correlated longer.
 
-        That part is correlated over ``alike_s`` (n,) seconds. Correlation times of independent errors add up with the
-        errors' shares of the variance: the rest has the time with which the mean over the samples in motion is
-        ``correlation_samples``, or one sample.
+        ``count`` (n,) are those without that part, which is correlated over ``alike_s`` (n,) seconds at least.
+        Correlation times of independent errors add up with the errors' shares of the variance.
         """
-        share, samples = self.share, np.zeros(len(self.share))
-        moving = np.zeros(len(share), bool)
+        found = count.copy()
         for a, b, rest in zip(self.start, self.stop, self.rest, strict=True):
+            span_s = np.minimum(alike_s[a:b], time_s[b - 1] - time_s[a])
             if not rest and b > a + 1:
-                span_s = np.minimum(alike_s[a:b], time_s[b - 1] - time_s[a])
-                samples[a:b] = part[a:b] * share[a:b] * span_s / np.gradient(time_s[a:b])
-                moving[a:b] = True
-        if not moving.any():
-            return self.counts(correlation_samples)
-        left = correlation_samples - np.average(samples[moving], weights=share[moving])
-        others = np.average(1.0 - part[moving], weights=share[moving])
-        whole = (1.0 - part) * max(left / max(others, 1e-9), 1.0) + np.maximum(samples, part)
-        return self.counts(whole)
+                slower = np.minimum(count[a:b], np.gradient(time_s[a:b]) / np.maximum(span_s, 1e-9))
+                found[a:b] = 1.0 / ((1.0 - part[a:b]) / count[a:b] + part[a:b] / slower)
+        return found
 
     def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Return the ranges at rest and those in motion."""

@@ -258,12 +258,10 @@ class SetFits:
 
         ``inputs`` (n,) is the part of every sample's variance that noise of the inputs causes; none by default.
         """
-        self._correlation_samples = correlation_samples
-        if inputs is None:
-            self._count = self.stretches.counts(correlation_samples)
-        else:
+        self._correlation_samples, self._count = correlation_samples, self.stretches.counts(correlation_samples)
+        if inputs is not None:
             time_s, alike_s = self._problem.time_s, self._problem.input_alike_s
-            self._count = self.stretches.counts_with(correlation_samples, inputs, time_s, alike_s)
+            self._count = self.stretches.counts_with(self._count, inputs, time_s, alike_s)
 
     def followed(
         self, best: Explanation, sets: Mapping[EffectSet, Explanation], *, longest: float
