@@ -57,7 +57,7 @@ def tops(record: blind.Record, factor: float = 1.0) -> tuple[list[float], float]
     problem = Scaled(ActuatorModel(record.spec).prepare(record.table), record.spec)
     problem.factor = factor
     search = Search(problem, settings=Settings(), progress=silent)
-    plain = search.plain()
+    plain = search.fits.plain()
     weight = plain.likelihood.weight(plain.residual)
     errors = weight.errors(plain.residual)
     known = np.eye(len(errors)) + weight.shared.T @ (weight.shared * weight.each[:, None])
