@@ -14,7 +14,7 @@ from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
-from tracker.couples import Choice, Couple
+from tracker.couples import Choice
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, given_dots
@@ -211,7 +211,7 @@ class _Dots:
         elif self._read >= 0.0 or score <= self._score:
             return False
         self._score = score
-        markers = _markers(search.luma, weighed[0])
+        markers = markers_on(search.luma, weighed[0].base, weighed[0].moving)
         self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=choice)
         self.in_tags = all(_in_tag(search.luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
@@ -222,11 +222,6 @@ def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots
     """Return whether all dots are at positions of earlier dots, within their radii."""
     radius_px = np.array([dot.radius_px for dot in dots])
     return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
-
-
-def _markers(luma: NDArray[np.uint8], couple: Couple) -> list[Marker]:
-    """Return new markers of a couple: tracking modifies them."""
-    return [marker for stick in (couple.base, couple.moving) for marker in markers_on(luma, stick)]
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:
@@ -250,8 +245,7 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
     sticks = given_dots(frame, hints, sticks=(0, 1))
     judged = {name: judge_pair(frame.luma, one.inner, one.outer) for name, one in zip(STICKS, sticks, strict=True)}
     unlike = {name: why for name, why in judged.items() if isinstance(why, str)}
-    markers = [marker for stick in sticks for marker in markers_on(frame.luma, stick)]
-    return Start(markers, frame.index, 1, hints=hints, unlike=unlike)
+    return Start(markers_on(frame.luma, *sticks), frame.index, 1, hints=hints, unlike=unlike)
 
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:

@@ -182,7 +182,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
         raise InputError("has no angle", where=f"{where}, column angle_deg", do="track the film again")
     sigma = table.angle_sigma_rad
     wrong = wrong_frames(table.time_s, table.angle_rad, sigma)
-    angle = np.where(wrong, np.nan, table.angle_rad)
+    angle, count = np.where(wrong, np.nan, table.angle_rad), np.count_nonzero(wrong)
     start, _ = start_angle(angle, sigma)
     turns = whole_turns(angle)
     ahead_rad = 2.0 * math.pi * turns
@@ -191,8 +191,8 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
         rows = drive.sensors.rows
         angle, sigma = pair_means(table.time_s, angle, sigma, rows, np.full(len(rows), drive.readings_of_a_row // 2))
         # What is wrong for longer than three frames is an outlier among the rows.
-        of_rows = wrong_frames(drive.time_s, angle, sigma)
-        wrong, angle = np.append(wrong, of_rows), np.where(of_rows, np.nan, angle)
+        wrong = wrong_frames(drive.time_s, angle, sigma)
+        angle, count = np.where(wrong, np.nan, angle), count + np.count_nonzero(wrong)
     angle = np.where(drive.known, angle - ahead_rad, np.nan)
     temps = (drive.temp_a_c, drive.temp_b_c)
     cycles = begun_with_a_jump(drive.cycles, drive.time_s, angle, temps)
@@ -203,7 +203,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
         turns=turns,
         cycles=cycles,
         clock_sigma_s=table.clock_sigma_s,
-        wrong_frames=int(np.count_nonzero(wrong)),
+        wrong_frames=int(count),
     )
 
 

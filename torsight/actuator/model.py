@@ -344,9 +344,14 @@ def _applied(ports: Ports, parts: Sequence[Effect | LawForm], given: Mapping[str
     for part in parts:
         if isinstance(part, LawForm):
             ports = apply_law(ports, part, given)
-        elif not (part.is_clock and ports.history.after_record):
+        elif not _of_the_record_alone(part, ports.history):
             ports = part.apply(ports, given)
     return ports
+
+
+def _of_the_record_alone(effect: Effect, history: History) -> bool:
+    """Return whether an effect held in the fitted record alone: its clock, or the state of the springs before it."""
+    return (effect.is_clock and history.after_record) or (effect.family == "start" and history.unwound_rad is not None)
 
 
 def _initial_ports(drive: Drive, history: History, rig: Rig) -> Ports:

@@ -83,8 +83,12 @@ class Marker:
         return float(self.record["first_radius"][0])
 
 
-def markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
-    """Return both markers of a stick, read for the first time; :class:`NoResultError` for one at the border."""
+def markers_on(luma: NDArray[np.uint8], *sticks: Stick) -> list[Marker]:
+    """Return both markers of each stick, read for the first time; :class:`NoResultError` for one at the border."""
+    return [marker for stick in sticks for marker in _markers_on(luma, stick)]
+
+
+def _markers_on(luma: NDArray[np.uint8], stick: Stick) -> list[Marker]:
     strip_px = half_width(luma, stick)
     edges_px = edges_beside(luma, stick), edges_beside(luma, stick.turned())[::-1]
     return [
@@ -108,5 +112,4 @@ def _marker(luma: NDArray[np.uint8], dot: Dot, marker: Marker) -> Marker:
 def given_markers(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
     """Return the markers, two of each stick, found near the positions that were given."""
     assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
-    found = given_dots(frame, hints, sticks=sticks)
-    return [marker for stick in found for marker in markers_on(frame.luma, stick)]
+    return markers_on(frame.luma, *given_dots(frame, hints, sticks=sticks))

@@ -49,7 +49,7 @@ def follower_of(
     first = picture(scene, seed=0, radius_px=radius_px)
     dots = [dot_near(first, dot.real, dot.imag, reach_px=3.0) for dot in scene]
     sticks = [Stick(dots[k], dots[k + 1], 0.0) for k in (0, 2)]
-    return Follower([DotState([marker for stick in sticks for marker in markers_on(first, stick)])], moving=moving)
+    return Follower([DotState(markers_on(first, *sticks))], moving=moving)
 
 
 def followed(scenes: list[list[complex]], *, radius_px: float | list[float] = RADIUS_PX) -> list[np.ndarray]:

@@ -21,9 +21,7 @@ from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
-    """Scale the torque that friction holds at the start, unless the state there is known."""
-    if ports.history.unwound_rad is not None:
-        return ports
+    """Scale the torque that friction holds at the start."""
     return ports.changed(home_hold=ports.home_hold * values["home_hold"])
 
 

@@ -27,8 +27,6 @@ torque: 0.25 τ_c / (K_M − K_S) (1 − K_S/K_M) = 9° for the paper's rig."""
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Subtract the angle from the recoverable angle in the first half-cycle of each spring."""
-    if ports.history.unwound_rad is not None:
-        return ports
     loss = np.zeros(ports.half_cycle.shape) + ports.theta_l_loss_rad
     driven = ports.drive.cycles.springs
     for spring, name in ((0, "start_loss_a_deg"), (1, "start_loss_b_deg")):

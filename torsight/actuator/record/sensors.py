@@ -52,23 +52,20 @@ class Sensors:
         if missing:
             with_help(missing, self._at)
 
-    def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
-        """Return the differences of the wires' from the sensors' temperatures at the kept rows, for a time constant.
+    def lag_correction(self, spring: int, lag_s: float) -> tuple[float, Floats, Floats]:
+        """Return the differences of a wire's from its sensor's temperature at the kept rows, for a time constant.
 
         They are computed and cached for a grid of time constants. Returned are the weight of the upper of the two
         neighbouring grid points, and the differences at the lower and at the upper one.
         """
         low = min(max(bisect_right(_LAG_GRID_S, lag_s) - 1, 0), len(_LAG_GRID_S) - 2)
         share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
-        return share, self._correction(_LAG_GRID_S[low]), self._correction(_LAG_GRID_S[low + 1])
+        return share, self._correction(spring, _LAG_GRID_S[low]), self._correction(spring, _LAG_GRID_S[low + 1])
 
-    def _correction(self, lag_s: float) -> Pair:
+    def _correction(self, spring: int, lag_s: float) -> Floats:
         """Return the differences at a grid point; errors that were added grow as the smoother's own do."""
-        a, b = self._at(lag_s)
-        if self.errors_c is None:
-            return a.off_c, b.off_c
-        error_a, error_b = self.errors_c
-        return a.off_c + error_a * (a.growth - 1.0), b.off_c + error_b * (b.growth - 1.0)
+        wire = self._at(lag_s)[spring]
+        return wire.off_c if self.errors_c is None else wire.off_c + self.errors_c[spring] * (wire.growth - 1.0)
 
     def _at(self, lag_s: float) -> tuple[_Wire, _Wire]:
         if lag_s not in self._known:

@@ -21,7 +21,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.record.holds import LEAST_HOLD_S
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.ripple import UNSURE
-from torsight.core.series import usual_step
+from torsight.core.series import rms, usual_step
 from torsight.core.units import Floats
 
 _TOP_C: Final = 1.0
@@ -57,15 +57,19 @@ def alike_s(drive: Drive) -> Floats:
     """
     if drive.noise_c <= NEGLIGIBLE_C:
         return np.zeros(len(drive))
-    left_over = np.maximum(drive.temp_sigma_c / drive.noise_c, 1e-3)
+    return _alike_s(drive, drive.temp_sigma_c)
+
+
+def _alike_s(drive: Drive, sigma_c: Floats | float) -> Floats:
+    """Return the correlation time (n,) of errors with the standard deviation ``sigma_c`` (n,), s."""
+    left_over = np.maximum(sigma_c / drive.noise_c, 1e-3)
     return np.asarray(drive.reading_s * np.maximum(left_over**-2, 1.0))
 
 
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     # White noise behind a Gaussian filter of width σ has the integrated correlation time 2 √π σ. Here it is the time of
     # all errors together, weighted with their variances.
-    left_over = float(np.mean(drive.temp_sigma_c**2)) / drive.noise_c**2
-    filter_s = drive.reading_s * max(1.0 / left_over, 1.0) / (2.0 * math.sqrt(math.pi))
+    filter_s = float(_alike_s(drive, rms(drive.temp_sigma_c))) / (2.0 * math.sqrt(math.pi))
     white = rng.standard_normal((2, len(drive)))
     alike = gaussian_filter1d(white, filter_s / usual_step(drive.time_s), mode="nearest")
     smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)

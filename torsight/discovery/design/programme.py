@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.segments import HalfCycles, turn_of
-from torsight.actuator.record.sensors import Pair, Sensors
+from torsight.actuator.record.sensors import Sensors
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.record.turns import turns_of
 from torsight.core.units import Floats, Ints
@@ -180,10 +180,10 @@ class Played:
 class _ExactSensors(Sensors):
     """Readings without noise: a lag τ hides τ dT/dt of the wire's temperature."""
 
-    def lag_correction(self, lag_s: float) -> tuple[float, Pair, Pair]:
-        """Return the differences of the wires' temperatures from the sensors'."""
-        a, b = (lag_s * np.gradient(temp, self.time_s) for temp in self.driven_c)
-        return 0.0, (a, b), (a, b)
+    def lag_correction(self, spring: int, lag_s: float) -> tuple[float, Floats, Floats]:
+        """Return the differences of a wire's temperature from its sensor's."""
+        off_c = np.asarray(lag_s * np.gradient(self.driven_c[spring], self.time_s))
+        return 0.0, off_c, off_c
 
 
 class _Player:
