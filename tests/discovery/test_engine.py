@@ -195,6 +195,17 @@ def test_pieces_of_information_are_those_of_a_mixture(part: float) -> None:
     assert 1.0 / np.sum(count) == pytest.approx(float(np.mean(covariance)), rel=0.1)
 
 
+def test_a_clock_that_stands_still_between_samples_takes_no_information() -> None:
+    """Loggers with coarse clocks give several samples one time; without slow errors they count as before."""
+    problem = machine(0.0)
+    stretches, n = Stretches.of(problem), len(problem.observed)
+    white, coarse_s = stretches.counts(1.0), np.floor(problem.time_s / 5.0) * 5.0
+    count = stretches.counts_with(white, np.zeros(n), coarse_s, np.zeros(n))
+    np.testing.assert_allclose(count, white)
+    slow = stretches.counts_with(white, np.ones(n), coarse_s, np.full(n, 8.0))
+    assert np.all(slow > 0.0)
+
+
 def test_scales_are_what_lies_beyond_the_floor() -> None:
     problem = machine(0.0)
     stretches = Stretches.of(problem)

@@ -70,10 +70,11 @@ class Stretches:
         """
         found = count.copy()
         for a, b, rest in zip(self.start, self.stop, self.rest, strict=True):
-            span_s = np.minimum(alike_s[a:b], time_s[b - 1] - time_s[a])
-            if not rest and b > a + 1:
-                slower = np.minimum(count[a:b], np.gradient(time_s[a:b]) / np.maximum(span_s, 1e-9))
-                found[a:b] = 1.0 / ((1.0 - part[a:b]) / count[a:b] + part[a:b] / slower)
+            duration_s = float(time_s[b - 1] - time_s[a])
+            if not rest and duration_s > 0.0:
+                step_s = duration_s * self.share[a:b] / self.share[a:b].sum()
+                slower = np.maximum(1.0 / count[a:b], np.minimum(alike_s[a:b], duration_s) / step_s)
+                found[a:b] = 1.0 / ((1.0 - part[a:b]) / count[a:b] + part[a:b] * slower)
         return found
 
     def split(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
