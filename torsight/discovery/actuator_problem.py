@@ -119,8 +119,7 @@ class ActuatorProblem(OptionalMembers):
     def candidates(self) -> tuple[Candidate, ...]:
         """Every effect file as a candidate, except those that are always fitted; then the measured laws."""
         effects = [effect for effect in load_effects().values() if effect not in self.always]
-        measured = self.drive.angle_rad
-        named = [_candidate(effect, measured) for effect in effects]
+        named = [_candidate(effect, self.drive) for effect in effects]
         return (*named, *(Candidate(form.id, "law", form.parameters) for form in self.forms))
 
     @cached_property
@@ -311,24 +310,21 @@ def _means_between(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:
     return mean, np.nan_to_num(sigma)
 
 
-def _candidate(effect: Effect, angle_rad: Floats) -> Candidate:
-    own = effect.propose
-    measured = () if effect.starts_from is None else effect.starts_from(angle_rad)
-    starts = (*effect.starts, *measured)
-
-    def in_radians(time_s: Floats, residual_deg: Floats) -> tuple[Mapping[str, float], ...]:
-        return own(time_s, residual_deg * DEG) if own is not None else ()
-
-    propose = None if own is None else in_radians
-    # The time of an event is known to about a second once it is found; its bounds span all times.
-    scales = {p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None}
+def _candidate(effect: Effect, drive: Drive) -> Candidate:
+    measured = () if effect.starts_from is None else effect.starts_from(drive.angle_rad)
+    first_s, last_s = float(drive.time_s[0]), float(drive.time_s[-1])
+    parameters = tuple(
+        replace(p, value=0.5 * (first_s + last_s), lower=first_s, upper=last_s) if p.name == effect.event else p
+        for p in effect.parameters
+    )
     return Candidate(
         id=effect.id,
         family=effect.family,
-        parameters=effect.parameters,
-        starts=starts,
-        propose=propose,
-        scales=scales,
+        parameters=parameters,
+        starts=(*effect.starts, *measured),
+        event=effect.event,
+        # The time of an event is known to about a second once it is found; its bounds span the record.
+        scales={} if effect.event is None else {effect.event: 1.0},
         laws=effect.laws,
         jumps=effect.jumps,
         # Clocks may differ by any function of time.

@@ -30,7 +30,6 @@ from torsight.core.units import Flags, Floats, Ints
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
-Propose = Callable[[Floats, Floats], tuple[Mapping[str, float], ...]]
 
 OVER_GIVEN: Final = 3.0
 """Ratio of a residual that no law explains to a given noise from which something is missing: three standard deviations
@@ -58,8 +57,9 @@ class Candidate:
     scales : mapping
         Changes of parameters that matter, where neither a prior nor the distance from the null gives them (parameter
         name to size).
-    propose : callable or None
-        From times and a residual (measured less model; NaN where not measured) to more such points.
+    event : str or None
+        Name of the parameter that is a time, where the effect is an event that happens once in the record, between that
+        parameter's bounds; the event's size is the parameter with a null.
     laws : tuple of str
         Ids of the problem's laws of which the effect is a usual form.
     jumps : bool
@@ -73,21 +73,16 @@ class Candidate:
     family: str
     parameters: tuple[Parameter, ...]
     starts: tuple[Mapping[str, float], ...] = ()
-    propose: Propose | None = None
+    event: str | None = None
     scales: Mapping[str, float] = field(default_factory=dict)
     laws: tuple[str, ...] = ()
     jumps: bool = False
     any_form: bool = False
 
-    def starting_points(
-        self, time_s: Floats | None = None, residual: Floats | None = None
-    ) -> tuple[dict[str, float], ...]:
-        """Return the points from which the fit starts, each complete; with a residual, those proposed for it."""
+    def starting_points(self) -> tuple[dict[str, float], ...]:
+        """Return the points from which the fit starts, each complete."""
         own = {parameter.name: parameter.value for parameter in self.parameters}
-        points: list[Mapping[str, float]] = [own, *self.starts]
-        if self.propose is not None and time_s is not None and residual is not None:
-            points = list(self.propose(time_s, residual)) or points
-        return tuple({**own, **point} for point in points)
+        return tuple({**own, **point} for point in ({}, *self.starts))
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the effect's own parameters out of a set's values."""

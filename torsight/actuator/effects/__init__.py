@@ -81,8 +81,9 @@ class Effect(Shown):
         Function from the measured angle (rad, NaN where not measured) to further start values.
     derived : tuple of Derived
         Further values for the report, computed from the fitted ones (amplitude and phase of a sine and a cosine).
-    propose : callable or None
-        Function from times and the plain model's residual (measured minus model, rad) to start values, best first.
+    event : str or None
+        Name of the parameter that is a time (s), where the effect is an event that happens once in a record; the size
+        of the event is the parameter with a null value.
     seen : callable or None
         Log-likelihood ratio, at most zero, of the tracked angles with the effect against without it; a function of
         times and angles of all rows (s, rad), the times of the fitted rows, and the parameters' values.
@@ -106,7 +107,7 @@ class Effect(Shown):
     starts: tuple[Values, ...] = ()
     starts_from: Callable[[Floats], tuple[Values, ...]] | None = None
     derived: tuple[Derived, ...] = ()
-    propose: Callable[[Floats, Floats], tuple[Values, ...]] | None = None
+    event: str | None = None
     seen: Callable[[Floats, Floats, Floats, Values], float] | None = None
     jumps: bool = False
     is_clock: bool = False

@@ -18,13 +18,7 @@ import numpy as np
 from torsight.actuator.effects import Effect, Values, marker_slip
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
-from torsight.core.units import DEG, Floats
-
-
-def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
-    """Return the times and sizes of slips whose halves, as steps, explain most of a residual (NaN: not measured)."""
-    steps = marker_slip.propose(time_s, residual_rad)
-    return tuple({"clamp_slip_deg": 2.0 * s["slip_deg"], "clamp_slip_time_s": s["slip_time_s"]} for s in steps)
+from torsight.core.units import DEG
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -44,5 +38,5 @@ EFFECT: Final = Effect(
         Parameter("clamp_slip_time_s", 0.0, "s", -1e7, 1e7, symbol="t_s", title="time of the slip"),
     ),
     apply=apply,
-    propose=propose,
+    event="clamp_slip_time_s",
 )

@@ -45,31 +45,6 @@ def step(time_s: Floats, *, at_s: float) -> Floats:
     return np.clip((time_s - at_s) / (2.0 * half_s) + 0.5, 0.0, 1.0)
 
 
-def propose(time_s: Floats, residual_rad: Floats) -> tuple[Values, ...]:
-    """Return times and heights of the steps that explain most of a residual (NaN: not measured)."""
-    good = np.flatnonzero(np.isfinite(residual_rad))
-    n = len(good)
-    if n < 20:
-        return ()
-    total = np.cumsum(residual_rad[good])
-    count = np.arange(1, n)
-    before, after = total[:-1] / count, (total[-1] - total[:-1]) / (n - count)
-    gain = (after - before) ** 2 * count * (n - count) / n
-    # The model's error in motion may exceed the gain of a step: take the best step in every eighth of the record.
-    parts = [part for part in np.array_split(np.arange(5, n - 6), 8) if len(part)]
-    found = sorted((int(part[np.argmax(gain[part])]) for part in parts), key=lambda i: -gain[i])
-    found = [i for i in found if after[i] != before[i]]
-    half_s = half_widths_s(time_s)
-
-    def time_of(i: int) -> float:
-        # Of the rows on either side, the one whose residual lies between the two levels contains the step.
-        share = np.clip((residual_rad[good[[i, i + 1]]] - before[i]) / (after[i] - before[i]), 0.0, 1.0)
-        k = int(share[0] <= 1.0 - share[1])
-        return float(time_s[good[i + k]] + half_s[good[i + k]] * (1.0 - 2.0 * share[k]))
-
-    return tuple({"slip_time_s": time_of(i), "slip_deg": float((after[i] - before[i]) / DEG)} for i in found[:4])
-
-
 def seen(time_s: Floats, angle_rad: Floats, fitted_s: Floats, values: Values) -> float:
     r"""Return the log-likelihood ratio of a step, at most zero, from the single rows around the step.
 
@@ -130,7 +105,7 @@ EFFECT: Final = Effect(
         Parameter("slip_time_s", 0.0, "s", -1e7, 1e7, symbol="t_s", title="time of the step"),
     ),
     apply=apply,
-    propose=propose,
+    event="slip_time_s",
     seen=seen,
     laws=("reading_time_s",),
 )

@@ -50,7 +50,7 @@ class Separable:
 
 def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separable:
     """Return which effects a record with this drive would show, and which of them it could distinguish."""
-    effects = [effect for effect in load_effects().values() if effect.propose is None and _at_usual_size(effect)]
+    effects = [effect for effect in load_effects().values() if effect.event is None and _at_usual_size(effect)]
     weight = np.gradient(drive.time_s) / _CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
     always = tuple(effect.id for effect in always_fitted())
     models = {chosen: ActuatorModel(spec, chosen) for chosen in [always, *((*always, effect.id) for effect in effects)]}

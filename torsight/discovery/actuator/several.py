@@ -28,7 +28,7 @@ from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.actuator_problem import ActuatorProblem
-from torsight.discovery.interface import Candidate, OptionalMembers, Propose, known_of
+from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 ZERO: Final = "zero_deg"
 _APART_S: Final = 3600.0
@@ -99,7 +99,7 @@ class SeveralRecords(OptionalMembers):
     def own(self) -> frozenset[str]:
         """Names, without a record's ending, of the values that every record has of its own."""
         clocks = (p.name for name in self._clocks for p in load_effects()[name].parameters)
-        events = (p.name for c in self.parts[0].candidates if c.propose is not None for p in c.parameters)
+        events = (p.name for c in self.parts[0].candidates if c.event is not None for p in c.parameters)
         return frozenset((ZERO, *self.parts[0].once, *clocks, *events))
 
     @cached_property
@@ -118,8 +118,8 @@ class SeveralRecords(OptionalMembers):
         """Every effect, one for all records; events of each record; then the measured laws."""
         found: list[Candidate] = []
         for each in zip(*(part.candidates for part in self.parts), strict=True):
-            if each[0].propose is not None:
-                found += [self._event(candidate, k) for k, candidate in enumerate(each)]
+            if each[0].event is not None:
+                found += [replace(_renamed(one, k), id=own_name(one.id, k)) for k, one in enumerate(each)]
             elif each[0].id in self._clocks:
                 found.append(_of_each(each))
             else:
@@ -127,18 +127,6 @@ class SeveralRecords(OptionalMembers):
                 distinct = tuple(start for i, start in enumerate(starts) if start not in starts[:i])
                 found.append(replace(each[0], starts=distinct))
         return tuple(found)
-
-    def _event(self, candidate: Candidate, k: int) -> Candidate:
-        """Return an event of one record, with its time on that record's own clock."""
-        inner, rows = candidate.propose, self.rows_of(k)
-        own_time_s = self.parts[k].time_s
-
-        def propose(_time_s: Floats, residual: Floats) -> tuple[Mapping[str, float], ...]:
-            points = () if inner is None else inner(own_time_s, residual[rows])
-            return tuple({own_name(name, k): value for name, value in point.items()} for point in points)
-
-        found: Propose = propose
-        return replace(_renamed(candidate, k), id=own_name(candidate.id, k), propose=found)
 
     @cached_property
     def _joined(self) -> ActuatorProblem:
@@ -253,7 +241,7 @@ class SeveralRecords(OptionalMembers):
     @cached_property
     def _places(self) -> dict[str, tuple[str, int]]:
         """Events' ids to the effect and the record."""
-        events = [c.id for c in self.parts[0].candidates if c.propose is not None]
+        events = [c.id for c in self.parts[0].candidates if c.event is not None]
         return {own_name(name, k): (name, k) for name in events for k in range(len(self.parts))}
 
     def effects_of(self, record: int, effects: Sequence[str]) -> tuple[str, ...]:
@@ -311,6 +299,7 @@ def _renamed(candidate: Candidate, k: int) -> Candidate:
         parameters=tuple(replace(p, name=own_name(p.name, k)) for p in candidate.parameters),
         starts=tuple({own_name(name, k): value for name, value in start.items()} for start in candidate.starts),
         scales={own_name(name, k): scale for name, scale in candidate.scales.items()},
+        event=None if candidate.event is None else own_name(candidate.event, k),
     )
 
 

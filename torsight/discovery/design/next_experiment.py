@@ -272,7 +272,7 @@ def _forms(explanation: Explanation) -> tuple[LawForm, ...]:
 
 def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
     """Return an explanation as it applies to a later record: without the events of this record."""
-    events = {candidate.id for candidate in problem.candidates if candidate.propose is not None}
+    events = {candidate.id for candidate in problem.candidates if candidate.event is not None}
     lasting = tuple(name for name in explanation.fit.effects if name not in events)
     own = {p.name for c in problem.candidates if c.id in events for p in c.parameters}
     kept: list[tuple[Parameter, float]] = [

@@ -17,7 +17,18 @@ from scipy.optimize import minimize
 from torsight.core.parallel.threads import go_on
 from torsight.core.parameter import Parameter
 from torsight.core.units import Floats
-from torsight.discovery.inference.solver import Solution, Space, jacobian, looking_ahead, objective, sharpened, solve
+from torsight.discovery.event_scan import EventScan
+from torsight.discovery.inference.solver import (
+    Solution,
+    Space,
+    at_all,
+    jacobian,
+    looking_ahead,
+    normal_equations,
+    objective,
+    sharpened,
+    solve,
+)
 from torsight.discovery.interface import Candidate, Problem
 from torsight.discovery.weight import Weight
 
@@ -207,21 +218,19 @@ class Fitter:
         priors. A fit without ``hopes`` of mattering is not continued, and beside others not tried from the means.
         """
         effects = self.ordered((*parent.effects, name))
-        away = {p.name: p.value for p in self.problem.parameters}
-        points = self.candidates[name].starting_points(self.problem.time_s, self.residual(parent))
-        starts = [{**parent.values, **point} for point in points]
+        starts = self._starts(parent, name)
 
         def follow(scout: Fit) -> bool:
             return scout.ahead < parent.cost - WORTH and hopes(scout)
 
         found = self.fit(effects, starts, max_iterations=20, keep=1, near=parent, follow=follow)
         if from_means and (hopes(found) or not parent.effects):
-            starts = [{**start, **away} for start in starts]
+            away = {p.name: p.value for p in self.problem.parameters}
+            at_means = self.at(parent.effects, {**parent.values, **away}) if parent.effects else self.nominal
+            starts = self._starts(at_means, name)
             other = self.fit(effects, starts, max_iterations=20, keep=1, follow=follow)
             found = min(found, other, key=lambda fit: fit.cost)
         if hopes(found):
-            if self.candidates[name].propose is not None:
-                found = self.propose_again(found, name)
             found = self._by_trials(found)
         # The parent with the effect switched off is a point of this set too: a fit that ends above it went astray.
         if found.cost <= parent.cost:
@@ -234,22 +243,37 @@ class Fitter:
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         given: dict[str, Any] = {"observed": self.problem.observed, "weight": self.weight, "space": space}
         least = parent.cost
-        for start in self.candidates[name].starting_points(self.problem.time_s, self.residual(parent)):
-            values = {**parent.values, **start}
+        for values in self._starts(parent, name):
             guess, point = _columns(parent, parameters), np.array([values[p.name] for p in parameters])
             found = solve(model, point, max_iterations=0, guess=guess, rough=True, **given)
             least = min(least, found.cost - looking_ahead(model, found, **given).promised)
         return parent.cost - least
 
-    def propose_again(self, found: Fit, name: str) -> Fit:
-        """Propose starts for an effect again, from the residual of its own fit with the effect switched off."""
-        candidate = self.candidates[name]
-        without = self.problem.predict({**found.values, **candidate.null_point()}, found.effects)
-        left = np.where(self.problem.valid, self.problem.observed - without, np.nan)
-        points = candidate.starting_points(self.problem.time_s, left)
-        starts = [{**found.values, **point} for point in points]
-        again = self.fit(found.effects, starts, near=found)
-        return min(found, again, key=lambda fit: fit.cost)
+    def _starts(self, fit: Fit, name: str) -> list[dict[str, float]]:
+        """Return the points from which a set with one more effect is fitted: a set's values and the effect's starts.
+
+        The times of an event are sought beside the set's values (:mod:`torsight.discovery.event_scan`).
+        """
+        candidate, values = self.candidates[name], fit.values
+        if candidate.event is None:
+            return [{**values, **point} for point in candidate.starting_points()]
+        time, size = sorted(candidate.parameters, key=lambda p: p.name != candidate.event)
+        effects = self.ordered((*fit.effects, name))
+        names = [p.name for p in self.parameters(effects)]
+
+        def predict(events: Sequence[tuple[float, float]]) -> list[Floats]:
+            points = [{**values, time.name: at, size.name: by} for at, by in events]
+            return at_all(self._model(effects), [np.array([point[key] for key in names]) for point in points])
+
+        solution, space = fit.solution, self.space(fit.effects)
+        residual = np.where(self.weight.each > 0.0, self.problem.observed - solution.prediction, 0.0)
+        normal, gradient = normal_equations(solution.jacobian, residual, solution.x, weight=self.weight, space=space)
+        # A value about which the record holds no information stays where it is.
+        normal[np.diag_indices_from(normal)] += 1e-9 / space.scale**2
+        scan = EventScan(predict, solution.prediction, residual, solution.jacobian, normal, gradient, self.weight)
+        found = scan.events(time.lower, time.upper, size=size.value, closest=candidate.scales[time.name])
+        points = [{time.name: one.at, size.name: one.size} for one in found] or [candidate.null_point()]
+        return [{**values, **point} for point in points]
 
     def _by_trials(self, found: Fit) -> Fit:
         """Fit effects whose predictions jump without derivatives (Powell's method), alternating with all other values.

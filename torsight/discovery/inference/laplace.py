@@ -21,7 +21,7 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     """Return the Laplace evidence of a fitted set of effects, comparable with a law's.
 
     An effect's parameter without a prior of its own has a Cauchy distribution about the null, with the parameter's
-    usual size as its width: it is known up to its order of magnitude.
+    usual size as its width: it is known up to its order of magnitude. An event may happen at any time of the record.
     """
     space, x = fitter.space(fit.effects), fit.solution.x
     residual = residual_of(fitter.problem, fit.solution.prediction)
@@ -32,10 +32,13 @@ def log_evidence(fitter: Fitter, fit: Fit, likelihood: Likelihood) -> float:
     total = likelihood.log_at(weight, residual) - 0.5 * prior_cost_of(space.prior_residual(x), base)
     total -= 0.5 * float(np.linalg.slogdet(matrix)[1])
     total += fitter.problem.also_seen(fit.values, fit.effects)
+    times = {fitter.candidates[name].event for name in fit.effects}
     for i in range(base, len(x)):
         parameter, scale = fit.parameters[i], float(space.scale[i])
         if parameter.sigma is not None:
             total -= float(np.log(parameter.sigma))
+        elif parameter.name in times:
+            total += 0.5 * float(np.log(2.0 * np.pi)) - float(np.log(parameter.upper - parameter.lower))
         else:
             off = (x[i] - (parameter.null if parameter.null is not None else parameter.value)) / scale
             total += 0.5 * float(np.log(2.0 / np.pi)) - float(np.log(scale * (1.0 + off**2)))

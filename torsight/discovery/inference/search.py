@@ -249,7 +249,7 @@ class Search:
             parent, effect, hope = item[0], candidates.get(item[1]), promise(item)
             if parent == self._open and item[1] in self._laws:
                 return False
-            if effect is not None and (effect.jumps or not (effect.laws or effect.propose)):
+            if effect is not None and (effect.jumps or not (effect.laws or effect.event)):
                 hope = max(hope, self._gained(*item)) if len(parent) > 1 else np.inf
             return bool(parent) and not self._bar(self._explanations[parent], len(parent) + 1).cleared_by(hope)
 

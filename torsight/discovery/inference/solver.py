@@ -208,7 +208,7 @@ def solve(
     for _ in range(max_iterations):
         slopes.renew()
         residual = y - slopes.at_x
-        normal, gradient = _normal(slopes.jacobian, residual, slopes.x, weight=weight, space=space)
+        normal, gradient = normal_equations(slopes.jacobian, residual, slopes.x, weight=weight, space=space)
         _hold(normal, gradient, held, space=space)
         found, most = False, 0.0
         while damping < 1e6:
@@ -247,14 +247,14 @@ def looking_ahead(
     slopes = Slopes(function, space, solution)
     slopes.renew()
     y = np.where(weight.each > 0.0, observed, 0.0)
-    normal, gradient = _normal(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
+    normal, gradient = normal_equations(slopes.jacobian, y - slopes.at_x, slopes.x, weight=weight, space=space)
     _, promised = _step(normal, gradient, slopes.x, damping=0.0, space=space)
     return replace(solution, jacobian=slopes.jacobian, moved=slopes.moved, promised=promised)
 
 
 def full_step(solution: Solution, residual: Floats, *, weight: Weight, space: Space) -> Floats:
     """Return the undamped step (m,) from a solution at other weights; zeros of a residual (n,) do not count."""
-    normal, gradient = _normal(solution.jacobian, residual, solution.x, weight=weight, space=space)
+    normal, gradient = normal_equations(solution.jacobian, residual, solution.x, weight=weight, space=space)
     return _step(normal, gradient, solution.x, damping=0.0, space=space)[0]
 
 
@@ -319,7 +319,10 @@ def linear_change(columns: Floats, residual: Floats, *, weight: Weight, informat
     return np.asarray(np.linalg.solve(weighted.T @ columns + np.diag(information), side))
 
 
-def _normal(derivative: Floats, residual: Floats, x: Floats, *, weight: Weight, space: Space) -> tuple[Floats, Floats]:
+def normal_equations(
+    derivative: Floats, residual: Floats, x: Floats, *, weight: Weight, space: Space
+) -> tuple[Floats, Floats]:
+    """Return matrix (m, m) and right-hand side (m,) of the normal equations of a step, with the priors."""
     normal = weight.normal(derivative)
     normal[np.diag_indices_from(normal)] += space.prior_information
     return normal, derivative.T @ weight.times(residual) - space.prior_information * (x - space.prior_mean)

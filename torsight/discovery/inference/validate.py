@@ -89,7 +89,7 @@ def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
 
 def _unpredicted(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:
     """Return the values of events and initial states about which the remaining samples hold no information."""
-    events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].propose is not None]
+    events = [fitter.candidates[name] for name in fit.effects if fitter.candidates[name].event is not None]
     once = {p.name for event in events for p in event.parameters} | set(fitter.problem.once)
     squares = fit.solution.jacobian**2
     nothing = weight.each @ squares <= _NOTHING * (fitter.weight.each @ squares)

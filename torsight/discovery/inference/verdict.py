@@ -181,7 +181,7 @@ class _Judge:
 
     def _once(self, one: Explanation, name: str) -> bool:
         """Return whether a member is an event: it happened once, so that no other block can predict it."""
-        return one.fitter.candidates[name].propose is not None
+        return one.fitter.candidates[name].event is not None
 
     def _score(self, one: Explanation) -> float:
         """Return the log score on blocks that were each predicted from the others.

@@ -114,23 +114,9 @@ def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -
     found = fits.plain()
     for number, name in enumerate(members, 1):
         progress("fit", number, steps)
-        found = _proposed_at_means(fits, fits.with_effect(found, name), name)
+        found = fits.with_effect(found, name)
     progress("fit", steps, steps)
     return KnownFit(found, fits.has_settled(found))
-
-
-def _proposed_at_means(fits: SetFits, found: Explanation, name: str) -> Explanation:
-    """Return the better of a fit and one that starts where the residual at the priors' means shows the effect.
-
-    The plain fit may have absorbed part of an event in the record: its residual then shows the event at another time.
-    """
-    fitter, effects = found.fitter, found.fit.effects
-    candidate, means = fitter.candidates[name], fitter.nominal
-    if candidate.propose is None:
-        return found
-    points = candidate.starting_points(fitter.problem.time_s, fitter.residual(means))
-    scouted = fitter.fit(effects, [{**found.fit.values, **means.values, **point} for point in points])
-    return max(found, fits.fit_from(scouted.values, effects), key=lambda one: one.log_posterior)
 
 
 def _added(notes: list[str], one: str | None) -> tuple[str, ...]:

@@ -303,7 +303,7 @@ def _with_starts(problem: ModelProblem, one: Candidate, fitter: Fitter, base: Fi
     A missing effect may have biased the base parameters to where the candidate does nothing. The candidate is therefore
     fitted from the declared base parameters, too; a start from that fit holds the base parameters as well.
     """
-    if one.propose is not None:
+    if one.event is not None:
         return one
     points = [{p.name: p.value for p in one.parameters}, *_spread(list(one.parameters), _POINTS)]
     if len(one.parameters) == 1:
