@@ -315,14 +315,6 @@ class _Stepped(LinearProblem):
         return plain + gone * values.get("step", 0.0)
 
 
-def _largest_jump(time_s: np.ndarray, residual: np.ndarray) -> list[dict[str, float]]:
-    """Return where the means of the 40 samples before and after differ most."""
-    total = np.cumsum(np.nan_to_num(residual))
-    jump = (total[80:] - 2.0 * total[40:-40] + total[:-80]) / 40.0
-    place = int(np.argmax(np.abs(jump)))
-    return [{"step": float(jump[place]), "at_s": float(time_s[place + 40])}]
-
-
 def test_another_form_of_a_law_is_tried_beside_what_was_found_with_the_law() -> None:
     """Alone, a small step is looked for at the wrong time: where what the law explains changes most."""
     position = signals()["position"]
@@ -335,7 +327,7 @@ def test_another_form_of_a_law_is_tried_beside_what_was_found_with_the_law() -> 
         "",
         (Parameter("step", 0.1, "", null=0.0), Parameter("at_s", 600.0, "s", lower=0.0, upper=1200.0)),
         scales={"at_s": 4.0},
-        propose=_largest_jump,
+        event="at_s",
     )
     own = {field.name: getattr(made, field.name) for field in fields(made)}
     stepped = _Stepped(**{**own, "candidates": (*made.candidates, step), "drivers": {"position": position}})

@@ -23,10 +23,12 @@ from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.storage import read_table, write_json
 from torsight.core.files.tables import write_merged
 from torsight.core.records import SyncedTable
+from torsight.core.units import DEG
 from torsight.discovery.actuator.several import SeveralRecords
 from torsight.discovery.discover import discover
 from torsight.discovery.inference.fitting import Fitter
 from torsight.discovery.together import discover_together
+from torsight.discovery.weight import Weight
 from torsight.synthetic.experiment import make_record
 from torsight.synthetic.rig.rig_values import declared_from
 
@@ -219,21 +221,24 @@ def test_own_values_move_their_own_record_alone(problem: SeveralRecords) -> None
     assert all(np.any(shared[problem.rows_of(k)] != 0.0) for k in (0, 1))
 
 
-def test_an_event_belongs_to_one_record_and_its_time_to_that_records_clock(problem: SeveralRecords) -> None:
-    fitter = Fitter(problem, np.ones(len(problem.observed)))
-    slip = fitter.candidates["marker_slip_2"]
+def test_an_event_belongs_to_one_record_and_its_time_to_that_records_clock(
+    tables: list[SyncedTable], spec: ActuatorSpec
+) -> None:
+    first, second = tables
+    at_s = 0.4 * float(second.time_s[-1])
+    slipped = replace(second, angle_rad=second.angle_rad + np.where(second.time_s > at_s, 5.0 * DEG, 0.0))
+    problem = SeveralRecords.of([ActuatorModel(spec).prepare(table) for table in (first, slipped)], spec)
+    slip = next(candidate for candidate in problem.candidates if candidate.id == "marker_slip_2")
     assert problem.effect_of(slip.id) == "marker_slip"
-    time_s, rows = problem.parts[1].time_s, problem.rows_of(1)
-    at_s = 0.4 * float(time_s[-1])
-    residual = np.zeros(len(problem.observed))
-    residual[rows] = np.where(time_s > at_s, 5.0, 0.0)
-    found = slip.starting_points(problem.time_s, residual)[0]
-    assert found["slip_deg_2"] == pytest.approx(5.0)
-    assert abs(found["slip_time_s_2"] - at_s) < 2.0 * float(np.max(np.diff(time_s)))
-    values = {p.name: p.value for p in problem.parameters}
-    moved = problem.predict({**values, **found}, (slip.id,)) - problem.predict(values, ())
+    fitter = Fitter(problem, Weight.of(np.where(problem.valid, 1.0, 0.0)))
+    found = fitter.extend(fitter.extend(fitter.base(), "viscous_friction"), slip.id)
+    assert found.values["slip_deg_2"] == pytest.approx(5.0, abs=0.1)
+    rows_s = problem.parts[1].time_s
+    assert found.values["slip_time_s_2"] == pytest.approx(at_s, abs=2.0 * float(np.max(np.diff(rows_s))))
+    before = problem.predict({**found.values, **slip.null_point()}, found.effects)
+    moved = found.solution.prediction - before
     assert not np.any(moved[problem.rows_of(0)])
-    assert moved[rows][-1] == pytest.approx(5.0)
+    assert moved[problem.rows_of(1)][-1] == pytest.approx(found.values["slip_deg_2"])
 
 
 def test_clocks_are_each_records_own_and_known_as_well_as_they_were_put_together(problem: SeveralRecords) -> None:
