@@ -7,14 +7,15 @@ a corner of the temperature explain, or if a constant run ends in a jump. Remove
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from sync.log.repairs import Repair
 from sync.log.timestamps import BRIDGED_S
-from torsight.core.series import APART, constant_runs, robust_sigma, scatter, usual_step
+from torsight.core.series import APART, constant_runs, scatter, usual_step
+from torsight.core.series.outliers import outliers
 from torsight.core.units import Flags, Floats
 from torsight.core.words.plausible import SPRING_C
 
@@ -23,6 +24,10 @@ RANGE_C: Final = (-80.0, SPRING_C[1])
 _SPIKE_FLOOR_C: Final = 1.0
 """Least size of a spike, whatever the noise. With half this value a merged table's temperatures err as much, with twice
 5 % more (benchmarks/sync/constants.py)."""
+_FEWEST: Final = 9
+"""Number of readings below which none can be called a spike: seven around it, and noise from third differences."""
+_LONGEST_S: Final = 30.0
+"""Length of the longest excursion: a sensor that has lost contact regains it after seconds, or stays off. A choice."""
 _STUCK_ROWS: Final = 8
 """Least length of a stuck run: fewer equal rows may come from a slow instrument. A run shorter than the gaps that are
 bridged (:data:`~sync.log.timestamps.BRIDGED_S`) is kept, too: removing it would put a straight line there, which is no
@@ -101,22 +106,45 @@ def rounding_c(temp_c: Floats) -> float:
 
 
 def spikes(time_s: Floats, temp_c: Floats) -> Flags:
-    """Return the mask (n,) of readings that differ from those around by more than noise and a corner explain."""
-    index = np.flatnonzero(np.isfinite(temp_c))
+    """Return the mask (n,) of readings that no wire can have had.
+
+    Up to three in a row lie off the line of their neighbours. A longer excursion begins with a jump and ends with one
+    back: a wire can be heated suddenly, but goes on cooling as it has begun.
+    """
     found = np.zeros(len(temp_c), dtype=np.bool_)
-    if len(index) < 9:
+    index = np.flatnonzero(np.isfinite(temp_c))
+    if len(index) < _FEWEST:
         return found
     known, at_s = temp_c[index], time_s[index]
-    middle = median_filter(known, size=7, mode="nearest")
-    away = np.abs(known - middle)
-    noise = robust_sigma(away)
-    # The change of the temperature within the window, at a flank or a corner: the spread of the medians around.
-    spread = np.maximum(np.abs(np.roll(middle, 4) - middle), np.abs(np.roll(middle, -4) - middle))
-    spread[:4], spread[-4:] = spread[4:8].max(), spread[-8:-4].max()
+    step_s = usual_step(at_s)
+    least_c = max(_SPIKE_FLOOR_C, APART * scatter(known))
+    bad = outliers(at_s, known, np.full(len(known), least_c))
+    # Between readings that are further apart than a line can join them, a wire may cool by any amount.
+    if step_s <= BRIDGED_S:
+        for begin, end in _excursions(at_s, known, least_c):
+            bad[begin:end] = True
     # Beside a gap the neighbours are too far away to predict the reading.
-    lonely = np.maximum(np.diff(at_s, prepend=at_s[0]), np.diff(at_s, append=at_s[-1])) > 20 * usual_step(at_s)
-    bad = (away > np.maximum(_SPIKE_FLOOR_C, APART * noise) + 2.0 * spread) & ~lonely
-    found[index] = bad
+    near = np.maximum(np.diff(at_s, prepend=at_s[0]), np.diff(at_s, append=at_s[-1])) <= 20 * step_s
+    found[index] = bad & near
+    return found
+
+
+def _excursions(time_s: Floats, temp_c: Floats, least_c: float) -> list[tuple[int, int]]:
+    """Return begin and end (exclusive) of every run of readings (n,) between a jump and a jump back of a similar size.
+
+    A jump is a step of ``least_c`` or more, and of more than twice the steps before and after: the first step of a
+    cooling is followed by one of nearly the same size.
+    """
+    step = np.diff(temp_c)
+    size = np.abs(step)
+    beside = np.maximum(np.append(size[1:], 0.0), np.insert(size[:-1], 0, 0.0))
+    jumps = np.flatnonzero(size > np.maximum(least_c, 2.0 * beside))
+    found: list[tuple[int, int]] = []
+    for to, back in pairwise(jumps.tolist()):
+        similar = -2.0 < step[to] / step[back] < -0.5
+        after_last = not found or to >= found[-1][1]
+        if similar and after_last and time_s[back] - time_s[to] <= _LONGEST_S:
+            found.append((to + 1, back + 1))
     return found
 
 

@@ -189,6 +189,17 @@ def test_a_lone_reading_that_no_wire_can_have_had_does_not_drive_the_model():
     )
     assert np.abs(glitched.temp_a_c - clean.temp_a_c).max() < 6.0 * clean.noise_c
     assert glitched.known.all()
+    assert notes_of_drive(glitched) == ["Left out as wrong: 12 temperatures, which jump and jump back as no wire does"]
+
+
+def test_a_sensor_without_contact_is_a_gap_of_the_log_and_not_a_cold_wire():
+    table = rig_record().table
+    lost = (table.time_s > 100.0) & (table.time_s < 115.0)
+    assert table.temp_a_c[lost].min() > 30.0
+    model = ActuatorModel(reference_spec())
+    drive = model.prepare(replace(table, temp_a_c=np.where(lost, 23.0, table.temp_a_c)))
+    assert drive.wrong_readings == np.count_nonzero(lost)
+    np.testing.assert_array_equal(drive.known, ~lost[drive.sensors.rows])
 
 
 def test_the_top_of_a_heating_between_far_readings_is_no_spike():

@@ -77,8 +77,8 @@ class Drive:
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
     clock_sigma_s : float or None
         Standard deviation of the record's clock offset; None for a log alone.
-    wrong_frames : int
-        Number of measured angles that are left out as wrong frames.
+    wrong_frames, wrong_readings : int
+        Numbers of measured angles and of temperature readings that are left out as wrong.
     left_out_s : float or None
         Seconds cut off at the start of a record that begins within a transformation; None: the record does not.
     part_of : (Drive, (n,) float64) or None
@@ -106,6 +106,7 @@ class Drive:
     turns: int = 0
     clock_sigma_s: float | None = None
     wrong_frames: int = 0
+    wrong_readings: int = 0
     left_out_s: float | None = None
     part_of: tuple[Drive, Floats] | None = None
 
@@ -282,12 +283,12 @@ def _driven(
     ``log`` holds the rows; ``readings`` holds the log's own readings, the same object where no rows were interpolated.
     """
     time_s = log.time_s
-    (filled_a, known_a), (filled_b, known_b) = _bridged(log, where=where)
+    (filled_a, known_a, wrong_a), (filled_b, known_b, wrong_b) = _bridged(log, where=where)
     if readings is log:
         of_a, of_b = Readings.of_rows(time_s, filled_a), Readings.of_rows(time_s, filled_b)
     else:
         pair = _bridged(readings, where=where)
-        of_a, of_b = (Readings.of(readings.time_s, filled_c, far_apart=True) for filled_c, _ in pair)
+        of_a, of_b = (Readings.of(readings.time_s, filled_c, far_apart=True) for filled_c, _, _ in pair)
     a, b = conditioned(of_a, time_s, filled_a), conditioned(of_b, time_s, filled_b)
     noise = max(a.noise_c, b.noise_c)
     cycles = half_cycles(a.temp_c, b.temp_c, heat_a=log.heat_a, heat_b=log.heat_b, noise_c=noise, where=where)
@@ -315,6 +316,7 @@ def _driven(
         known=(known_a & known_b)[rows],
         sensors=Sensors(time_s, (of_a, of_b), rows, (at_a.sensor_c, at_b.sensor_c), sigma_c, least_c),
         turning=(at_a.turning, at_b.turning),
+        wrong_readings=wrong_a + wrong_b,
     )
 
 
@@ -340,28 +342,38 @@ def _at_rows(log: Conditioned, rows: Ints, least_turn_c: float) -> _AtRows:
     return _AtRows(at_places(driven_c, turns, places), rate, at_places(log.temp_c, turns, places), turning)
 
 
-def _bridged(log: SyncedTable | TemperatureLog, *, where: str) -> tuple[tuple[Floats, Flags], tuple[Floats, Flags]]:
-    """Return both temperatures with gaps and spikes bridged, each with the mask of the rows at which it is known."""
+class _Bridged(NamedTuple):
+    """A temperature with gaps and spikes bridged, the mask of the rows where it is known, and the number of spikes."""
+
+    temp_c: Floats
+    known: Flags
+    spikes: int
+
+
+def _bridged(log: SyncedTable | TemperatureLog, *, where: str) -> tuple[_Bridged, _Bridged]:
+    """Return both temperatures with gaps and spikes bridged."""
     a = _bridge(log.time_s, log.temp_a_c, where=f"{where}, column temp_a_c")
     return a, _bridge(log.time_s, log.temp_b_c, where=f"{where}, column temp_b_c")
 
 
-def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> tuple[Floats, Flags]:
-    """Return the temperature with gaps and spikes bridged by lines, and the mask of the rows at which it is known.
+def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> _Bridged:
+    """Return the temperature with gaps and spikes bridged by lines.
 
     Only a reading whose neighbours are near enough for interpolation can be a spike: between readings that are further
     apart it may be the top of a heating.
     """
     near = np.gradient(time_s) <= BRIDGED_S if len(time_s) > 1 else np.zeros(1, bool)
-    good = np.isfinite(temp_c) & ~(near & spikes(time_s, temp_c))
+    wrong = near & spikes(time_s, temp_c)
+    good = np.isfinite(temp_c) & ~wrong
     if good.all():
-        return temp_c, good
+        return _Bridged(temp_c, good, 0)
     if good.sum() < 2:
         raise InputError("has no temperature", where=where, do="check the column of the log")
     filled = np.interp(time_s, time_s[good], temp_c[good])
     before = np.maximum.accumulate(np.where(good, time_s, -np.inf))
     after = np.minimum.accumulate(np.where(good, time_s, np.inf)[::-1])[::-1]
-    return filled, good | (after - before <= longest_gap_s(time_s[good]))
+    known = good | (after - before <= longest_gap_s(time_s[good]))
+    return _Bridged(filled, known, int(np.count_nonzero(wrong)))
 
 
 def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:

@@ -254,15 +254,17 @@ def taken_as_exact(names: Sequence[str]) -> str:
 
 def notes_of_drive(drive: Drive) -> list[str]:
     """Return the notes on parts of a record that are left out or that the model cannot follow."""
-    return [*_wrong_frames(drive), *_begun_within(drive), *_heated_again(drive)]
+    return [*_left_out(drive), *_begun_within(drive), *_heated_again(drive)]
 
 
-def _wrong_frames(drive: Drive) -> list[str]:
-    """Return the note on measured angles that are left out, if there are any."""
-    if not drive.wrong_frames:
-        return []
-    angles = counted(drive.wrong_frames, "measured angle")
-    return [f"Left out as wrong: {angles}, further off the motion of the neighbouring frames than noise explains"]
+def _left_out(drive: Drive) -> list[str]:
+    """Return the notes on measured angles and temperatures that are left out, if there are any."""
+    angles, readings = counted(drive.wrong_frames, "measured angle"), counted(drive.wrong_readings, "temperature")
+    notes = {
+        f"{angles}, further off the motion of the neighbouring frames than noise explains": drive.wrong_frames,
+        f"{readings}, which jump and jump back as no wire does": drive.wrong_readings,
+    }
+    return [f"Left out as wrong: {note}" for note, count in notes.items() if count]
 
 
 def _begun_within(drive: Drive) -> list[str]:
