@@ -54,7 +54,7 @@ CLOCK = {
     "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
 }
 LOG = {
-    "log.outliers": ("_SPIKE_FLOOR_C", "_STUCK_ROWS", "_ALIKE_SHARE", "_FROZEN_SHARE", "_TO_AND_FRO"),
+    "log.outliers": ("_SPIKE_FLOOR_C", "_LONGEST_S", "_STUCK_ROWS", "_ALIKE_SHARE", "_FROZEN_SHARE", "_TO_AND_FRO"),
     "log.read_log": ("_COARSE_SHARE",),
     "log.timestamps": ("BRIDGED_S", "_CLOCK_SET_S"),
 }

@@ -23,11 +23,12 @@ RANGE_C: Final = (-80.0, SPRING_C[1])
 """Range of readings of a spring; readings outside are errors of the instrument."""
 _SPIKE_FLOOR_C: Final = 1.0
 """Least size of a spike, whatever the noise. With half this value a merged table's temperatures err as much, with twice
-5 % more (benchmarks/sync/constants.py)."""
+2 % more (benchmarks/sync/constants.py)."""
 _FEWEST: Final = 9
 """Number of readings below which none can be called a spike: seven around it, and noise from third differences."""
 _LONGEST_S: Final = 30.0
-"""Length of the longest excursion: a sensor that has lost contact regains it after seconds, or stays off. A choice."""
+"""Length of the longest excursion: a sensor that has lost contact regains it after seconds, or stays off. A choice;
+half and twice this value change no reading of damaged logs (benchmarks/sync/constants.py)."""
 _STUCK_ROWS: Final = 8
 """Least length of a stuck run: fewer equal rows may come from a slow instrument. A run shorter than the gaps that are
 bridged (:data:`~sync.log.timestamps.BRIDGED_S`) is kept, too: removing it would put a straight line there, which is no

@@ -42,6 +42,16 @@ def test_spikes_and_blanks_become_unknown(tmp_path):
     np.testing.assert_allclose(reading.log.temp_a_c[good], temp_a[good])
 
 
+def test_a_sensor_that_loses_contact_is_no_cold_wire(tmp_path):
+    # In the cooling that follows a sudden top no neighbours lie on one line.
+    time_s = np.arange(0.0, 200.0, 0.5)
+    temp = np.where(time_s < 100.0, 25.0 + 0.5 * time_s, 25.0 + 50.0 * np.exp(-(time_s - 100.0) / 40.0))
+    lost = ((time_s > 104.0) & (time_s < 116.0)) | ((time_s > 60.0) & (time_s < 63.0))
+    reading = read_temperature_log(written(tmp_path, time_s, np.where(lost, 25.0, temp), temp))
+    assert kinds(reading) == {"spike": np.count_nonzero(lost)}
+    np.testing.assert_array_equal(np.isnan(reading.log.temp_a_c), lost)
+
+
 def test_numbers_that_stand_still_become_unknown(tmp_path):
     time_s, temp_a, temp_b = ramp()
     stuck = temp_a.copy()
