@@ -323,8 +323,8 @@ def _candidate(effect: Effect, drive: Drive) -> Candidate:
         parameters=parameters,
         starts=(*effect.starts, *measured),
         event=effect.event,
-        # The time of an event is known to about a second once it is found; its bounds span the record.
-        scales={} if effect.event is None else {effect.event: 1.0},
+        # A time is known to about a second once it is found, whatever its prior or its bounds.
+        scales={p.name: 1.0 for p in effect.parameters if p.unit == "s" and p.null is None},
         laws=effect.laws,
         jumps=effect.jumps,
         # Clocks may differ by any function of time.
