@@ -218,16 +218,18 @@ class Fitter:
         priors. A fit without ``hopes`` of mattering is not continued, and beside others not tried from the means.
         """
         effects = self.ordered((*parent.effects, name))
-        starts = self._starts(parent, name)
+        points = self._points(parent, name)
+        starts = [{**parent.values, **point} for point in points]
 
         def follow(scout: Fit) -> bool:
             return scout.ahead < parent.cost - WORTH and hopes(scout)
 
         found = self.fit(effects, starts, max_iterations=20, keep=1, near=parent, follow=follow)
         if from_means and (hopes(found) or not parent.effects):
-            away = {p.name: p.value for p in self.problem.parameters}
-            at_means = self.at(parent.effects, {**parent.values, **away}) if parent.effects else self.nominal
-            starts = self._starts(at_means, name)
+            at_means = {**parent.values, **self.nominal.values}
+            if self.candidates[name].event is not None:
+                points = self._events(self.at(parent.effects, at_means) if parent.effects else self.nominal, name)
+            starts = [{**at_means, **point} for point in points]
             other = self.fit(effects, starts, max_iterations=20, keep=1, follow=follow)
             found = min(found, other, key=lambda fit: fit.cost)
         if hopes(found):
@@ -243,20 +245,21 @@ class Fitter:
         parameters, space, model = self.parameters(effects), self.space(effects), self._model(effects)
         given: dict[str, Any] = {"observed": self.problem.observed, "weight": self.weight, "space": space}
         least = parent.cost
-        for values in self._starts(parent, name):
+        for start in self._points(parent, name):
+            values = {**parent.values, **start}
             guess, point = _columns(parent, parameters), np.array([values[p.name] for p in parameters])
             found = solve(model, point, max_iterations=0, guess=guess, rough=True, **given)
             least = min(least, found.cost - looking_ahead(model, found, **given).promised)
         return parent.cost - least
 
-    def _starts(self, fit: Fit, name: str) -> list[dict[str, float]]:
-        """Return the points from which a set with one more effect is fitted: a set's values and the effect's starts.
+    def _points(self, fit: Fit, name: str) -> Sequence[Mapping[str, float]]:
+        """Return the parameters of one more effect from which it is fitted beside a fitted set."""
+        candidate = self.candidates[name]
+        return candidate.starting_points() if candidate.event is None else self._events(fit, name)
 
-        The times of an event are sought beside the set's values (:mod:`torsight.discovery.event_scan`).
-        """
+    def _events(self, fit: Fit, name: str) -> list[dict[str, float]]:
+        """Return the likeliest times and sizes of an event beside a set (:mod:`torsight.discovery.event_scan`)."""
         candidate, values = self.candidates[name], fit.values
-        if candidate.event is None:
-            return [{**values, **point} for point in candidate.starting_points()]
         time, size = sorted(candidate.parameters, key=lambda p: p.name != candidate.event)
         effects = self.ordered((*fit.effects, name))
         names = [p.name for p in self.parameters(effects)]
@@ -272,8 +275,7 @@ class Fitter:
         normal[np.diag_indices_from(normal)] += 1e-9 / space.scale**2
         scan = EventScan(predict, solution.prediction, residual, solution.jacobian, normal, gradient, self.weight)
         found = scan.events(time.lower, time.upper, size=size.value, closest=candidate.scales[time.name])
-        points = [{time.name: one.at, size.name: one.size} for one in found] or [candidate.null_point()]
-        return [{**values, **point} for point in points]
+        return [{time.name: one.at, size.name: one.size} for one in found] or [candidate.null_point()]
 
     def _by_trials(self, found: Fit) -> Fit:
         """Fit effects whose predictions jump without derivatives (Powell's method), alternating with all other values.
