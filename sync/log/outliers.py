@@ -118,7 +118,7 @@ def spikes(time_s: Floats, temp_c: Floats) -> Flags:
         return found
     known, at_s = temp_c[index], time_s[index]
     step_s = usual_step(at_s)
-    least_c = max(_SPIKE_FLOOR_C, APART * scatter(known))
+    least_c = max(_SPIKE_FLOOR_C, APART * noise_c(known))
     bad = outliers(at_s, known, np.full(len(known), least_c))
     # Between readings that are further apart than a line can join them, a wire may cool by any amount.
     if step_s <= BRIDGED_S:

@@ -42,6 +42,13 @@ def test_spikes_and_blanks_become_unknown(tmp_path):
     np.testing.assert_allclose(reading.log.temp_a_c[good], temp_a[good])
 
 
+def test_the_digits_of_a_coarse_thermometer_are_no_jumps(tmp_path):
+    time_s = np.arange(0.0, 400.0, 1.0)
+    # The top of a slow heating is one digit of 2 °C for half a minute.
+    temp = 2.0 * np.round(0.5 * np.where(time_s < 200.0, 25.0 + 0.13 * time_s, 51.0 - 0.13 * (time_s - 200.0)))
+    assert read_temperature_log(written(tmp_path, time_s, temp, temp)).repairs == ()
+
+
 def test_a_sensor_that_loses_contact_is_no_cold_wire(tmp_path):
     # In the cooling that follows a sudden top no neighbours lie on one line.
     time_s = np.arange(0.0, 200.0, 0.5)
