@@ -61,18 +61,15 @@ from tracker.detect.sticks import (
     strip_share,
     towards_axis,
 )
-from tracker.dot_paths import DotPaths
+from tracker.dot_paths import NOWHERE, DotPaths
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
+from tracker.follow.reading import Places
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD
 from tracker.frames.frame import Frame
 from tracker.innovation import LIMITS, SIGMAS, SURE, passes
 from tracker.stick_direction import square
 
-Places = NDArray[np.complex128]
-
-_NOWHERE: Final = complex(math.nan, math.nan)
-"""Position of a marker that is not seen."""
 FRAMES: Final = 4 * STALE
 """Most frames that are evaluated: the median of so many is known to a sixth of its spread."""
 
@@ -148,6 +145,7 @@ class Weighing:
         self.none = 0.0
         self._luma = luma
         self._paths = DotPaths(luma, dots, np.zeros(len(dots), bool) if at_rest is None else at_rest)
+        self.places_after = self._paths.places_after
         self._time_s: list[float] = []
         self._number = {id(dot): number for number, dot in enumerate(self._paths.dots)}
         self._pairs = Pairs(self._paths.dots)
@@ -362,7 +360,7 @@ class Search:
     def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags) -> None:
         self.luma = luma
         self._weighing = Weighing(luma, dots, at_rest=at_rest)
-        self.resting = self._weighing.resting
+        self.resting, self.places_after = self._weighing.resting, self._weighing.places_after
         self._number, self._due, self._found = 0, STALE, list[Couple]()
 
     @property
@@ -451,7 +449,7 @@ def _beside(places: Places, moving: Ints, radius_px: Floats) -> Places:
     near = np.zeros(places.shape, bool)
     for end in moving.tolist():
         near |= np.abs(places - places[:, end, None]) < NEAR * np.maximum(radius_px, radius_px[end])
-    return np.asarray(np.where(near, _NOWHERE, places))
+    return np.asarray(np.where(near, NOWHERE, places))
 
 
 def _inner_first(base: Stick, moving: Stick, axis: _Axis) -> tuple[Stick, Stick]:

@@ -151,7 +151,7 @@ class _Dots:
         self.in_tags = False
         self._source, self._progress = source, progress
         self._read, self._score = -1.0, -math.inf
-        self._asked: list[NDArray[np.complex128]] = []
+        self._asked: list[tuple[int, Search]] = []
         self.undecided: list[tuple[int, Search]] = []
         # Dots that are at rest from the first picture to the film's end are not followed again.
         self._resting = np.zeros(0, complex)
@@ -164,14 +164,16 @@ class _Dots:
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Search a picture; return whether no later one is needed."""
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        # Dots that failed where they are fail again; where they have moved since, their motion is seen from elsewhere.
+        # Dots that failed where they are fail again, and so do those that were followed to where they are: their motion
+        # from this picture on is part of a record that was examined already.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-        if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
+        before = [one.places_after(count) for start, one in self._asked for count in (0, index - start)]
+        if len(dots) < 4 or any(_are_all_in(at, places, dots) for places in before):
             return False
         at_rest = np.array([bool((np.abs(one - self._resting) < STANDS_PX).any()) for one in at])
         search = Search(luma, dots, at_rest=at_rest)
         alone = not self._asked
-        self._asked.append(at)
+        self._asked.append((index, search))
         if not alone:
             self.undecided.append((index, search))
             return False
@@ -277,8 +279,8 @@ class _Tracked:
 
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
     """Return whether all dots are at positions of earlier dots, within their radii."""
-    radius_px = np.array([dot.radius_px for dot in dots])
-    return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
+    radius_px = np.array([[dot.radius_px] for dot in dots])
+    return bool((np.abs(at[:, None] - before) < radius_px).any(axis=1).all())
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:
