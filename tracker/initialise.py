@@ -19,7 +19,7 @@ from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, given_dots
 from tracker.detect.marker_file import STICKS, MarkerHints
-from tracker.detect.moving_part import SHARPER, motion_blur
+from tracker.detect.moving_part import SHARPER, differs, motion_blur
 from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear, judge_pair
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
@@ -163,6 +163,8 @@ class _Dots:
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Search a picture; return whether no later one is needed."""
+        if self._asked and not differs(luma, self._asked[-1][1].luma):
+            return False
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
         # Dots that failed where they are fail again, and so do those that were followed to where they are: their motion
         # from this picture on is part of a record that was examined already.

@@ -1,4 +1,4 @@
-"""Motion blur of whatever moves in a film, by the pictures alone: it hides dots before any are found."""
+"""What moves in a film, by its pictures alone: whether anything does, and the motion blur that hides dots on it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from tracker.appearance.lucas_kanade import Luma
+from tracker.detect.dots import FAINTEST, SMALLEST_PX
 from tracker.frames.frame import Frame, pictures_of
 
 SHARPER: Final = "film with a shorter shutter time and more light, or move more slowly"
@@ -22,6 +23,16 @@ _WINDOW: Final = np.ones((9, 9), np.uint8)
 _SMEARED: Final = 1.25
 """Width of the edges of what moves, over that of edges at rest, above which motion blur hides dots. On drawn films with
 5 to 60 px of motion per frame it is 0.99 to 1.04 where they are sharp, and 1.5 to 2.7 where no dots are found."""
+
+
+def differs(picture: Luma, other: Luma) -> bool:
+    """Return whether two pictures differ by the contrast of the faintest dot, on the area of the smallest one.
+
+    Means over that area are compared, in which noise is five times smaller.
+    """
+    side = round(2.0 * SMALLEST_PX)
+    one, two = (cv2.blur(each.astype(np.float32), (side, side)) for each in (picture, other))
+    return int((np.abs(one - two) > FAINTEST).sum()) > side**2
 
 
 def motion_blur(source: Iterable[Frame], first: int, last: int) -> str | None:
