@@ -12,8 +12,9 @@ import numpy as np
 
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
-from torsight.core.units import Ints
+from torsight.core.units import Flags, Ints
 from torsight.core.words.wording import counted
+from tracker.detect.marker_file import STICKS
 from tracker.detect.moving_part import SHARPER
 from tracker.follow.motion_model import STALE
 from tracker.quality.gap_pictures import ALIKE, SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
@@ -49,6 +50,11 @@ _DO: Final = {
     "tag": (
         "a tag was not seen: something lay over it, or it is too small, blurred by motion, or without its white "
         "border; keep it whole in sight, and print it larger if its modules are smaller than 4 px."
+    ),
+    "unlike": (
+        "the points given for a stick do not look like two dots on a plain stick, and are not found again as such; if "
+        'they are on print or other texture, set kind = "texture" for this stick in the marker file, else pick its '
+        "dots with 'torsight markers'."
     ),
     "picture": "a marker leaves the picture; film from further away.",
     "sticks": (
@@ -113,12 +119,15 @@ def find_causes(
     glared = _glared(unknown, states, result, pictures, figures)
     count: Counter[str] = Counter()
     unclear: list[int] = []
+    unlike = _without_unlike(result)
     late = first > 0 and not (pictures and _base_was_there(first, result, pictures))
     for index, state in zip(unknown.tolist(), states, strict=True):
         if index < first and state == "lost" and late:
             count["late"] += 1
         elif state == "dark" and flicker is not None:
             count["flicker"] += 1
+        elif state in (*_UNCLEAR, "shadowed") and unlike[index]:
+            count["unlike"] += 1
         elif glared and state in (*_UNCLEAR, "shadowed"):
             count["glare"] += 1
         elif state in _UNCLEAR:
@@ -145,6 +154,14 @@ def _base_was_there(first: int, result: TrackResult, pictures: Pictures) -> bool
         if not np.corrcoef(found[0][part].ravel(), found[first][part].ravel())[0, 1] > ALIKE:
             return False
     return True
+
+
+def _without_unlike(result: TrackResult) -> Flags:
+    """Return the frames (n,) without a stick whose given dots look unlike, if more than half of all frames are."""
+    unlike = result.report["markers"].get("not_on_one_stick", {})
+    gone = (result.rows["state"] != CODE["seen"]).reshape(-1, 2, 2).any(axis=2)
+    counts = np.array([name in unlike for name in STICKS]) & (gone.mean(axis=0) > 0.5)
+    return np.asarray((gone & counts).any(axis=1))
 
 
 def _glared(
