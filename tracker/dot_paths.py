@@ -11,9 +11,9 @@ import numpy as np
 
 from torsight.core.units import Flags, Floats
 from tracker.appearance.dot_fit import Dot
-from tracker.appearance.lucas_kanade import READING, Luma
+from tracker.appearance.lucas_kanade import READING, Luma, Places
 from tracker.follow.marker import Marker, looks_of
-from tracker.follow.reading import Places, glance_at
+from tracker.follow.reading import glance_at
 from tracker.follow.state import MARKER, RIG
 from tracker.rows import SEEN
 

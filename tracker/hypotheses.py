@@ -46,6 +46,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import Dot
+from tracker.appearance.lucas_kanade import Places
 from tracker.couples import Couple, likeliest
 from tracker.detect.dots import EXPLAINED
 from tracker.detect.given_positions import LOOKED_AT
@@ -64,7 +65,6 @@ from tracker.detect.sticks import (
 from tracker.dot_paths import NOWHERE, DotPaths
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
-from tracker.follow.reading import Places
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD
 from tracker.frames.frame import Frame
 from tracker.innovation import LIMITS, SIGMAS, SURE, passes

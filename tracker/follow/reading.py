@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from torsight.core.compiled import compiled, lending, shared
 from torsight.core.units import Floats, Ints
 from tracker.appearance.disc import COLUMNS, Record
-from tracker.appearance.lucas_kanade import PHASES, Luma, Point, read_dot
+from tracker.appearance.lucas_kanade import PHASES, Luma, Places, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
 from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, OUTSIDE, SEEN
 
-Places = NDArray[np.complex128]
 Looks = tuple[Ints, Floats, NDArray[np.void], Ints]
 """The looks of many dots: their pixels and models, each one after the other in one row, their systems (d, 64), and the
 number of pixels before each (d + 1)."""

@@ -189,8 +189,7 @@ def _centre(tracks: MarkerTracks) -> Floats | None:
     whole = np.flatnonzero(tracks.valid.all(axis=1))
     if not len(whole):
         return None
-    places = [(float(x), float(y)) for x, y in tracks.position_px[whole[len(whole) // 2]]]
-    crossing = crossing_point(places[0], places[1], places[2], places[3])
+    crossing = crossing_point(*tracks.position_px[whole[len(whole) // 2]].tolist())
     return None if crossing is None else np.array(crossing)
 
 
