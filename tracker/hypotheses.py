@@ -46,6 +46,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import Dot
+from tracker.appearance.lucas_kanade import Places
 from tracker.couples import Couple, likeliest
 from tracker.detect.dots import EXPLAINED
 from tracker.detect.given_positions import LOOKED_AT
@@ -61,7 +62,7 @@ from tracker.detect.sticks import (
     strip_share,
     towards_axis,
 )
-from tracker.dot_paths import DotPaths
+from tracker.dot_paths import NOWHERE, DotPaths
 from tracker.follow.judgement import MOVED_RAD, NEAR
 from tracker.follow.motion_model import STALE
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, STEP_RAD
@@ -69,11 +70,7 @@ from tracker.frames.frame import Frame
 from tracker.innovation import LIMITS, SIGMAS, SURE, passes
 from tracker.stick_direction import square
 
-Places = NDArray[np.complex128]
-
-_NOWHERE: Final = complex(math.nan, math.nan)
-"""Position of a marker that is not seen."""
-_FRAMES: Final = 4 * STALE
+FRAMES: Final = 4 * STALE
 """Most frames that are evaluated: the median of so many is known to a sixth of its spread."""
 
 
@@ -148,6 +145,7 @@ class Weighing:
         self.none = 0.0
         self._luma = luma
         self._paths = DotPaths(luma, dots, np.zeros(len(dots), bool) if at_rest is None else at_rest)
+        self.places_after = self._paths.places_after
         self._time_s: list[float] = []
         self._number = {id(dot): number for number, dot in enumerate(self._paths.dots)}
         self._pairs = Pairs(self._paths.dots)
@@ -165,7 +163,7 @@ class Weighing:
         stands = _stands(places)
         turning = self._turning(places, stands)
         if not len(turning.ends):
-            return self._shown
+            return self.shown
         # In a hand-held film all dots shake at least as much as the steadiest one, which increases their variance.
         shake = 1.0 + float(stands.min())
         found, none = list[_Bound](), -math.inf
@@ -173,7 +171,7 @@ class Weighing:
             more, neither = self._with_bases(places, turning.of(np.array([j])), shake)
             found, none = found + more, max(none, neither)
         if not found:
-            return self._shown
+            return self.shown
         found.sort(key=lambda one: -one[0])
         best, sure = -math.inf, list[tuple[float, Couple]]()
         for most, base, moving, axis in found:
@@ -186,11 +184,11 @@ class Weighing:
             sure.append((score, Couple(*_inner_first(one, two, axis), probability=0.0)))
         couples = likeliest(sure, none=none)
         # Dots at rest that look like two sticks may turn yet.
-        self.none = 0.0 if self._shown else 1.0 - sum(one.probability for one in couples)
+        self.none = 0.0 if self.shown else 1.0 - sum(one.probability for one in couples)
         return couples
 
     @cached_property
-    def _shown(self) -> list[Couple]:
+    def shown(self) -> list[Couple]:
         """The couples from the picture alone, with either pair as the base, the most probable first."""
         found = couples_in(self._luma, dots=self._paths.dots)
         pairs = {id(stick): stick for couple in found for stick in couple}
@@ -289,29 +287,11 @@ class Weighing:
         return goes_on + math.log(1.0 - SURE) * _any_lies_at(base, moving, axis.place)
 
     def read(self, couple: Couple) -> float:
-        """Return the share of frames in which at least one stick of a couple is read, as the other one may be hidden.
-
-        Zero as long as the moving stick does not turn, or where the base does not keep its dots' distance and
-        direction, whatever the camera's shift; also where a dot of either stick lies on the axis: such a dot could
-        belong to a base or to a moving stick.
-        """
-        base, moving = (self._numbers(stick) for stick in (couple.base, couple.moving))
-        height, width = self._luma.shape
+        """Return the share of frames in which a couple is read; see :func:`share_read`."""
+        own = np.concatenate([self._numbers(stick) for stick in (couple.base, couple.moving)])
         every = self._paths.places
-        places = every[_apart(every)]
-        turning = _circles(places, moving[None], (width, height))
-        radius_px = max(couple.base.inner.radius_px, couple.base.outer.radius_px)
-        known = len(turning.ends) and turning.variance_px2[0] < radius_px**2
-        beside = _beside(places, moving, self._pairs.radius_px)[:, base]
-        if (
-            not len(turning.ends)
-            or (known and _any_lies_at(couple.base, couple.moving, complex(turning.axis[0])))
-            # The variance of the difference is twice that of a dot, STANDS_PX².
-            or not passes(0.5 * float(_stands(beside[:, 1] - beside[:, 0])), 2)
-        ):
-            return 0.0
-        seen = np.isfinite(every[1:])
-        return float((seen[:, base].all(axis=1) | seen[:, moving].all(axis=1)).mean())
+        height, width = self._luma.shape
+        return share_read(couple, every[:, own], (width, height), chosen=_apart(every))
 
     def tracks(self, couple: Couple, *, every: int = 1) -> MarkerTracks:
         """Return the tracks of a couple's markers in the frames since the picture, or in one of ``every`` frames.
@@ -344,6 +324,31 @@ class Weighing:
         return np.array([self._number[id(dot)] for dot in (stick.inner, stick.outer)])
 
 
+def share_read(couple: Couple, places: Places, size_px: tuple[int, int], *, chosen: Ints | None = None) -> float:
+    """Return the share of frames in which at least one stick of a couple is read, as the other one may be hidden.
+
+    Zero as long as the moving stick does not turn, or where the base does not keep its dots' distance and direction,
+    whatever the camera's shift; also where a dot of either stick lies on the axis: such a dot could belong to a base or
+    to a moving stick. ``places`` (n, 4), complex, are the positions of base and moving stick in the picture and in the
+    frames after it, NaN where not seen; ``chosen`` (k,) are the frames that are evaluated.
+    """
+    dots = (couple.base.inner, couple.base.outer, couple.moving.inner, couple.moving.outer)
+    radius_px = np.array([dot.radius_px for dot in dots])
+    some = places[_apart(places) if chosen is None else chosen]
+    turning = _circles(some, np.array([[2, 3]]), size_px)
+    known = len(turning.ends) and turning.variance_px2[0] < radius_px[:2].max() ** 2
+    beside = _beside(some, np.array([2, 3]), radius_px)
+    if (
+        not len(turning.ends)
+        or (known and _any_lies_at(couple.base, couple.moving, complex(turning.axis[0])))
+        # The variance of the difference is twice that of a dot, STANDS_PX².
+        or not passes(0.5 * float(_stands(beside[:, 1] - beside[:, 0])), 2)
+    ):
+        return 0.0
+    seen = np.isfinite(places[1:])
+    return float((seen[:, :2].all(axis=1) | seen[:, 2:].all(axis=1)).mean())
+
+
 class Search:
     """The choice among the couples of one picture ``luma``, from as many frames after it as it takes.
 
@@ -355,8 +360,13 @@ class Search:
     def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags) -> None:
         self.luma = luma
         self._weighing = Weighing(luma, dots, at_rest=at_rest)
-        self.resting = self._weighing.resting
+        self.resting, self.places_after = self._weighing.resting, self._weighing.places_after
         self._number, self._due, self._found = 0, STALE, list[Couple]()
+
+    @property
+    def shown(self) -> list[Couple]:
+        """The couples from the picture alone, two pairs once, the most probable first."""
+        return [one for k, one in enumerate(self._weighing.shown) if not any(map(one.swaps, self._weighing.shown[:k]))]
 
     def add(self, frame: Frame) -> bool:
         """Follow all dots into the next frame; return whether the choice is settled."""
@@ -389,7 +399,7 @@ def _apart(places: Places) -> Ints:
     step = np.nan_to_num(np.abs(np.diff(places, axis=0)))
     # The jump of a dot that was not followed counts as OFF_CIRCLE_PX at most.
     far = np.concatenate([[0.0], np.cumsum(np.sqrt((np.minimum(step, OFF_CIRCLE_PX) ** 2).sum(axis=1)))])
-    return np.unique(np.searchsorted(far, np.linspace(0.0, far[-1], _FRAMES)).clip(0, len(places) - 1))
+    return np.unique(np.searchsorted(far, np.linspace(0.0, far[-1], FRAMES)).clip(0, len(places) - 1))
 
 
 def _circles(places: Places, ends: Ints, size_px: tuple[int, int]) -> _Turning:
@@ -439,7 +449,7 @@ def _beside(places: Places, moving: Ints, radius_px: Floats) -> Places:
     near = np.zeros(places.shape, bool)
     for end in moving.tolist():
         near |= np.abs(places - places[:, end, None]) < NEAR * np.maximum(radius_px, radius_px[end])
-    return np.asarray(np.where(near, _NOWHERE, places))
+    return np.asarray(np.where(near, NOWHERE, places))
 
 
 def _inner_first(base: Stick, moving: Stick, axis: _Axis) -> tuple[Stick, Stick]:

@@ -14,20 +14,23 @@ from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
-from tracker.couples import Choice
+from tracker.couples import Choice, Couple, likeliest
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, given_dots
 from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.detect.moving_part import SHARPER, differs, motion_blur
 from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear, judge_pair
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, markers_on
+from tracker.follow.motion_model import STALE
 from tracker.follow.redetect import place_of
 from tracker.follow.rotation_axis import STANDS_PX
 from tracker.frames.frame import REPORT_EVERY, Frame, FrameSource
-from tracker.hypotheses import Search
+from tracker.hypotheses import FRAMES, Search, share_read
 from tracker.innovation import SURE
+from tracker.rows import SEEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,13 +115,15 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
         what, value, do = fault
         raise NoResultError(what, where=where, value=value, limit="a tag of its own number on each stick", do=do)
     if dots.start is None:
+        blur = motion_blur(source, 0, last)
         raise NoResultError(
             "four markers, two dots on each of two sticks, were not found",
             where=where,
+            value=blur or None,
             limit=f"round dots of 3 to {HUGE_PX:g} px radius, dark on a light stick or light on a dark one, none more "
             f"than {SIZES:g} times as large as another; or a tag on each stick",
-            do="pick them with 'torsight markers' and name its file with --markers, choose dots that differ from the "
-            "stick in a black-and-white picture, or light the sticks better",
+            do=f"{SHARPER}, or " * bool(blur) + "pick them with 'torsight markers' and name its file with --markers, "
+            "choose dots that differ from the stick in a black-and-white picture, or light the sticks better",
         )
     return dots.start
 
@@ -146,7 +151,7 @@ class _Dots:
         self.in_tags = False
         self._source, self._progress = source, progress
         self._read, self._score = -1.0, -math.inf
-        self._asked: list[NDArray[np.complex128]] = []
+        self._asked: list[tuple[int, Search]] = []
         self.undecided: list[tuple[int, Search]] = []
         # Dots that are at rest from the first picture to the film's end are not followed again.
         self._resting = np.zeros(0, complex)
@@ -158,15 +163,19 @@ class _Dots:
 
     def settled_by(self, index: int, luma: NDArray[np.uint8]) -> bool:
         """Search a picture; return whether no later one is needed."""
+        if self._asked and not differs(luma, self._asked[-1][1].luma):
+            return False
         dots = [dot for dot in find_and_refuse(luma)[0] if is_clear(dot)]
-        # Dots that failed where they are fail again; where they have moved since, their motion is seen from elsewhere.
+        # Dots that failed where they are fail again, and so do those that were followed to where they are: their motion
+        # from this picture on is part of a record that was examined already.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
-        if len(dots) < 4 or any(_are_all_in(at, before, dots) for before in self._asked):
+        before = [one.places_after(count) for start, one in self._asked for count in (0, index - start)]
+        if len(dots) < 4 or any(_are_all_in(at, places, dots) for places in before):
             return False
         at_rest = np.array([bool((np.abs(one - self._resting) < STANDS_PX).any()) for one in at])
         search = Search(luma, dots, at_rest=at_rest)
         alone = not self._asked
-        self._asked.append(at)
+        self._asked.append((index, search))
         if not alone:
             self.undecided.append((index, search))
             return False
@@ -176,7 +185,7 @@ class _Dots:
                 break
         else:
             self._resting = search.resting()
-        return self._decide(index, search)
+        return self._decide(index, search) or self._take(index, luma, *self._tracked(index, search))
 
     def followed(self, frame: Frame) -> bool:
         """Follow the dots of all pictures into a frame; return whether the sticks of one are found."""
@@ -199,7 +208,29 @@ class _Dots:
 
     def _decide(self, index: int, search: Search) -> bool:
         """Take the sticks of a picture if they are the best; return whether no other ones are needed."""
-        weighed, read = search.result()
+        return self._take(index, search.luma, *search.result())
+
+    def _tracked(self, index: int, search: Search) -> tuple[list[Couple], float]:
+        """Return the couples of a picture whose sticks can be tracked, and the share of frames in which the first is.
+
+        A dot that moves too far between two frames to be followed alone is found again together with its stick, whose
+        length is known. Couples that the picture alone makes probable are tracked until one stick has turned, and for
+        as many frames after that as its motion is judged by; a couple that is lost for longer is none.
+        """
+        tried = [_Tracked(search.luma, index, couple) for couple in search.shown if couple.probability > 1.0 - SURE]
+        for frame in decoded(self._source):
+            if not tried or frame.index > LOOKED_AT[-1] or any(one.turned > FRAMES for one in tried):
+                break
+            self._tell(frame)
+            if frame.index > index:
+                tried = [one for one in tried if one.follow(frame)]
+        read = {id(one): one.read(self._source.size_px) for one in tried if one.turned > STALE}
+        found = [one.couple for one in tried if 2.0 * read.get(id(one), 0.0) > 1.0]
+        weighed = likeliest([(math.log(one.probability), one) for one in found], none=math.log(1.0 - SURE))
+        return weighed, max(read.values(), default=0.0)
+
+    def _take(self, index: int, luma: NDArray[np.uint8], weighed: Sequence[Couple], read: float) -> bool:
+        """Take the first couple of a picture if it is the best so far; return whether no other one is needed."""
         if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
             return False
         score, choice = min(weighed[0].base.score, weighed[0].moving.score), Choice.of(weighed)
@@ -211,17 +242,47 @@ class _Dots:
         elif self._read >= 0.0 or score <= self._score:
             return False
         self._score = score
-        markers = markers_on(search.luma, weighed[0].base, weighed[0].moving)
+        markers = markers_on(luma, weighed[0].base, weighed[0].moving)
         self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=choice)
-        self.in_tags = all(_in_tag(search.luma, marker) for marker in markers)
+        self.in_tags = all(_in_tag(luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
         return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
 
 
+class _Tracked:
+    """A ``couple`` of one picture that is tracked; base and moving stick are exchanged where the motion says so.
+
+    ``turned`` counts the frames since one stick has turned.
+    """
+
+    def __init__(self, luma: NDArray[np.uint8], index: int, couple: Couple) -> None:
+        self.couple, self.turned, self._lost = couple, 0, 0
+        self._follower = Start(markers_on(luma, couple.base, couple.moving), index, None).follower()
+        self._places = [np.ravel([couple.base.places_px, couple.moving.places_px]).view(complex)]
+
+    def follow(self, frame: Frame) -> bool:
+        """Follow the sticks into the next frame; return whether they may still be found."""
+        row = self._follower.step(frame)
+        seen, at = row["state"] == SEEN, row["position_px"].copy().view(complex).ravel()
+        self._places.append(np.where(seen, at, complex(math.nan, math.nan)))
+        moving = self._follower.moving
+        self._lost = 0 if seen.all() or (moving is not None and seen.reshape(2, 2)[moving].all()) else self._lost + 1
+        self.turned += moving is not None
+        return self._lost <= STALE
+
+    def read(self, size_px: tuple[int, int]) -> float:
+        """Return the share of frames in which the sticks are read, as ones that turn about an axis."""
+        places = np.array(self._places)
+        if self._follower.moving == 0:
+            self.couple = replace(self.couple, base=self.couple.moving, moving=self.couple.base)
+            places = places[:, [2, 3, 0, 1]]
+        return share_read(self.couple, places, size_px)
+
+
 def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
     """Return whether all dots are at positions of earlier dots, within their radii."""
-    radius_px = np.array([dot.radius_px for dot in dots])
-    return bool((np.abs(at[:, None] - before).min(axis=1) < radius_px).all())
+    radius_px = np.array([[dot.radius_px] for dot in dots])
+    return bool((np.abs(at[:, None] - before) < radius_px).any(axis=1).all())
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:

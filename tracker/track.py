@@ -24,6 +24,7 @@ from tracker.checkpoint import RowStore, source_key
 from tracker.couples import Choice
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.detect.moving_part import SHARPER, motion_blur
 from tracker.follow.judgement import MOVED_RAD
 from tracker.frames.frame import REPORT_EVERY, FrameSource
 from tracker.initialise import Start, find_start
@@ -165,6 +166,22 @@ def _nothing_moves(table: NDArray[np.void], start: Start, *, where: str) -> NoRe
     )
 
 
+def _lost_as_it_moves(table: NDArray[np.void], start: Start, source: FrameSource) -> NoResultError | None:
+    """Return the error that dots are lost as something moves, or None where they are seen or nothing moves."""
+    seen = (table["state"][start.frame :] == CODE["seen"]).all(axis=1)
+    blur = None if 2 * seen.sum() > len(seen) else motion_blur(source, start.frame, len(table) - 1)
+    if blur is None:
+        return None
+    return NoResultError(
+        "the dots that were taken for the markers are lost as the picture moves",
+        where=source.name,
+        value=f"all four in {seen.sum()} of {len(seen)} frames; {blur or 'what moves is sharp, and fast'}",
+        limit="half of the frames or more",
+        do=f"{SHARPER if blur else 'film more frames a second, or move more slowly'}; if the rings in track.png are on "
+        "something else, pick the markers with 'torsight markers' and name its file with --markers",
+    )
+
+
 def _followed(table: NDArray[np.void], start: Start) -> str:
     """Return in words the dots that were followed as markers."""
     radii = sorted(marker.radius_px for marker in start.markers)
@@ -244,7 +261,7 @@ def _ordered(table: NDArray[np.void], order: list[int], source: FrameSource) -> 
 def _result(table: NDArray[np.void], start: Start, follower: Follower, source: FrameSource) -> TrackResult:
     moving = follower.moving
     if moving is None or (start.doubtful and not _moves(table, moving)):
-        raise _nothing_moves(table, start, where=source.name)
+        raise _lost_as_it_moves(table, start, source) or _nothing_moves(table, start, where=source.name)
     base = 1 - moving
     rows, tracks = _ordered(table, [2 * base, 2 * base + 1, 2 * moving, 2 * moving + 1], source)
     choice: dict[str, Any] = {}

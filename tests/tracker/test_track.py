@@ -21,7 +21,9 @@ from torsight.core.optics.camera import read_camera
 from tracker import track
 from tracker.angle.orient import orient
 from tracker.detect.marker_file import read_markers
+from tracker.detect.moving_part import motion_blur
 from tracker.detect.sticks import are_markers, couples_in
+from tracker.frames.frame import Frame
 from tracker.frames.source import open_source
 from tracker.initialise import Start
 from tracker.track import track_film
@@ -164,6 +166,29 @@ def test_sticks_of_which_one_covers_a_dot_of_the_other_at_first_are_found_later(
     outcome = run(rig, given=False)
     assert outcome.valid.mean() > 0.8
     assert outcome.rms_deg < 3.0 * bound_deg(rig)
+
+
+@pytest.mark.parametrize(("rate_deg_s", "rest_s"), [(1000.0, 0.0), (900.0, 0.4)], ids=["at first", "after a rest"])
+def test_sticks_too_fast_for_dots_that_are_followed_alone_are_found(rate_deg_s: float, rest_s: float) -> None:
+    # 33 degrees, or 44 px of the outer dot, from one frame to the next.
+    rig = Rig(lambda t: 120.0 + rate_deg_s * np.maximum(t - rest_s, 0.0), frames=50)
+    outcome = run(rig, given=False)
+    assert outcome.valid.mean() > 0.9
+    nothing_wrong(outcome)
+
+
+@pytest.mark.parametrize(("step_px", "path_px", "words"), [(0, 12, None), (12, 1, ""), (12, 12, "motion blur: edges")])
+def test_motion_blur_shows_without_markers(step_px: int, path_px: int, words: str | None) -> None:
+    def picture(number: int) -> np.ndarray:
+        scene = np.full((120, 200), 90, np.uint8)
+        scene[80:110, 20:180] = 200
+        bar = np.full((60, 200), 90, np.uint8)
+        bar[20:50, 10 + step_px * number : 60 + step_px * number] = 200
+        scene[:60] = cv2.blur(bar, (path_px, 1))
+        return cv2.GaussianBlur(scene, (0, 0), 0.7)
+
+    found = motion_blur([Frame(number, number / 30.0, picture(number)) for number in range(8)], 0, 7)
+    assert found is None if words is None else found is not None and found[: len(words) or 1] == words
 
 
 def test_a_stick_that_only_jumps_is_the_one_that_moves() -> None:

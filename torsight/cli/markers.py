@@ -74,10 +74,12 @@ def _page(source: Source, out: Path, *, port: int, wait_s: float, no_open: bool)
 
 
 def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
-    from torsight.markers.beginning import name_tags
+    from torsight.markers.beginning import Beginning, name_tags
     from torsight.markers.picks import write_markers
     from torsight.markers.preview import write_preview
     from torsight.markers.session import NAMING_S, find_markers, first_picture
+    from tracker.detect.given_positions import LOOKED_AT
+    from tracker.detect.moving_part import SHARPER, motion_blur
 
     first, index = first_picture(source)
     seen, named = find_markers(source, first)
@@ -95,10 +97,13 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
     found = named if named is not None or seen.sticks_px is None else seen.sticks_px.reshape(4, 2)
     content = name_tags(source, seconds=NAMING_S) if found is None else _picked(found)
     if content is None:
+        blur = motion_blur(Beginning(source, seconds=NAMING_S), index, LOOKED_AT[-1])
         lacking = NoResultError(
             f"the markers were not found: {seen.reason}",
             where=source.name,
-            do=f"look at {picture}, and pick them without --preview or write their positions to a file by hand",
+            value=blur or None,
+            do=f"{SHARPER}, or " * bool(blur)
+            + f"look at {picture}, and pick them without --preview or write their positions to a file by hand",
         )
         say(f"torsight: {lacking}")
         return Answer(result, files=(picture,), exit_code=lacking.exit_code)

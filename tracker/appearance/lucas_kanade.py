@@ -26,6 +26,7 @@ from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, wind
 
 Luma = NDArray[np.uint8]
 Point = tuple[float, float]
+Places = NDArray[np.complex128]
 Look = tuple[Ints, Floats, NDArray[np.void]]
 
 READING: Final = np.dtype(

@@ -34,6 +34,8 @@ _LIKELY: Final = 0.5
 _SMALL_PX: Final = 7.5
 """Radius above which the picture is halved before correlation and the first fit, whose time grows with the radius'
 square: a start within a pixel is close enough for the last fit."""
+FAINTEST: Final = 6.0
+"""Smallest contrast of a dot, grey levels."""
 EXPLAINED: Final = 0.75
 """Smallest share of the window's variance that a dot has to explain."""
 _MOST: Final = 120
@@ -94,7 +96,7 @@ def _judge_dot(
     fit = fit_dot(luma, x_px, y_px, radius_px=radius_px, light_dot=light_dot, room_px=room)
     if fit is None or fit.explained < EXPLAINED:
         return _unexplained(fit)
-    needed = max(3.0 * fit.residual, 6.0)
+    needed = max(3.0 * fit.residual, FAINTEST)
     if fit.step < needed:
         return f"its contrast is {fit.step:.0f} grey levels; {needed:.0f} needed to stand out of the noise"
     if not SMALLEST_PX <= fit.radius_px <= HUGE_PX:

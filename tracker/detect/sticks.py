@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import EDGE_PX, Dot
+from tracker.appearance.lucas_kanade import Places
 from tracker.detect.dots import find_and_refuse
 
 _Real = TypeVar("_Real", float, Floats)
@@ -141,7 +142,7 @@ def clearest(dots: Sequence[Dot]) -> list[Dot]:
 
 def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
     """Return both sticks with the dot nearer to the crossing of their lines as the inner one."""
-    axis = crossing(one, two)
+    axis = crossing_point(*one.places_px, *two.places_px)
     if axis is None:
         # Parallel sticks: the ends that lie closest together are the inner ones.
         pairs = itertools.product((one, one.turned()), (two, two.turned()))
@@ -149,27 +150,24 @@ def towards_axis(one: Stick, two: Stick) -> tuple[Stick, Stick]:
     return one.towards(*axis), two.towards(*axis)
 
 
-def crossing(one: Stick, two: Stick) -> tuple[float, float] | None:
-    """Return the crossing of the lines through two sticks; None where they are nearly parallel."""
-    return crossing_point(
-        (one.inner.x_px, one.inner.y_px),
-        (one.outer.x_px, one.outer.y_px),
-        (two.inner.x_px, two.inner.y_px),
-        (two.outer.x_px, two.outer.y_px),
-    )
-
-
 def crossing_point(
-    a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]
+    a: Sequence[float], b: Sequence[float], c: Sequence[float], d: Sequence[float]
 ) -> tuple[float, float] | None:
     """Return the crossing of the lines a–b and c–d; None where they meet at less than 12°."""
-    ux, uy = b[0] - a[0], b[1] - a[1]
-    vx, vy = d[0] - c[0], d[1] - c[1]
-    cross = ux * vy - uy * vx
-    if abs(cross) < PARALLEL * math.hypot(ux, uy) * math.hypot(vx, vy):
-        return None
-    along = ((c[0] - a[0]) * vy - (c[1] - a[1]) * vx) / cross
-    return a[0] + along * ux, a[1] + along * uy
+    (start, along), (other, across) = ((complex(*p), np.array(complex(*q) - complex(*p))) for p, q in ((a, b), (c, d)))
+    crossing = complex(start + _crossing_shares(along, across, other - start)[0] * along)
+    return None if math.isnan(crossing.real) else (crossing.real, crossing.imag)
+
+
+def _crossing_shares(u: Places, v: Places, between: Places | complex) -> tuple[Floats, Floats]:
+    """Return the distances of two lines' crossing from their starts, as shares of their directions u and v, complex.
+
+    ``between`` is the start of the second line minus that of the first; NaN where the lines meet at less than 12°.
+    """
+    cross = (np.conj(u) * v).imag
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = np.where(np.abs(cross) < PARALLEL * np.abs(u) * np.abs(v), np.nan, cross)
+        return (np.conj(between) * v).imag / cross, (np.conj(between) * u).imag / cross
 
 
 def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
@@ -335,10 +333,6 @@ def _couple_scores(pairs: Sequence[Stick], one: Ints, two: Ints) -> Floats:
     possible = ~shared & (unlike <= SIZES) & (unsteady <= 2.5) & (longer <= SIZES)
     score = (own[one] + own[two]) * (1.0 - np.maximum(0.0, 1.0 - LIKE / unlike))
     # The axis lies beyond the inner end of both sticks, not between a stick's markers.
-    u, v, between = along[one], along[two], at[two, 0] - at[one, 0]
-    cross = (np.conj(u) * v).imag
-    meet = np.abs(cross) >= PARALLEL * np.abs(u) * np.abs(v)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for share in ((np.conj(between) * v).imag / cross, (np.conj(between) * u).imag / cross):
-            score += np.where(meet, np.where((share > 0.0) & (share < 1.0), -1.0, 1.0), 0.0)
+    for share in _crossing_shares(along[one], along[two], at[two, 0] - at[one, 0]):
+        score += np.where(np.isnan(share), 0.0, np.where((share > 0.0) & (share < 1.0), -1.0, 1.0))
     return np.where(possible, score, -np.inf)

@@ -16,7 +16,7 @@ from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, Look, read_
 from tracker.detect.given_positions import given_dots
 from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick, edges_beside, half_width
-from tracker.follow.reading import share_of_step
+from tracker.follow.reading import Looks, share_of_step
 from tracker.follow.state import MARKER
 from tracker.frames.frame import Frame
 
@@ -81,6 +81,14 @@ class Marker:
     def radius_px(self) -> float:
         """Radius when the marker was found, px."""
         return float(self.record["first_radius"][0])
+
+
+def looks_of(markers: Sequence[Marker]) -> Looks:
+    """Return empty looks of many markers, which are read together."""
+    count = [marker.look[0].shape[1] for marker in markers]
+    slots, first = PHASES * PHASES, np.concatenate([[0], np.cumsum(count, dtype=np.int64)])
+    pixels = np.concatenate([np.zeros(0, np.int64), *(marker.look[0].ravel() for marker in markers)])
+    return pixels, np.empty(slots * (COLUMNS + 2) * first[-1]), np.zeros((len(markers), slots), SYSTEM), first
 
 
 def markers_on(luma: NDArray[np.uint8], *sticks: Stick) -> list[Marker]:

@@ -9,13 +9,21 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from torsight.core.compiled import compiled, lending, shared
-from tracker.appearance.disc import Record
-from tracker.appearance.lucas_kanade import Look, Luma, Point, read_dot
+from torsight.core.units import Floats, Ints
+from tracker.appearance.disc import COLUMNS, Record
+from tracker.appearance.lucas_kanade import PHASES, Luma, Places, Point, read_dot
 from tracker.appearance.motion_blur import smear_slack
 from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
-from tracker.rows import HIDDEN, OUTSIDE, SEEN
+from tracker.rows import HIDDEN, LOST, OUTSIDE, SEEN
+
+Looks = tuple[Ints, Floats, NDArray[np.void], Ints]
+"""The looks of many dots: their pixels and models, each one after the other in one row, their systems (d, 64), and the
+number of pixels before each (d + 1)."""
 
 LEAST_STEP: Final = 4.0
 """Brightness step, grey levels, below which no dot is visible."""
@@ -89,10 +97,32 @@ def _is_near(marker: Record, reading: Record, x: float, y: float) -> bool:
 
 
 @compiled
-def glance_at(luma: Luma, marker: Record, look: Look, place: Point, slack: float, out: Record) -> bool:
-    """Read a dot of which only the appearance is known near a position; return whether it is there."""
-    inside = read_dot(luma, place[0], place[1], marker, look, (0.0, 0.0), out)
-    return inside and fits(marker, out, slack) and _is_near(marker, out, place[0], place[1])
+def glance_at(
+    luma: Luma, markers: NDArray[np.void], looks: Looks, tried: Places, last: Places, rig: Record, out: NDArray[np.void]
+) -> None:
+    """Read dots of which only the appearance is known, each at the first of some positions near which it is there.
+
+    ``markers`` (d,) are records of MARKER, ``tried`` (d, k), complex, the positions, NaN for a dot that is not read,
+    ``last`` (d,) the positions in the last frame. The states of the readings ``out`` (d,) are SEEN or LOST.
+    """
+    pixels, models, systems, first = looks
+    rows = PHASES * PHASES * (COLUMNS + 2)
+    for d in range(len(out)):
+        out[d].state = LOST
+        begin, end = first[d], first[d + 1]
+        own = (
+            pixels[3 * begin : 3 * end].reshape((3, end - begin)),
+            models[rows * begin : rows * end].reshape((PHASES * PHASES, COLUMNS + 2, end - begin)),
+            systems[d],
+        )
+        for k in range(tried.shape[1]):
+            x, y = tried[d, k].real, tried[d, k].imag
+            if math.isnan(x) or not read_dot(luma, x, y, markers[d], own, (0.0, 0.0), out[d]):
+                continue
+            slack = smear_slack(rig, abs(tried[d, k] - last[d]))
+            if fits(markers[d], out[d], slack) and _is_near(markers[d], out[d], x, y):
+                out[d].state = SEEN
+                break
 
 
 @compiled

@@ -39,15 +39,16 @@ def account(
     orientation: Orientation,
     *,
     doubts: Sequence[str],
+    minor: Sequence[str] = (),
     remarks: Sequence[str] = (),
     pictures: Pictures | None = None,
     right: TrackResult | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``track.json``.
 
-    ``doubts`` are those of :func:`tracker.quality.track_warnings.doubts`, ``remarks`` those on the camera from before
-    the tracking; ``pictures`` returns frames by number, to examine some of those without an angle; ``right`` is the
-    right film of a stereo pair.
+    ``doubts`` are those of :func:`tracker.quality.track_warnings.doubts`, ``minor`` ones explain no frame without an
+    angle, ``remarks`` are those on the camera from before the tracking; ``pictures`` returns frames by number, to
+    examine some of those without an angle; ``right`` is the right film of a stereo pair.
     """
     angles, rows = orientation.angles, result.rows
     noise = orientation.report.get("noise", {})
@@ -86,7 +87,8 @@ def account(
         events=events,
         gaps=gap_advice(content["frames"], causes)
         + lone_marker_advice(result, angles, pictures=pictures)
-        + flicker_advice(causes),
+        + flicker_advice(causes)
+        + list(minor),
     )
     content["advice"] += orientation.report.get("scale", {}).get("complaints", [])
     content["events"] = events

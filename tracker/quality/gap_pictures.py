@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG, Floats, Ints
 from tracker.angle.axis_of_circles import axis_px
+from tracker.detect.moving_part import MOVED_GREY, MOVED_PX
 from tracker.detect.sticks import crossing_point
 from tracker.follow.motion_model import jump_px
 from tracker.innovation import SIGMAS
@@ -28,10 +29,6 @@ Pictures = Callable[[Iterable[int]], dict[int, Luma]]
 COMBED: Final = 2.0
 """Energy of second differences between neighbouring rows, over that between neighbouring rows of a field, where
 something moved: 1 for noise, below 1 for edges and blur, 4 and more where two fields are of two instants."""
-_MOVED_GREY: Final = 25
-"""Smallest change of a pixel that is motion and not noise (of 2 to 8 grey levels)."""
-_MOVED_PX: Final = 60
-"""Fewest moved pixels from which interlacing is judged: a few dots' area."""
 BLURRED: Final = 0.6
 """Steepness of the edges, over that in frames with an angle, below which a picture is out of focus."""
 FAST: Final = 2.0
@@ -42,8 +39,8 @@ SMEARED: Final = 0.4
 LOOKED_AT: Final = 5
 """Number of frames without an angle that are examined, each with the next one, and of frames with an angle with which
 they are compared."""
-_ALIKE: Final = 0.5
-"""Smallest correlation of two profiles that show the same object at two angles."""
+ALIKE: Final = 0.5
+"""Smallest correlation of two profiles, or of two parts of pictures, that show the same object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +117,8 @@ def spread_over(frames: Ints) -> Ints:
 
 def combed(picture: Luma, other: Luma) -> float:
     """Return the combing of a picture's rows where the picture differs from another one; see :data:`COMBED`."""
-    moved = cv2.absdiff(picture, other)[2:-2] > _MOVED_GREY
-    if moved.sum() < _MOVED_PX:
+    moved = cv2.absdiff(picture, other)[2:-2] > MOVED_GREY
+    if moved.sum() < MOVED_PX:
         return 0.0
     rows = picture.astype(np.float32)
     near = rows[1:-3] - 2.0 * rows[2:-2] + rows[3:-1]
@@ -181,7 +178,7 @@ class _Layout:
         spectrum = np.conj(np.fft.rfft(first)) * np.fft.rfft(second)
         match = np.fft.irfft(spectrum, len(first)) / max(total, 1e-9)
         best = int(np.argmax(match))
-        return None if match[best] < _ALIKE else float((best + 180) % 360 - 180)
+        return None if match[best] < ALIKE else float((best + 180) % 360 - 180)
 
 
 def _centre(tracks: MarkerTracks) -> Floats | None:
@@ -192,8 +189,7 @@ def _centre(tracks: MarkerTracks) -> Floats | None:
     whole = np.flatnonzero(tracks.valid.all(axis=1))
     if not len(whole):
         return None
-    places = [(float(x), float(y)) for x, y in tracks.position_px[whole[len(whole) // 2]]]
-    crossing = crossing_point(places[0], places[1], places[2], places[3])
+    crossing = crossing_point(*tracks.position_px[whole[len(whole) // 2]].tolist())
     return None if crossing is None else np.array(crossing)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,10 +12,12 @@ import numpy as np
 
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
-from torsight.core.units import Ints
+from torsight.core.units import Flags, Ints
 from torsight.core.words.wording import counted
+from tracker.detect.marker_file import STICKS
+from tracker.detect.moving_part import SHARPER
 from tracker.follow.motion_model import STALE
-from tracker.quality.gap_pictures import SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
+from tracker.quality.gap_pictures import ALIKE, SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
 from tracker.quality.light import GLARES, Flicker, flicker_of, glare_at_loss
 from tracker.rows import CODE
 from tracker.track import TrackResult
@@ -48,15 +51,17 @@ _DO: Final = {
         "a tag was not seen: something lay over it, or it is too small, blurred by motion, or without its white "
         "border; keep it whole in sight, and print it larger if its modules are smaller than 4 px."
     ),
+    "unlike": (
+        "the points given for a stick do not look like two dots on a plain stick, and are not found again as such; if "
+        'they are on print or other texture, set kind = "texture" for this stick in the marker file, else pick its '
+        "dots with 'torsight markers'."
+    ),
     "picture": "a marker leaves the picture; film from further away.",
     "sticks": (
         "one stick lies over the other's markers, or so close to them that they mix; mount the moving stick on the "
         "camera's side and the sticks further apart."
     ),
-    "shutter": (
-        "the moving stick is fast there and its markers are blurred over {smear_px:.0f} px; film with a shorter "
-        "shutter time and more light, or move more slowly."
-    ),
+    "shutter": (f"the moving stick is fast there and its markers are blurred over {{smear_px:.0f}} px; {SHARPER}."),
     "speed": (
         "the moving stick is too fast there for the search: it turns by some {step_deg:.0f} degrees from one frame "
         "to the next, up to {usual_deg:.1f} were followed; film more frames a second, or move more slowly."
@@ -114,11 +119,15 @@ def find_causes(
     glared = _glared(unknown, states, result, pictures, figures)
     count: Counter[str] = Counter()
     unclear: list[int] = []
+    unlike = _without_unlike(result)
+    late = first > 0 and not (pictures and _base_was_there(first, result, pictures))
     for index, state in zip(unknown.tolist(), states, strict=True):
-        if index < first and state == "lost":
+        if index < first and state == "lost" and late:
             count["late"] += 1
         elif state == "dark" and flicker is not None:
             count["flicker"] += 1
+        elif state in (*_UNCLEAR, "shadowed") and unlike[index]:
+            count["unlike"] += 1
         elif glared and state in (*_UNCLEAR, "shadowed"):
             count["glare"] += 1
         elif state in _UNCLEAR:
@@ -129,6 +138,30 @@ def find_causes(
         state = states[int(np.searchsorted(unknown, index))]
         count[cause or without_dots or _OF_STATE.get(state, "hand")] += 1
     return Causes(dict(count.most_common()), figures, flicker)
+
+
+def _base_was_there(first: int, result: TrackResult, pictures: Pictures) -> bool:
+    """Return whether the base's markers look in the film's first frame as in the frame ``first``, where they are found.
+
+    Then the rig stands in the picture from the start, and the moving stick is not found for another reason.
+    """
+    found, reach = pictures([0, first]), math.ceil(2.0 * float(result.report["markers"]["radius_px"]))
+    places = result.tracks.position_px[first, :2]
+    if len(found) < 2 or not np.isfinite(places).all():
+        return False
+    for x, y in np.rint(places).astype(int).tolist():
+        part = np.s_[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1]
+        if not np.corrcoef(found[0][part].ravel(), found[first][part].ravel())[0, 1] > ALIKE:
+            return False
+    return True
+
+
+def _without_unlike(result: TrackResult) -> Flags:
+    """Return the frames (n,) without a stick whose given dots look unlike, if more than half of all frames are."""
+    unlike = result.report["markers"].get("not_on_one_stick", {})
+    gone = (result.rows["state"] != CODE["seen"]).reshape(-1, 2, 2).any(axis=2)
+    counts = np.array([name in unlike for name in STICKS]) & (gone.mean(axis=0) > 0.5)
+    return np.asarray((gone & counts).any(axis=1))
 
 
 def _glared(

@@ -17,7 +17,7 @@ from tracker.angle.orient import orient
 from tracker.frames.source import open_source
 from tracker.quality.account import account
 from tracker.quality.gap_pictures import Seen
-from tracker.quality.gaps import lone_marker_advice
+from tracker.quality.gaps import find_causes, lone_marker_advice
 from tracker.quality.track_warnings import doubts
 from tracker.rows import CODE, ROW
 from tracker.track import TrackResult, track_film
@@ -133,6 +133,20 @@ def test_a_marker_lost_under_glare_says_so_where_the_other_one_tells_the_angle(l
     (words,) = lone_marker_advice(result, angles, pictures=pictures)
     assert ("light glares on the markers" in words) == (level == 250)
     assert ("blurred by motion" in words) == (level == 95)
+
+
+@pytest.mark.parametrize(("lost", "cause"), [(30, "unlike"), (10, "hand")])
+def test_points_on_print_are_named_where_they_are_lost_from_most_frames(lost: int, cause: str) -> None:
+    rows, zero = np.zeros(40, ROW), np.zeros(40)
+    rows["state"][:lost, 2:] = CODE["hidden"]
+    seen = rows["state"] == CODE["seen"]
+    place = MarkerTracks(np.arange(40), zero, np.zeros((40, 4, 2)), np.zeros((40, 4, 2, 2)), seen, (9, 9))
+    unlike = {"moving": "9 % of the line between them is as bright as a stick; 80 % needed"}
+    markers = {"radius_px": 5.0, "stick_length_px": 30.0, "not_on_one_stick": unlike, "shutter_share_of_frame": None}
+    angles = StickAngles(np.arange(40), np.arange(40) / 30.0, zero, zero, seen.all(axis=1), np.ones(40, bool))
+    found = find_causes(TrackResult(place, rows, [], {"markers": markers}), angles, ["hidden"] * lost)
+    assert found.count == {cause: lost}
+    assert 'kind = "texture"' in found.advice("unlike")
 
 
 @pytest.mark.parametrize(("marker", "name"), [(2, "inner"), (3, "outer")])
