@@ -50,7 +50,7 @@ CLOCK = {
     "clock.threshold_likelihood": ("_RATE_POWERS",),
     "signals.changepoints": ("MAX_LAG_S", "_POINTS"),
     "signals.even_signal": ("WINDOW_S",),
-    "signals.heating_segments": ("_MIN_SHARE", "_HEATING_SHARE"),
+    "signals.heating_segments": ("_HEATING_SHARE",),
     "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
 }
 LOG = {

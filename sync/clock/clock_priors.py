@@ -52,11 +52,15 @@ class Priors:
     relative size ``scatter_shape`` and the correlation length ``scatter_reach``, a share of the stroke."""
     typical_scatter_c: float = 0.05
     """Scatter of thresholds from stroke to stroke: median of its prior."""
-    ordinary_scatter_c: float = 0.03
-    with_rate: float = 2.0
-    """A scatter larger than ``ordinary_scatter_c`` has an unknown cause. It may be proportional to the rate of heating,
-    as with a friction that grows with speed, which has the same effect as an offset: then a scatter proportional to the
-    rate is allowed, up to ``with_rate`` times as large as the rest."""
+    typical_delay_s: float = 0.02
+    """Size of the delay of the motion behind the temperature, beside the sensor's lag: median of its prior, which falls
+    as slowly as one over the size. A plain rig has none. Half and twice this value move the offsets of four pairs of
+    ``clock_coverage.py`` (slow and fast, seeds 0 and 1) by 0.14 of their standard deviations at most, and change the
+    widths of the intervals by factors of 0.94 to 1.13."""
+    delay_shape: float = 0.3
+    """Variation of the delay along a stroke, and between the stops of strokes, relative to the delay. With viscous
+    friction in the synthetic rig (``clock_coverage.py --kind viscous_friction``, seeds 1 and 6) the linear and the
+    quadratic part of the delay are 0.15 to 0.4 of its mean."""
     rate_noise: float = 1.5
     """Factor on the noise of rates within a kind of stroke, relative to that from the readings' noise. Noise of a rate
     would look like an error of the clock that differs from level to level, and hide the common one."""

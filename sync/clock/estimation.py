@@ -315,11 +315,18 @@ def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
         # Few strokes still differ in their rates; equal rates do not determine the offset to seconds.
         alike = "the strokes that can be compared have about the same rates"
         why = alike if high - low > 5.0 * WIDE_S else "few strokes"
+        # A delay that alone would make the interval as wide, at four standard deviations to its width.
+        if likelihood.late_s > 0.25 * (high - low):
+            why = (
+                f"the motion is late behind the temperature by some {likelihood.late_s:.2g} s, as with a friction that "
+                "grows with the speed, and a late clock looks the same"
+            )
         notes.append(f"the interval is {high - low:.3g} s wide ({why}); to narrow it, {ADVICE}")
     if likelihood.matched < likelihood.strokes:
         notes.append(
             f"{likelihood.strokes - likelihood.matched} of {likelihood.strokes} strokes have no heating or cooling "
-            f"that explains them: look for a piece of the log that is missing or stands at a wrong time"
+            f"that explains them: look for a piece of the log that is missing or stands at a wrong time, or "
+            "for a motion by the heat of the other spring"
         )
     if likelihood.scatter_c >= SCATTERS_C[-1]:
         notes.append(

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap, heaviest
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
-from sync.clock.offset_search import ALIKE, OffsetRange, assign, explained_share, find_ranges
+from sync.clock.offset_search import ALIKE, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
-from sync.clock.threshold_likelihood import refine, scan, scatter_c
+from sync.clock.threshold_likelihood import mixed, refine, scan, scatter_c
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
@@ -31,7 +33,8 @@ class MotionLikelihood:
     ``lag`` is the distribution of the sensor's lag. ``strokes``, ``matched`` and ``stops`` count the film's strokes,
     those with a segment, and the abrupt stops that are paired with a changepoint. ``ranges`` are the possible ranges of
     the offset; ``swapped`` is true where the motion fits better with the springs exchanged. ``scatter_c`` is the
-    scatter of the temperatures at which strokes of one kind pass the same angle.
+    scatter of the temperatures at which strokes of one kind pass the same angle, ``late_s`` the mean size of the
+    motion's delay behind the wire's temperature.
     """
 
     mixture: tuple[Gaussian, ...]
@@ -43,6 +46,7 @@ class MotionLikelihood:
     ranges: tuple[OffsetRange, ...]
     swapped: bool
     scatter_c: float
+    late_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +58,7 @@ class _Inputs:
     changepoints: tuple[tuple[HeatingSegment, Changepoint], ...]
     lag: LagMixture
     gaps: tuple[UnknownGap, ...]
+    stop: Callable[[Stroke], tuple[float, float] | None]
 
 
 def motion_likelihood(
@@ -89,9 +94,15 @@ def motion_likelihood(
         )
     if not ranges:
         return None
-    inputs = _Inputs(angles, log, strokes, signals, changepoints, lag, tuple(gaps))
+    # Pieces of the range share their strokes, and a stop takes a hundred fits.
+    stop = functools.cache(functools.partial(find_stop, angles))
+    inputs = _Inputs(angles, log, strokes, signals, changepoints, lag, tuple(gaps), stop)
+    # Strokes have other segments at other offsets: each piece of a range has its own crossings.
+    pieces = [piece for one in ranges[:MOST_HYPOTHESES] for piece in assignments(strokes, signals.segments, one)]
+    lost = [PRIORS.no_segment_log * sum(segment is None for segment in assigned) for _, assigned in pieces]
+    likely = [k for k in np.argsort(lost, kind="stable")[:MOST_HYPOTHESES] if lost[k] < min(lost) + NEGLIGIBLE_LOG]
     found = [
-        part for offset_range in ranges[:MOST_HYPOTHESES] if (part := _weigh(inputs, offset_range, prior)) is not None
+        part for piece, assigned in (pieces[k] for k in likely) if (part := _weigh(inputs, piece, assigned, prior))
     ]
     if not found:
         return None
@@ -112,6 +123,7 @@ def motion_likelihood(
         ranges=ranges,
         swapped=swapped,
         scatter_c=best.scatter_c,
+        late_s=best.late_s,
     )
 
 
@@ -122,16 +134,17 @@ class _Weighed:
     matched: int
     stops: int
     scatter_c: float
+    late_s: float
 
     @property
     def weight(self) -> float:
         return max(gaussian.log_weight for gaussian in self.mixture)
 
 
-def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -> _Weighed | None:
+def _weigh(
+    inputs: _Inputs, offset_range: OffsetRange, segments: Sequence[HeatingSegment | None], prior: Gaussian | None
+) -> _Weighed | None:
     """Refine one range of offsets: by the thresholds, then for every possible lag, then by the stops."""
-    center_s = 0.5 * (offset_range.low_s + offset_range.high_s)
-    segments = assign(inputs.strokes, inputs.signals.segments, center_s)
     matched = sum(segment is not None for segment in segments)
     offset_range = _possible(offset_range, inputs.strokes, segments, slack_s=1.0 + (inputs.lag.value_s or MAX_LAG_S))
     crossings = collect_crossings(inputs.strokes, segments)
@@ -145,22 +158,28 @@ def _weigh(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -
         return None
     lost = PRIORS.no_segment_log * (len(inputs.strokes) - matched)
     mixture: list[Gaussian] = []
+    late: list[float] = []
     paired = _paired_stops(inputs, segments)
     later = np.zeros(len(wide.mean))
     later[0] = 1.0
-    for delay in delays:
+    totals = [mixed(parts.values()) for parts in delays]
+    sizes = [(*item, total) for parts, total in zip(delays, totals, strict=True) for item in parts.items()]
+    for late_s, part, total in sizes:
+        # Only the weights between maxima are tempered: the sizes of delay of one maximum share its crossings.
+        own = PRIORS.crossing_temper * total.log_weight + part.log_weight - total.log_weight
         for lag_s, log_weight in zip(inputs.lag.grid_s, inputs.lag.log_weight, strict=True):
             gaussian = Gaussian(
-                delay.mean - (lag_s - assumed_s) * later,
-                delay.covariance,
-                PRIORS.crossing_temper * delay.log_weight + float(log_weight) - lost,
+                part.mean - (lag_s - assumed_s) * later, part.covariance, own + float(log_weight) - lost
             )
-            if prior is not None:
-                gaussian = _with_prior(gaussian, prior, crossings.middle_s)
-            mixture += _with_stops(gaussian, paired, inputs, crossings.middle_s)
-    likeliest = max(delays, key=lambda delay: delay.log_weight)
-    scatter = scatter_c(crossings, inputs.signals, clock=likeliest, lag_s=assumed_s, gaps=inputs.gaps)
-    return _Weighed(mixture, crossings.middle_s, matched, len(paired), scatter)
+            mixture.append(gaussian if prior is None else _with_prior(gaussian, prior, crossings.middle_s))
+            late.append(late_s)
+    mixture = _with_stops(mixture, np.array(late), paired, inputs, middle_s=crossings.middle_s)
+    likeliest = int(np.argmax([total.log_weight for total in totals]))
+    scatter = scatter_c(crossings, inputs.signals, clock=totals[likeliest], lag_s=assumed_s, gaps=inputs.gaps)
+    late_weight = softmax([part.log_weight for part in delays[likeliest].values()])
+    return _Weighed(
+        mixture, crossings.middle_s, matched, len(paired), scatter, float(late_weight @ list(delays[likeliest]))
+    )
 
 
 def _possible(
@@ -177,36 +196,51 @@ def _possible(
     )
 
 
-def _with_stops(gaussian: Gaussian, stops: Sequence[_PairedStop], inputs: _Inputs, middle_s: float) -> list[Gaussian]:
-    """Return the Gaussians after conditioning on the stops, each of which may have another cause.
+def _with_stops(
+    mixture: Sequence[Gaussian], late_s: Floats, stops: Sequence[_PairedStop], inputs: _Inputs, *, middle_s: float
+) -> list[Gaussian]:
+    """Return the mixture conditioned on the stops, each of which may have another cause.
 
-    Where two stops contradict each other, both hypotheses are kept with their weights.
+    Where two stops contradict each other, both hypotheses are kept with their weights. All stops of a component share
+    a delay behind their temperatures of the size ``late_s`` (n,), which is integrated out, up to a part of their own.
     """
+    unknowns = len(mixture[0].mean)
+    mean = np.column_stack([np.stack([gaussian.mean for gaussian in mixture]), late_s])
+    covariance = np.zeros((len(mixture), unknowns + 1, unknowns + 1))
+    covariance[:, :unknowns, :unknowns] = [gaussian.covariance for gaussian in mixture]
+    covariance[:, unknowns, unknowns] = late_s**2
+    log_weight = np.array([gaussian.log_weight for gaussian in mixture])
     # A stop that was paired with a heating of another cycle may be anywhere on the film.
     elsewhere = PRIORS.stop_astray / float(np.ptp(inputs.angles.time_s))
-    hypotheses = [gaussian]
     for stop in stops:
         # Rows after a gap have timestamps that are too early by the missing time.
         after_gap = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
-        design = np.array([1.0, stop.film_s - middle_s, *after_gap])
-        ways = ((stop.variance, 1.0 - stop.astray), (stop.variance + PRIORS.stop_astray_s**2, stop.astray))
-        offset_s = stop.log_s - stop.film_s
-        found = [
-            _lighter(hypothesis.updated(design, offset_s, variance), share)
-            for hypothesis in hypotheses
-            for variance, share in ways
-        ]
-        found += [_lighter(hypothesis, stop.astray * elsewhere) for hypothesis in hypotheses]
-        most = max(hypothesis.log_weight for hypothesis in found)
-        found.sort(key=lambda hypothesis: -hypothesis.log_weight)
-        hypotheses = [
-            hypothesis for hypothesis in found[:MOST_HYPOTHESES] if hypothesis.log_weight > most - NEGLIGIBLE_LOG
-        ]
-    return hypotheses
-
-
-def _lighter(gaussian: Gaussian, share: float) -> Gaussian:
-    return replace(gaussian, log_weight=gaussian.log_weight + float(np.log(share)))
+        design = np.array([1.0, stop.film_s - middle_s, *after_gap, -1.0])
+        gain = covariance @ design
+        away = stop.log_s - stop.film_s - mean @ design
+        found = [(mean, covariance, log_weight + np.log(stop.astray * elsewhere))]
+        own_variance = stop.variance + (PRIORS.delay_shape * late_s) ** 2
+        for variance, share in (
+            (own_variance, 1.0 - stop.astray),
+            (own_variance + PRIORS.stop_astray_s**2, stop.astray),
+        ):
+            total = gain @ design + variance
+            found.append(
+                (
+                    mean + gain * (away / total)[:, None],
+                    covariance - gain[:, :, None] * gain[:, None, :] / total[:, None, None],
+                    log_weight - 0.5 * (away**2 / total + np.log(2.0 * np.pi * total)) + np.log(share),
+                )
+            )
+        mean, covariance, log_weight = (np.concatenate(columns) for columns in zip(*found, strict=True))
+        order = np.argsort(-log_weight)[: MOST_HYPOTHESES * len(mixture)]
+        order = order[log_weight[order] > log_weight[order[0]] - NEGLIGIBLE_LOG]
+        mean, covariance, log_weight = mean[order], covariance[order], log_weight[order]
+        late_s = late_s[order % len(late_s)]
+    return [
+        Gaussian(mean[k, :unknowns], covariance[k, :unknowns, :unknowns], float(log_weight[k]))
+        for k in heaviest(log_weight)
+    ]
 
 
 def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) -> Gaussian:
@@ -232,7 +266,7 @@ def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussia
 
 def _delays(
     inputs: _Inputs, crossings: ThresholdCrossings, offset_range: OffsetRange, wide: Gaussian, *, lag_s: float
-) -> list[Gaussian]:
+) -> list[dict[float, Gaussian]]:
     """Return the distinct maxima of the thresholds' likelihood in a range of offsets, from a scan over it."""
     step_s = max(0.5, (offset_range.high_s - offset_range.low_s) / 100.0)
     offset_s = np.arange(offset_range.low_s, offset_range.high_s + step_s, step_s)
@@ -245,15 +279,25 @@ def _delays(
     for index in order[: max(20, len(order) // 4)]:
         if all(abs(offset_s[index] - other) > 3.0 * step_s for other in starts) and len(starts) < MOST_HYPOTHESES:
             starts.append(float(offset_s[index]))
-    found: list[Gaussian] = []
+    found: list[dict[float, Gaussian]] = []
+    totals: list[Gaussian] = []
     for start_s in starts:
-        delay = refine(crossings, inputs.signals, start_s=start_s, prior=wide, lag_s=lag_s, gaps=inputs.gaps)
-        if delay is None:
+        parts = refine(
+            crossings,
+            inputs.signals,
+            start_s=start_s,
+            limit_s=min(5.0, 3.0 * step_s),
+            prior=wide,
+            lag_s=lag_s,
+            gaps=inputs.gaps,
+        )
+        if not parts:
             continue
-        sigma = float(np.sqrt(delay.covariance[0, 0]))
-        same = [other for other in found if abs(other.mean[0] - delay.mean[0]) < max(0.3 * sigma, 0.02)]
-        if not same:
-            found.append(delay)
+        total = mixed(parts.values())
+        sigma = float(np.sqrt(total.covariance[0, 0]))
+        if all(abs(other.mean[0] - total.mean[0]) >= max(0.3 * sigma, 0.02) for other in totals):
+            found.append(parts)
+            totals.append(total)
     return found
 
 
@@ -274,7 +318,7 @@ def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) ->
     for stroke, segment in zip(inputs.strokes, segments, strict=True):
         if segment is None or not segment.heating:
             continue
-        stop = find_stop(inputs.angles, stroke)
+        stop = inputs.stop(stroke)
         if stop is None:
             continue
         stop_s, stop_sigma_s = stop

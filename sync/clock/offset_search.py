@@ -7,8 +7,9 @@ segment that drove it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -30,6 +31,10 @@ _LEAST_EXPLAINED: Final = 0.3
 """Least explained share for which motion and log belong together: by chance half of the motion lies in segments of its
 direction, minus the loss by idle heatings. Half and twice this value give the same clock
 (benchmarks/sync/constants.py)."""
+
+_MOST_STEPS: Final = 60
+"""Largest number of steps at which a range of offsets is searched for other pairs of strokes and segments:
+steps of two seconds for the two minutes of a slow programme."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +115,22 @@ def _idle_share(
         seen += on_film
         idle += on_film & ~moved
     return np.where(seen > 0, idle / np.maximum(seen, 1), 0.0)
+
+
+def assignments(
+    strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_range: OffsetRange
+) -> list[tuple[OffsetRange, list[HeatingSegment | None]]]:
+    """Return the parts of a range in which each stroke has the same segment, with those segments."""
+    count = int(np.clip((offset_range.high_s - offset_range.low_s) / _STEP_S, 1, _MOST_STEPS))
+    edges_s = np.linspace(offset_range.low_s, offset_range.high_s, count + 1)
+    found: list[tuple[OffsetRange, list[HeatingSegment | None]]] = []
+    for low_s, high_s in itertools.pairwise(edges_s):
+        assigned = assign(strokes, segments, 0.5 * (low_s + high_s))
+        if found and found[-1][1] == assigned:
+            found[-1] = (replace(found[-1][0], high_s=float(high_s)), assigned)
+        else:
+            found.append((replace(offset_range, low_s=float(low_s), high_s=float(high_s)), assigned))
+    return found
 
 
 def assign(

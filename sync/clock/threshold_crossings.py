@@ -21,6 +21,9 @@ WHOLE_STROKE: Final = 0.955
 with a corner of the temperature if the motion is slightly late. Half and twice the distance from 1 move a clock by 0.2
 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
+_DELAY_POWERS: Final = 2
+"""Degree of the polynomial along a stroke by which a motion may be late: viscous friction delays the middle most."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThresholdCrossings:
@@ -29,8 +32,9 @@ class ThresholdCrossings:
     ``time_s`` and ``time_sigma_s`` are the film times with their standard deviations; ``spring_b`` and ``heating``
     describe the driving spring; ``stroke``, ``kind`` (spring, heating or cooling) and ``cell`` (level of a kind) are
     numbers. ``common_c2`` (n, n) is the covariance of the unknowns of a kind of stroke: its curve, and its dependence
-    on the start angle; ``scatter`` (n, n) is that of a scatter of 1 °C between strokes. The offset is determined at the
-    film time ``middle_s``.
+    on the start angle; ``scatter`` (n, n) is that of a scatter of 1 °C between strokes. ``delay`` (n, d) are the
+    polynomials along a stroke that add up to the delay of a motion behind its temperature. The offset is determined at
+    the film time ``middle_s``.
     """
 
     time_s: Floats
@@ -42,6 +46,7 @@ class ThresholdCrossings:
     cell: Ints
     common_c2: Floats
     scatter: Floats
+    delay: Floats
     middle_s: float
 
     def __len__(self) -> int:
@@ -113,6 +118,7 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
         common_c2=common + PRIORS.far_scatter_c_per_deg**2 * far_both * scatter,
         # A spring that ages shifts all its thresholds with time: as likely as scatter from stroke to stroke.
         scatter=scatter + trend,
+        delay=np.polynomial.legendre.legvander(tilt, _DELAY_POWERS) * [1.0, *[PRIORS.delay_shape] * _DELAY_POWERS],
         middle_s=float(0.5 * (time_s.min() + time_s.max())),
     )
 

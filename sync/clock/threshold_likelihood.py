@@ -9,8 +9,15 @@ stroke's start angle (stress) and to a scatter from stroke to stroke, whose size
 rates of temperature determine the offset: an error of δ shifts T_k by δ times the rate. Where all rates are equal the
 offset is not determined, and the interval is as wide as the range from the coarse search.
 
-The unknown common curve, the slopes and the scatter are Gaussian with wide or estimated widths and are integrated out,
-which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; the
+A motion may be late behind its temperature for other reasons than the sensor: friction that grows with the speed, heat
+that reaches a part of the wire later. Such a delay shifts T_k by the delay times the rate, as an error of the offset
+does. The two differ in one respect: the offset is the same everywhere, while a delay differs along a stroke and between
+heating and cooling. So the delay of heatings, and that of coolings, is an unknown polynomial of L, with coefficients of
+one unknown size. Where thresholds show a delay that differs along a stroke, larger sizes become likely, and with them a
+delay that is common to the stroke: the interval of the offset gets as wide as the delays are.
+
+The unknown common curve, the slopes, the scatter and the delays are Gaussian with wide or estimated widths and are
+integrated out, which leaves a likelihood of offset, drift and lag alone. A lag acts on ramps as an offset does; the
 changepoints separate the two (:mod:`sync.signals.changepoints`). The crossing times are the data: the factor |dT/dt|
 converts densities of temperature to densities of time, so that the fit does not prefer a plateau of the temperature.
 """
@@ -18,23 +25,24 @@ converts densities of temperature to densities of time, so that the fit does not
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from scipy.linalg.lapack import dposv
-from scipy.special import logsumexp, softmax
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian, UnknownGap, log_time
+from sync.clock.gaussian_mixture import LIGHT, Gaussian, UnknownGap, log_time
 from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LogSignals, Spring
-from torsight.core.series import rms
 from torsight.core.units import Flags, Floats, Ints
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
+_DELAYS_S: Final = tuple(float(value) for value in np.geomspace(0.01, 10.0, 7))
+"""Sizes of the delay: from a row of a fast log to the time constant of a friction that stops the actuator from
+following, half a decade apart."""
 _KINDS: Final[tuple[tuple[Spring, bool], ...]] = (("a", True), ("a", False), ("b", True), ("b", False))
 """Kinds of strokes: the spring, and whether it is heated."""
 _FEWEST: Final = 2 + len(_KINDS)
@@ -141,27 +149,28 @@ def refine(
     signals: LogSignals,
     *,
     start_s: float,
+    limit_s: float,
     prior: Gaussian,
     lag_s: float,
     gaps: Sequence[UnknownGap],
-) -> Gaussian | None:
-    """Return the Gaussian of the clock for a given lag, from a start near the answer.
+) -> dict[float, Gaussian]:
+    """Return the Gaussian of the clock per size of delay, s, for a given lag, from a start near the answer.
 
-    None where too few crossings coincide with known temperatures.
+    A step of the offset is at most ``limit_s``. Empty where too few crossings coincide with known temperatures.
     """
     point = prior.mean.copy()
     point[0] = start_s
     # Temperatures are linearised around a point: limit the steps to where they are nearly linear.
-    limit = np.full(len(point), 5.0)
+    limit = np.full(len(point), limit_s)
     limit[1] = 3e-4
     limit[2:] = np.maximum(5.0, np.sqrt(np.diag(prior.covariance)[2:]))
-    best: Gaussian | None = None
+    best: dict[float, Gaussian] = {}
     for _ in range(12):
         wire = _wire(crossings, signals, point, gaps, lag_s)
         if np.count_nonzero(wire.known) < _FEWEST:
-            return None
-        best = _mixed(_linear(crossings, wire, point, prior))
-        move = best.mean - point
+            return {}
+        best = _linear(crossings, wire, point, prior)
+        move = mixed(best.values()).mean - point
         point = point + np.clip(move, -limit, limit)
         if np.all(np.abs(move) < 4e-4 * limit):
             break
@@ -188,7 +197,7 @@ def scan(
         wire = _wire(crossings, signals, point, gaps, lag_s)
         if np.count_nonzero(wire.known) >= _FEWEST:
             held = Gaussian(point, covariance, 0.0)
-            log_likelihood[index] = _mixed(_linear(crossings, wire, point, held, every=2)).log_weight
+            log_likelihood[index] = mixed(_linear(crossings, wire, point, held, every=2).values()).log_weight
     return log_likelihood
 
 
@@ -200,29 +209,26 @@ def scatter_c(
     The scatters of heatings and of coolings are estimated separately, and the larger one is returned.
     """
     at = clock.mean
-    halves = _halves(crossings, _wire(crossings, signals, at, gaps, lag_s), at)
-    best = [
-        int(
-            np.argmax(
-                [weight - 0.5 * (square - 2.0 * right @ at + at @ known @ at) for known, right, square, weight in half]
-            )
-        )
-        for half in halves
-    ]
-    return SCATTERS_C[max(best, default=0)]
+    best = 0
+    for half in _halves(crossings, _wire(crossings, signals, at, gaps, lag_s), at):
+        fit = half.square - 2.0 * half.right @ at + np.einsum("i,tcij,j->tc", at, half.information, at)
+        best = max(best, int(np.argmax(np.max(half.log_weight - 0.5 * fit, axis=0))))
+    return SCATTERS_C[best]
 
 
 def _linear(
     crossings: ThresholdCrossings, wire: _Wire, point: Floats, prior: Gaussian, *, every: int = 1
-) -> list[Gaussian]:
-    """Return the solutions with temperatures linearised around a point, for each pair of scatters."""
+) -> dict[float, Gaussian]:
+    """Return the solution with temperatures linearised around a point per size of delay, over all scatters."""
     keep = wire.known
     density = _density(crossings.stroke[keep], crossings.kind[keep], wire.rate_c_s[keep])
+    # The unknown curve has a flat prior: a point of it that only one stroke passes counts neither for nor against.
+    density += len(np.unique(crossings.cell[keep])) * float(np.log(np.sqrt(2.0 * np.pi) * PRIORS.curve_sigma_c))
     return _combined(_halves(crossings, wire, point, every=every), prior, log_weight=density)
 
 
-def _halves(crossings: ThresholdCrossings, wire: _Wire, point: Floats, *, every: int = 1) -> list[list[_Half]]:
-    """Return the normal equations of heatings and of coolings for each scatter, linearised around a point."""
+def _halves(crossings: ThresholdCrossings, wire: _Wire, point: Floats, *, every: int = 1) -> list[_Half]:
+    """Return the normal equations of heatings and of coolings, linearised around a point."""
     keep = wire.known
     rate = wire.rate_c_s[keep]
     jacobian = rate[:, None] * wire.columns[keep]
@@ -232,70 +238,96 @@ def _halves(crossings: ThresholdCrossings, wire: _Wire, point: Floats, *, every:
     common = crossings.common_c2[np.ix_(keep, keep)] + np.diag(wire.variance[keep])
     heating = crossings.heating[keep]
     scatter = crossings.scatter[np.ix_(keep, keep)]
-    with_rate = _with_rate(crossings.kind[keep], rate, heating)
-    # Heatings and coolings share only the clock: each has its own scatter.
+    columns = np.column_stack([-jacobian, data, rate[:, None] * crossings.delay[keep]])
+    # Heatings and coolings share only the clock and the size of delays: each has its own scatter.
     halves = []
     for rows in (np.flatnonzero(heating), np.flatnonzero(~heating)):
         if len(rows):
-            own, alike, going = (one[np.ix_(rows, rows)] for one in (common, scatter, with_rate))
-            totals = ((c, own + c**2 * (alike + _cause(c) ** 2 * going)) for c in SCATTERS_C[::every])
-            halves.append([_half(total, jacobian[rows], data[rows], c) for c, total in totals])
+            own, alike = (one[np.ix_(rows, rows)] for one in (common, scatter))
+            solved = [_solved(own + c**2 * alike, columns[rows]) for c in SCATTERS_C[::every]]
+            halves.append(_half(solved, np.array(SCATTERS_C[::every]), unknowns=len(point)))
     return halves
 
 
-def _with_rate(kind: Ints, rate: Floats, heating: Flags) -> Floats:
-    """Return the covariance of a scatter that is proportional to the rate of heating, common to both springs."""
-    total = np.bincount(kind, weights=rate) / np.maximum(np.bincount(kind), 1)
-    away = np.where(heating, rate - total[kind], 0.0)
-    spread = rms(away[heating]) if heating.any() else 0.0
-    return np.outer(away, away) / max(spread, 1e-12) ** 2
+@dataclass(frozen=True, slots=True)
+class _Half:
+    """The normal equations of the heatings, or of the coolings, for t sizes of delay and c scatters, without a prior.
+
+    ``information`` (t, c, p, p), ``right`` side (t, c, p), ``square`` of the data (t, c), ``log_weight`` (t, c).
+    """
+
+    information: Floats
+    right: Floats
+    square: Floats
+    log_weight: Floats
 
 
-def _cause(scatter_c: float) -> float:
-    """Return the largest scatter that is proportional to the rate, as a multiple of the rest."""
-    beyond = (scatter_c / PRIORS.ordinary_scatter_c) ** 4
-    return PRIORS.with_rate * beyond / (1.0 + beyond)
-
-
-_Half: TypeAlias = tuple[Floats, Floats, float, float]
-"""The normal equations of the heatings, or of the coolings, for one scatter, without a prior: information, right side,
-square of the data, logarithm of the weight."""
-
-
-def _half(covariance: Floats, design: Floats, data: Floats, scatter_c: float) -> _Half:
+def _solved(covariance: Floats, columns: Floats) -> tuple[Floats, float]:
+    """Return the Gram matrix of columns (n, k) under a covariance (n, n), and the logarithm of its determinant."""
     # LAPACK directly: for such small matrices the overhead of SciPy's functions doubles the time.
-    factor, solved, failed = dposv(covariance, np.column_stack([design, data]), lower=1)
+    factor, solved, failed = dposv(covariance, columns, lower=1)
     if failed:
         msg = "the covariance of crossings is not positive definite"
         raise np.linalg.LinAlgError(msg)
-    log_det = len(data) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor)).sum())
-    scatter_log_prior = float(np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2))
-    square = float(data @ solved[:, -1])
-    return design.T @ solved[:, :-1], -(design.T @ solved[:, -1]), square, scatter_log_prior - 0.5 * log_det
+    log_det = len(columns) * float(np.log(2.0 * np.pi)) + 2.0 * float(np.log(np.diag(factor)).sum())
+    return columns.T @ solved, log_det
 
 
-def _combined(halves: Sequence[Sequence[_Half]], prior: Gaussian, *, log_weight: float) -> list[Gaussian]:
-    """Return the Gaussians for every pair of scatters."""
+def _half(solved: Sequence[tuple[Floats, float]], scatter_c: Floats, *, unknowns: int) -> _Half:
+    """Return the normal equations with the delays integrated out, each coefficient of a delay with its size as sigma.
+
+    The columns of the Gram matrices are those of the unknowns, the data, and the shapes of the delay.
+    """
+    gram, log_det = np.stack([one for one, _ in solved]), np.array([value for _, value in solved])
+    # A motion is late rather than early: its mean delay is the size.
+    late = np.broadcast_to(np.eye(gram.shape[-1]), (len(_DELAYS_S), *gram.shape[1:])).copy()
+    late[:, unknowns + 1, unknowns] = -np.array(_DELAYS_S)
+    gram = np.swapaxes(late, -1, -2)[:, None] @ gram @ late[:, None]
+    known, shapes = gram[..., : unknowns + 1, : unknowns + 1], gram[..., unknowns + 1 :, unknowns + 1 :]
+    cross = gram[..., unknowns + 1 :, : unknowns + 1]
+    size2 = np.square(_DELAYS_S)[:, None, None, None]
+    inside = np.eye(shapes.shape[-1]) + size2 * shapes
+    known = known - np.swapaxes(cross, -1, -2) @ np.linalg.solve(inside, size2 * cross)
+    scatter_log_prior = np.log(scatter_c) - np.log1p((scatter_c / PRIORS.typical_scatter_c) ** 2)
+    return _Half(
+        information=known[..., :unknowns, :unknowns],
+        right=known[..., :unknowns, unknowns],
+        square=known[..., unknowns, unknowns],
+        log_weight=scatter_log_prior - 0.5 * (log_det + np.linalg.slogdet(inside)[1]),
+    )
+
+
+def _combined(halves: Sequence[_Half], prior: Gaussian, *, log_weight: float) -> dict[float, Gaussian]:
+    """Return the Gaussian per likely size of delay, mixed over every pair of scatters."""
     precision = np.linalg.inv(prior.covariance)
     pull = precision @ prior.mean
-    starts = (precision, pull, prior.mean @ pull, log_weight)
-    terms = zip(*(zip(*half, strict=True) for half in halves), strict=True)
-    information, right, square, weight = (_summed(*one) for one in zip(starts, terms, strict=True))
+    size = np.array(_DELAYS_S)
+    delay_log_prior = np.log(size) - np.log1p((size / PRIORS.typical_delay_s) ** 2)
+    information = _summed(np.broadcast_to(precision, (len(size), 1, *precision.shape)), [h.information for h in halves])
+    right = _summed(np.broadcast_to(pull, (len(size), 1, *pull.shape)), [h.right for h in halves])
+    square = _summed(np.full((len(size), 1), prior.mean @ pull), [h.square for h in halves])
+    weight = _summed(delay_log_prior[:, None] + log_weight, [h.log_weight for h in halves])
     covariance = np.linalg.inv(information)
-    mean = np.einsum("kij,kj->ki", covariance, right)
-    fit = square - np.einsum("ki,ki->k", mean, right)
+    mean = np.einsum("tkij,tkj->tki", covariance, right)
+    fit = square - np.einsum("tki,tki->tk", mean, right)
     log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
     total = weight - 0.5 * (fit + log_det)
-    likely = np.flatnonzero(total > total.max() - NEGLIGIBLE_LOG)
-    return [Gaussian(mean[k], covariance[k], float(total[k])) for k in likely]
+    heaviest = np.max(total, axis=1)
+    weight = np.exp(total - heaviest[:, None])
+    log_weight_of = heaviest + np.log(weight.sum(axis=1))
+    likely = log_weight_of > log_weight_of.max() + np.log(LIGHT)
+    weight /= weight.sum(axis=1, keepdims=True)
+    middle = np.einsum("tk,tki->ti", weight, mean)
+    away = mean - middle[:, None]
+    spread = np.einsum("tk,tkij->tij", weight, covariance + away[..., :, None] * away[..., None, :])
+    return {_DELAYS_S[t]: Gaussian(middle[t], spread[t], float(log_weight_of[t])) for t in np.flatnonzero(likely)}
 
 
-def _summed(start: Any, halves: Sequence[Any]) -> Floats:
-    """Return the sums of a value and one term of each half, for all combinations."""
-    total = np.asarray(start)[np.newaxis]
-    for half in halves:
-        values = np.asarray(half)
-        total = (total[:, np.newaxis] + values).reshape(-1, *values.shape[1:])
+def _summed(start: Floats, halves: Sequence[Floats]) -> Floats:
+    """Return the sums (t, k, ...) of a value (t, 1, ...) and one scatter's term of each half, for all pairs."""
+    total = start
+    for values in halves:
+        total = (total[:, :, np.newaxis] + values[:, np.newaxis]).reshape(len(values), -1, *values.shape[2:])
     return total
 
 
@@ -314,11 +346,14 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
     return total
 
 
-def _mixed(parts: Sequence[Gaussian]) -> Gaussian:
+def mixed(parts: Collection[Gaussian]) -> Gaussian:
     """Return the Gaussian with the mean and covariance of a weighted mixture."""
     log_weight = np.array([part.log_weight for part in parts])
-    weight, means = softmax(log_weight), np.stack([part.mean for part in parts])
+    weight = np.exp(log_weight - log_weight.max())
+    total = float(log_weight.max() + np.log(weight.sum()))
+    weight /= weight.sum()
+    means = np.stack([part.mean for part in parts])
     mean = weight @ means
     away = means - mean
     within = np.einsum("k,kij->ij", weight, np.stack([part.covariance for part in parts]))
-    return Gaussian(mean, within + (weight * away.T) @ away, float(logsumexp(log_weight)))
+    return Gaussian(mean, within + (weight * away.T) @ away, total)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
@@ -13,9 +14,6 @@ from torsight.core.records import TemperatureLog
 from torsight.core.series import extremes
 from torsight.core.words.plausible import HEATED_C
 
-_MIN_SHARE: Final = 0.3
-"""Share of the largest rise below which a rise is due to the other spring's heat. Half and twice this value find the
-same clock (benchmarks/sync/constants.py)."""
 _HEATING_SHARE: Final = 0.03
 """Share of a heating over which its temperature is smoothed for the thresholds: over 3 % it is nearly straight. Half
 and twice this value move a clock by 0.34 of its standard deviations at most (benchmarks/sync/constants.py)."""
@@ -61,15 +59,40 @@ class LogSignals:
 def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float | None = None) -> LogSignals:
     """Return both temperatures smoothed (their slopes over a separate window, if given) and their segments."""
     springs = _even(log, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
-    rises = {name: float(np.ptp(signal.value)) for name, signal in springs.items()}
-    largest = max(rises.values(), default=0.0)
-    threshold_c = max(HEATED_C, _MIN_SHARE * largest)
-    segments = [segment for name, signal in springs.items() for segment in _segments(name, signal, threshold_c)]
+    segments = _driven([segment for name, signal in springs.items() for segment in _segments(name, signal)], springs)
     heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
     # At least the window of the other signals; beyond 20 s the corners of slow programmes would vanish.
     window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), WINDOW_S, 20.0)) if heatings_s else WINDOW_S
     heated = springs if window_s == WINDOW_S else _even(log, window_s=window_s, max_gap_s=max_gap_s)
     return LogSignals(springs, heated, _until_the_next(sorted(segments, key=lambda segment: segment.begin_s)))
+
+
+def _driven(segments: Sequence[HeatingSegment], springs: Mapping[Spring, EvenSignal]) -> list[HeatingSegment]:
+    """Return the segments of springs that are heated themselves, without those of the other spring's heat.
+
+    Heat reaches the other spring later and weaker: of two heatings, one of each spring, the one whose temperature rises
+    less while both last is due to the other, and so is the cooling after it.
+    """
+    heatings = [segment for segment in segments if segment.heating]
+
+    def passive(segment: HeatingSegment) -> bool:
+        for other in heatings:
+            both_s = np.array([max(segment.begin_s, other.begin_s), min(segment.end_s, other.end_s)])
+            lasts = both_s[1] - both_s[0] > 0.5 * (segment.end_s - segment.begin_s)
+            if other.spring != segment.spring and lasts:
+                rise, larger = (float(np.diff(springs[one.spring].at(both_s)[0])[0]) for one in (segment, other))
+                if rise < larger:
+                    return True
+        return False
+
+    driven: list[HeatingSegment] = []
+    for name in springs:
+        kept = True
+        for segment in (one for one in segments if one.spring == name):
+            kept = not passive(segment) if segment.heating else kept
+            if kept:
+                driven.append(segment)
+    return driven
 
 
 def _even(
@@ -101,14 +124,14 @@ def lag_window_s(signals: LogSignals) -> float:
     return float(np.clip(np.median(lengths) / 16.0, 0.5, 8.0)) if lengths else 2.0
 
 
-def _segments(spring: Spring, signal: EvenSignal, threshold_c: float) -> list[HeatingSegment]:
+def _segments(spring: Spring, signal: EvenSignal) -> list[HeatingSegment]:
     value, time_s = signal.value, signal.time_s
     # Fifty thousand points are enough to find all heatings.
-    turns = extremes(value, threshold_c, stride=max(1, len(value) // 50_000))
+    turns = extremes(value, HEATED_C, stride=max(1, len(value) // 50_000))
     found: list[HeatingSegment] = []
     for first, last in itertools.pairwise(turns):
         low, high = sorted((float(value[first]), float(value[last])))
-        if high - low < threshold_c:
+        if high - low < HEATED_C:
             continue
         heating = bool(value[last] > value[first])
         piece = value[first : last + 1]

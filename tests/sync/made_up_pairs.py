@@ -44,6 +44,8 @@ class Rig:
     angle_noise_deg: float = 0.06
     passive_share: float = 0.1
     threshold_scatter_c: float = 0.0
+    late_s: float = 0.0
+    """How late a heated spring's motion is in the middle of a stroke; at its ends half of it."""
 
 
 @dataclass
@@ -126,8 +128,9 @@ def motion(cycles, rig, time_s, temps, number, seed=0):
             + rig.stress_c_per_deg * (reached + rig.home_deg)
             + rig.window_c * np.arccos(1.0 - 2.0 * share) / np.pi
         )
+        late = rig.late_s * c.rate_c_s * (0.5 + 0.5 * np.sin(np.pi * share))
         highest = np.maximum.accumulate(wire)
-        up = np.interp(highest, law, reached, left=start, right=start + full)
+        up = np.interp(highest, law + late, reached, left=start, right=start + full)
         hot = float(up[-1])
         lowest = np.minimum.accumulate(wire[peak_at:])
         back = max(0.0, (hot - rig.home_deg) * 0.9)

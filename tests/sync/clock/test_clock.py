@@ -64,6 +64,26 @@ def test_a_lag_of_the_sensor_is_not_taken_for_an_offset():
     assert abs(clock.offset_s - 40.0) < 1.0
 
 
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_motion_late_behind_its_temperature_widens_the_interval(seed):
+    """Friction that grows with the speed delays a motion as a late log would."""
+    plain, late = (
+        estimate_clock(*records(make_pair(seed, rig=Rig(late_s=late_s), offset_s=40.0))) for late_s in (0.0, 6.0)
+    )
+    assert covers(late.offset_ci95_s, 40.0)
+    assert np.ptp(late.offset_ci95_s) > 3.0 * np.ptp(plain.offset_ci95_s)
+    assert any("late behind the temperature" in note for note in late.notes)
+    assert not any("late behind the temperature" in note for note in plain.notes)
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_spring_that_the_other_one_warms_is_not_heated(seed):
+    pair = make_pair(seed, rig=Rig(passive_share=0.6), offset_s=40.0)
+    clock = estimate_clock(*records(pair))
+    assert covers(clock.offset_ci95_s, 40.0, widen=2.3)
+    assert np.ptp(clock.offset_ci95_s) < 2.0
+
+
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_hold_that_is_read_too_cold_by_rounding_moves_no_clock(seed):
     """The sensor's steps of 0.5 °C let 60 °C read as 59.85 °C, which a ramp of 0.1 °C/s reaches 1.5 s earlier."""

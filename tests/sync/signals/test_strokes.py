@@ -27,12 +27,13 @@ def test_a_pause_that_is_short_against_the_motion_does_not_end_a_stroke(pause_s,
     assert sum(stroke.length_rad for stroke in found) == pytest.approx(140.0 * DEG, abs=0.2 * DEG)
 
 
-@pytest.mark.parametrize(("rise_c", "heats"), [(0.2 * 75.0, False), (0.4 * 75.0, True)])
-def test_a_rise_that_is_small_against_the_largest_is_the_other_springs_warmth(rise_c, heats):
-    time_s = np.arange(0.0, 600.0, 0.25)
+@pytest.mark.parametrize(("rise_c", "later_s", "heats"), [(60.0, 0.0, False), (60.0, 15.0, False), (15.0, 300.0, True)])
+def test_the_smaller_of_two_rises_at_a_time_is_the_other_springs_warmth(rise_c, later_s, heats):
+    time_s = np.arange(0.0, 900.0, 0.25)
     shape = np.interp(time_s, [0.0, 100.0, 300.0, 400.0, 600.0], [0.0, 0.0, 1.0, 0.0, 0.0])
+    after = np.interp(time_s - later_s, time_s, shape)
     noise = 0.03 * np.random.default_rng(1).standard_normal((2, len(time_s)))
-    log = TemperatureLog(time_s, 24.0 + 75.0 * shape + noise[0], 24.0 + rise_c * shape + noise[1])
+    log = TemperatureLog(time_s, 24.0 + 75.0 * shape + noise[0], 24.0 + rise_c * after + noise[1])
     segments = log_signals(log, max_gap_s=2.0).segments
     assert [(segment.spring, segment.heating) for segment in segments if segment.spring == "a"] == [
         ("a", True),
