@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -26,9 +27,7 @@ from torsight.discovery.weight import Weight
 _TIMES: Final = 32
 """Times of the grid over a record: four in each half-cycle of four cycles, so that strokes and rests have one each."""
 _KEPT: Final = 3
-"""Events of either sign that are returned: the linear model's first is not always the model's own."""
-_CLOSER: Final = 4.0
-"""Ratio of the spacings of one grid and the next finer one around a maximum."""
+"""Events of each sign that are returned: the linear model's first is not always the model's own."""
 _NOTHING: Final = 1e-9
 """Share of a response's information, of which less is rounding: the response is that of the values already fitted."""
 
@@ -74,36 +73,44 @@ class EventScan:
         ``size`` is the magnitude at which responses are computed, of either sign; times are resolved to ``closest``.
         """
         times = np.linspace(first, last, _TIMES + 2)[1:-1]
+        # Where the response to a step down is minus that to a step up, one scan finds both.
+        up, down = (self._responses(times[_TIMES // 2 :][:1], signed) for signed in (size, -size))
+        either = bool(np.allclose(up, down))
         found: list[Event] = []
-        for signed in (size, -size):
-            on_grid = self._at(times, signed)
+        for signed in (size,) if either else (size, -size):
+            at = partial(self._at, size=signed, either=either)
+            on_grid = at(times)
             gains = np.array([0.0, *(event.gain for event in on_grid), 0.0])
             peaks = (gains[1:-1] > 0.0) & (gains[1:-1] >= gains[:-2]) & (gains[1:-1] > gains[2:])
             best = sorted((on_grid[i] for i in np.flatnonzero(peaks)), key=lambda event: -event.gain)[:_KEPT]
-            found += [self._refined(event, signed, float(times[1] - times[0]), closest) for event in best]
+            found += [_refined(event, at, float(times[1] - times[0]), closest) for event in best]
         return sorted(found, key=lambda event: -event.gain)
 
-    def _refined(self, event: Event, size: float, spacing: float, closest: float) -> Event:
-        while spacing > closest:
-            spacing /= _CLOSER
-            beside = np.arange(1.0, _CLOSER) * spacing
-            near = self._at(np.concatenate([event.at - beside, event.at + beside]), size)
-            event = max(event, *near, key=lambda one: one.gain)
-        return event
-
-    def _at(self, times: Floats, size: float) -> list[Event]:
-        """Return the event of the size's sign at each of some times; the gain is zero where none explains anything."""
+    def _responses(self, times: Floats, size: float) -> Floats:
+        """Return the responses (n, k) to an event of unit size, and of the size's sign, at some times (k,)."""
         there = np.column_stack(self.predict([(float(at), size) for at in times]))
-        response = (there - self.prediction[:, None]) / size
+        return np.asarray((there - self.prediction[:, None]) / size)
+
+    def _at(self, times: Floats, *, size: float, either: bool) -> list[Event]:
+        """Return the event at each of some times, of the size's sign or of ``either``; its gain may be zero."""
+        response = self._responses(times, size)
         weighted = self.weight.times(response)
         across = self.derivative.T @ weighted
         taken = np.linalg.solve(self.normal, across)
         whole = np.sum(response * weighted, axis=0)
         left = whole - np.sum(across * taken, axis=0)
         slope = weighted.T @ self.residual - taken.T @ self.gradient
-        seen = (left > _NOTHING * whole) & (slope * size > 0.0)
+        seen = (left > _NOTHING * whole) & (either | (slope * size > 0.0))
         left = np.where(seen, left, 1.0)
         return [
             Event(float(s**2 / h) if can else 0.0, float(at), float(s / h) if can else 0.0)
             for at, s, h, can in zip(times, slope, left, seen, strict=True)
         ]
+
+
+def _refined(event: Event, at: Callable[[Floats], list[Event]], spacing: float, closest: float) -> Event:
+    """Return the event with the largest gain around one on a grid of some spacing, its time to ``closest``."""
+    while spacing > closest:
+        spacing /= 2.0
+        event = max(event, *at(np.array([event.at - spacing, event.at + spacing])), key=lambda one: one.gain)
+    return event
