@@ -18,6 +18,8 @@ from torsight.core.units import Floats
 
 KINDS: Final = ("chessboard", "charuco")
 DICTIONARIES: Final = tuple(f"DICT_{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
+_SMALLEST_MM: Final = 0.1
+"""Smallest side of a square: printed ones have 5 to 60 mm, 0.005 to 0.06 in metres, those on glass 0.25 mm and more."""
 _KEYS: Final = ("kind", "columns", "rows", "square_mm", "marker_mm", "dictionary", "legacy", "axis_mm")
 _CHARUCO_KEYS: Final = ("marker_mm", "dictionary", "legacy")
 
@@ -136,7 +138,7 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
         kind=cast("Literal['chessboard', 'charuco']", kind),
         columns=get_whole(table, "columns", where=where, lower=3, upper=100),
         rows=get_whole(table, "rows", where=where, lower=3, upper=100),
-        square_mm=get_number(table, "square_mm", where=where, lower=1e-3, upper=1e4),
+        square_mm=_get_side(table, "square_mm", where=where),
         axis_mm=(x_mm, y_mm),
     )
     if kind == "chessboard":
@@ -151,7 +153,7 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
         return board
     board = replace(
         board,
-        marker_mm=get_number(table, "marker_mm", where=where, lower=1e-3, upper=1e4),
+        marker_mm=_get_side(table, "marker_mm", where=where),
         dictionary=get_text(table, "dictionary", where=where, default="DICT_4X4_50", choices=DICTIONARIES),
         legacy=get_switch(table, "legacy", where=where),
     )
@@ -164,6 +166,12 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
             do="measure both on the print",
         )
     return _enough_markers(board, where=where)
+
+
+def _get_side(table: Mapping[str, Any], key: str, *, where: str) -> float:
+    """Return the side of a square or of a marker, mm."""
+    hint = "give it in millimetres, not in metres"
+    return get_number(table, key, where=where, lower=_SMALLEST_MM, upper=1e4, hint=hint)
 
 
 def _enough_markers(board: Board, *, where: str) -> Board:

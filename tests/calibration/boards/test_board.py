@@ -51,6 +51,7 @@ def test_charuco_corners_are_opencvs():
         ({"columns": 8.5}, "whole number"),
         ({"rows": "six"}, "not a number"),
         ({"square_mm": 0}, "out of range"),
+        ({"square_mm": 0.025}, "in millimetres, not in metres"),
         ({"square_mm": None}, "has no key 'square_mm'"),
         ({"marker_mm": 12}, "belongs to a ChArUco board"),
         ({"axis_mm": 3}, "list of 2 numbers"),
