@@ -5,12 +5,12 @@ The gap of a restart of the log is a further unknown of the clock beside offset 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtr, softmax
+from scipy.special import logsumexp, ndtr, softmax
 
 from torsight.core.records import ClockMap
 from torsight.core.units import PPM, Flags, Floats, Ints
@@ -42,14 +42,10 @@ class Gaussian:
 
     def updated(self, design: Floats, value: float, variance: float) -> Gaussian:
         """Return the Gaussian conditioned on a measurement ``design @ mean = value`` with a variance."""
-        gain = self.covariance @ design
-        total = float(design @ gain) + variance
-        away = value - float(design @ self.mean)
-        return Gaussian(
-            mean=self.mean + gain * (away / total),
-            covariance=self.covariance - np.outer(gain, gain) / total,
-            log_weight=self.log_weight - 0.5 * (away**2 / total + float(np.log(2.0 * np.pi * total))),
+        mean, covariance, log_likelihood = conditioned(
+            self.mean, self.covariance, design=design, value=value, variance=variance
         )
+        return Gaussian(mean, covariance, self.log_weight + float(log_likelihood))
 
     def without_drift(self) -> Gaussian:
         """Return the Gaussian conditioned on zero drift."""
@@ -64,6 +60,40 @@ class Gaussian:
         change = np.eye(len(self.mean))
         change[0, 1] = by_s
         return Gaussian(change @ self.mean, change @ self.covariance @ change.T, self.log_weight)
+
+
+def conditioned(
+    mean: Floats, covariance: Floats, *, design: Floats, value: float, variance: Floats | float
+) -> tuple[Floats, Floats, Floats]:
+    """Return means (…, p), covariances (…, p, p) and log-likelihoods (…) after ``design @ mean = value`` was measured.
+
+    ``variance`` (…) is that of the measurement.
+    """
+    gain = covariance @ design
+    total = gain @ design + variance
+    away = value - mean @ design
+    return (
+        mean + gain * (away / total)[..., None],
+        covariance - gain[..., :, None] * gain[..., None, :] / total[..., None, None],
+        -0.5 * (away**2 / total + np.log(2.0 * np.pi * total)),
+    )
+
+
+def moments(mean: Floats, covariance: Floats, log_weight: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return mean (…, p), covariance (…, p, p) and log weight (…) of mixtures of k Gaussians each."""
+    total = logsumexp(log_weight, axis=-1)
+    weight = np.exp(log_weight - total[..., None])
+    middle = np.einsum("...k,...ki->...i", weight, mean)
+    away = mean - middle[..., None, :]
+    spread = np.einsum("...k,...kij->...ij", weight, covariance + away[..., :, None] * away[..., None, :])
+    return middle, spread, total
+
+
+def mixed(parts: Collection[Gaussian]) -> Gaussian:
+    """Return the Gaussian with the mean and covariance of a weighted mixture."""
+    mean, covariance = np.stack([part.mean for part in parts]), np.stack([part.covariance for part in parts])
+    middle, spread, total = moments(mean, covariance, np.array([part.log_weight for part in parts]))
+    return Gaussian(middle, spread, float(total))
 
 
 @dataclass(frozen=True, slots=True)

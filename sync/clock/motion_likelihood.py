@@ -10,11 +10,19 @@ import numpy as np
 from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap, heaviest
+from sync.clock.gaussian_mixture import (
+    MOST_HYPOTHESES,
+    NEGLIGIBLE_LOG,
+    Gaussian,
+    UnknownGap,
+    conditioned,
+    heaviest,
+    mixed,
+)
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
-from sync.clock.threshold_likelihood import mixed, refine, scan, scatter_c
+from sync.clock.threshold_likelihood import refine, scan, scatter_c
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
@@ -216,22 +224,16 @@ def _with_stops(
         # Rows after a gap have timestamps that are too early by the missing time.
         after_gap = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
         design = np.array([1.0, stop.film_s - middle_s, *after_gap, -1.0])
-        gain = covariance @ design
-        away = stop.log_s - stop.film_s - mean @ design
         found = [(mean, covariance, log_weight + np.log(stop.astray * elsewhere))]
         own_variance = stop.variance + (PRIORS.delay_shape * late_s) ** 2
         for variance, share in (
             (own_variance, 1.0 - stop.astray),
             (own_variance + PRIORS.stop_astray_s**2, stop.astray),
         ):
-            total = gain @ design + variance
-            found.append(
-                (
-                    mean + gain * (away / total)[:, None],
-                    covariance - gain[:, :, None] * gain[:, None, :] / total[:, None, None],
-                    log_weight - 0.5 * (away**2 / total + np.log(2.0 * np.pi * total)) + np.log(share),
-                )
+            moved, smaller, fit = conditioned(
+                mean, covariance, design=design, value=stop.log_s - stop.film_s, variance=variance
             )
+            found.append((moved, smaller, log_weight + fit + np.log(share)))
         mean, covariance, log_weight = (np.concatenate(columns) for columns in zip(*found, strict=True))
         order = np.argsort(-log_weight)[: MOST_HYPOTHESES * len(mixture)]
         order = order[log_weight[order] > log_weight[order[0]] - NEGLIGIBLE_LOG]

@@ -25,7 +25,7 @@ converts densities of temperature to densities of time, so that the fit does not
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -33,7 +33,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import LIGHT, Gaussian, UnknownGap, log_time
+from sync.clock.gaussian_mixture import LIGHT, Gaussian, UnknownGap, log_time, mixed, moments
 from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LogSignals, Spring
@@ -307,20 +307,14 @@ def _combined(halves: Sequence[_Half], prior: Gaussian, *, log_weight: float) ->
     right = _summed(np.broadcast_to(pull, (len(size), 1, *pull.shape)), [h.right for h in halves])
     square = _summed(np.full((len(size), 1), prior.mean @ pull), [h.square for h in halves])
     weight = _summed(delay_log_prior[:, None] + log_weight, [h.log_weight for h in halves])
-    covariance = np.linalg.inv(information)
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
     mean = np.einsum("tkij,tkj->tki", covariance, right)
     fit = square - np.einsum("tki,tki->tk", mean, right)
     log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
     total = weight - 0.5 * (fit + log_det)
-    heaviest = np.max(total, axis=1)
-    weight = np.exp(total - heaviest[:, None])
-    log_weight_of = heaviest + np.log(weight.sum(axis=1))
-    likely = log_weight_of > log_weight_of.max() + np.log(LIGHT)
-    weight /= weight.sum(axis=1, keepdims=True)
-    middle = np.einsum("tk,tki->ti", weight, mean)
-    away = mean - middle[:, None]
-    spread = np.einsum("tk,tkij->tij", weight, covariance + away[..., :, None] * away[..., None, :])
-    return {_DELAYS_S[t]: Gaussian(middle[t], spread[t], float(log_weight_of[t])) for t in np.flatnonzero(likely)}
+    middle, spread, of_size = moments(mean, covariance, total)
+    likely = np.flatnonzero(of_size > of_size.max() + np.log(LIGHT))
+    return {_DELAYS_S[t]: Gaussian(middle[t], spread[t], float(of_size[t])) for t in likely}
 
 
 def _summed(start: Floats, halves: Sequence[Floats]) -> Floats:
@@ -344,16 +338,3 @@ def _density(stroke: Ints, kind: Ints, rate: Floats) -> float:
         logs = [float(np.log(np.maximum(np.abs(rate[stroke == k]), 1e-3)).mean()) for k in strokes]
         total += (1.0 - 1.0 / len(logs)) * float(np.sum(logs))
     return total
-
-
-def mixed(parts: Collection[Gaussian]) -> Gaussian:
-    """Return the Gaussian with the mean and covariance of a weighted mixture."""
-    log_weight = np.array([part.log_weight for part in parts])
-    weight = np.exp(log_weight - log_weight.max())
-    total = float(log_weight.max() + np.log(weight.sum()))
-    weight /= weight.sum()
-    means = np.stack([part.mean for part in parts])
-    mean = weight @ means
-    away = means - mean
-    within = np.einsum("k,kij->ij", weight, np.stack([part.covariance for part in parts]))
-    return Gaussian(mean, within + (weight * away.T) @ away, total)
