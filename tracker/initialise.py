@@ -14,6 +14,7 @@ from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
+from tracker.appearance.lucas_kanade import Places
 from tracker.couples import Choice, Couple, likeliest
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
@@ -21,6 +22,7 @@ from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, give
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.detect.moving_part import SHARPER, differs, motion_blur
 from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear, judge_pair
+from tracker.dot_paths import NOWHERE
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
 from tracker.follow.marker import Marker, markers_on
@@ -264,7 +266,7 @@ class _Tracked:
         """Follow the sticks into the next frame; return whether they may still be found."""
         row = self._follower.step(frame)
         seen, at = row["state"] == SEEN, row["position_px"].copy().view(complex).ravel()
-        self._places.append(np.where(seen, at, complex(math.nan, math.nan)))
+        self._places.append(np.where(seen, at, NOWHERE))
         moving = self._follower.moving
         self._lost = 0 if seen.all() or (moving is not None and seen.reshape(2, 2)[moving].all()) else self._lost + 1
         self.turned += moving is not None
@@ -279,7 +281,7 @@ class _Tracked:
         return share_read(self.couple, places, size_px)
 
 
-def _are_all_in(at: NDArray[np.complex128], before: NDArray[np.complex128], dots: Sequence[Dot]) -> bool:
+def _are_all_in(at: Places, before: Places, dots: Sequence[Dot]) -> bool:
     """Return whether all dots are at positions of earlier dots, within their radii."""
     radius_px = np.array([[dot.radius_px] for dot in dots])
     return bool((np.abs(at[:, None] - before) < radius_px).any(axis=1).all())

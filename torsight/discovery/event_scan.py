@@ -74,7 +74,7 @@ class EventScan:
         """
         times = np.linspace(first, last, _TIMES + 2)[1:-1]
         # Where the response to a step down is minus that to a step up, one scan finds both.
-        up, down = (self._responses(times[_TIMES // 2 :][:1], signed) for signed in (size, -size))
+        up, down = (self._responses(times[[_TIMES // 2]], signed) for signed in (size, -size))
         either = bool(up.any()) and bool(np.allclose(up, down))
         found: list[Event] = []
         for signed in (size,) if either else (size, -size):

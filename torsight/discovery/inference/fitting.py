@@ -21,7 +21,6 @@ from torsight.discovery.event_scan import EventScan
 from torsight.discovery.inference.solver import (
     Solution,
     Space,
-    at_all,
     jacobian,
     looking_ahead,
     normal_equations,
@@ -262,11 +261,10 @@ class Fitter:
         candidate, values = self.candidates[name], fit.values
         time, size = sorted(candidate.parameters, key=lambda p: p.name != candidate.event)
         effects = self.ordered((*fit.effects, name))
-        names = [p.name for p in self.parameters(effects)]
 
-        def predict(events: Sequence[tuple[float, float]]) -> list[Floats]:
-            points = [{**values, time.name: at, size.name: by} for at, by in events]
-            return at_all(self._model(effects), [np.array([point[key] for key in names]) for point in points])
+        def predict(events: Sequence[tuple[float, float]]) -> Sequence[Floats]:
+            go_on()
+            return self.problem.predict_many([{**values, time.name: at, size.name: by} for at, by in events], effects)
 
         solution, space = fit.solution, self.space(fit.effects)
         residual = np.where(self.weight.each > 0.0, self.problem.observed - solution.prediction, 0.0)
