@@ -31,8 +31,11 @@ def responses(past_s: Array, lag_s: float) -> tuple[Array, Array, Array, Array]:
     return 1.0 - left, ramp, 0.5 * t**2 - lag_s * ramp, left
 
 
-def dense(time_s: Array, temp_c: Array, lag_s: float) -> tuple[Array, Array, Array]:
-    """Return value, slope and sigma of the wire: all jumps and the start as the unknowns of one linear system."""
+def dense(time_s: Array, temp_c: Array, lag_s: float) -> tuple[Array, Array, Array, float]:
+    """Return value, slope and sigma of the wire: all jumps and the start as the unknowns of one linear system.
+
+    Also return the log density of the readings after the first, with the widths of the jumps' variances.
+    """
     n = len(time_s)
     one, ramp, bow, left = responses(time_s - time_s[0], lag_s)
     later = time_s[:, None] - time_s[None, :-1]
@@ -56,8 +59,10 @@ def dense(time_s: Array, temp_c: Array, lag_s: float) -> tuple[Array, Array, Arr
     around = np.clip(np.arange(n - 1)[:, None] + np.arange(reach) - reach // 2, 0, n - 2)
     for rounds in range(ROUNDS):
         prior = np.concatenate([start_prior, (scale * spread).ravel()])
-        gain = np.linalg.solve((reads * prior) @ reads.T + NOISE_C**2 * np.eye(n), reads * prior).T
-        found = mean + gain @ (temp_c - reads @ mean)
+        together = (reads * prior) @ reads.T + NOISE_C**2 * np.eye(n)
+        gain = np.linalg.solve(together, reads * prior).T
+        off = temp_c - reads @ mean
+        found = mean + gain @ off
         covariance = np.diag(prior) - gain @ (reads * prior)
         value, rate = wires @ found, slopes @ found
         sigma = np.sqrt(np.einsum("ij,jk,ik->i", wires, covariance, wires))
@@ -69,18 +74,21 @@ def dense(time_s: Array, temp_c: Array, lag_s: float) -> tuple[Array, Array, Arr
         spread = (DEGREES + (square / scale).sum(axis=0)) / (DEGREES + decided.sum(axis=0))
         usual = 1.0 / np.mean(1.0 / spread)
         spread, scale = spread / usual, scale * usual
-    return value, rate, sigma
+    density = -0.5 * (off @ np.linalg.solve(together, off) + np.linalg.slogdet(together)[1])
+    density += 0.5 * (off[0] ** 2 / together[0, 0] + np.log(together[0, 0]))
+    return value, rate, sigma, density - 0.5 * np.sum(np.log(DEGREES + decided.sum(axis=0)))
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 4.0])
 def test_it_is_what_the_model_says(lag_s: float) -> None:
     time_s, temp_c = uneven_log(60)
-    value, slope, sigma = smoothed(time_s, temp_c, NOISE_C, lag_s)
+    value, slope, sigma, log_evidence = smoothed(time_s, temp_c, NOISE_C, lag_s)
     expected = dense(time_s, temp_c, lag_s)
     # The dense system takes what is known from variances of 1e4 °C²: it gives three digits of a variance of 1e-3 °C².
     np.testing.assert_allclose(value, expected[0], rtol=0.0, atol=1e-4 * NOISE_C)
     np.testing.assert_allclose(slope, expected[1], rtol=0.0, atol=1e-4 * NOISE_C)
     np.testing.assert_allclose(sigma, expected[2], rtol=5e-3)
+    assert log_evidence == pytest.approx(expected[3], abs=0.01)
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 3.0])
@@ -98,7 +106,9 @@ def test_errors_are_as_large_as_they_are_said_to_be(lag_s: float) -> None:
             for k in range(1, len(read)):
                 read[k] = wire[k] + (read[k - 1] - wire[k]) * np.exp(-0.01 / lag_s)
         rows = np.arange(0, len(fine_s), 25)
-        value, _, sigma = smoothed(fine_s[rows], read[rows] + NOISE_C * rng.standard_normal(len(rows)), NOISE_C, lag_s)
+        value, _, sigma, _ = smoothed(
+            fine_s[rows], read[rows] + NOISE_C * rng.standard_normal(len(rows)), NOISE_C, lag_s
+        )
         pulls.append(((value - wire[rows]) / sigma)[40:-40])
     # 8 logs of some ten pieces each, the errors in a piece alike: 80 pieces of information give 8 %, thrice that.
     assert np.sqrt(np.mean(np.concatenate(pulls) ** 2)) == pytest.approx(1.0, abs=0.25)
@@ -107,7 +117,7 @@ def test_errors_are_as_large_as_they_are_said_to_be(lag_s: float) -> None:
 @pytest.mark.parametrize("lag_s", [0.0, 3.0])
 def test_what_stands_still_stays_as_it_is(lag_s: float) -> None:
     time_s = np.arange(0.0, 100.0, 0.25)
-    value, slope, sigma = smoothed(time_s, np.full(400, 23.0), 0.01, lag_s)
+    value, slope, sigma, _ = smoothed(time_s, np.full(400, 23.0), 0.01, lag_s)
     np.testing.assert_allclose(value, 23.0, atol=1e-9)
     np.testing.assert_allclose(slope, 0.0, atol=1e-9)
     assert (sigma < 0.01).all()

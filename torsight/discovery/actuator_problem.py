@@ -265,10 +265,10 @@ class ActuatorProblem(OptionalMembers):
         return read(model.ports(self.drive, known, history=self.history), law.nodes)
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
-        """Return the log likelihood ratio of the effects' events from the rows that were not fitted."""
-        known, drive = load_effects(), self.drive
+        """Return the log-likelihood ratio of the effects from rows that were not fitted, and from the log itself."""
+        known = load_effects()
         ways = [known[name].seen for name in effects if name in known]
-        return sum(seen(drive.time_s, drive.angle_rad, self.time_s, values) for seen in ways if seen is not None)
+        return sum(seen(self.drive, self.time_s, values) for seen in ways if seen is not None)
 
     def _off_by(
         self, drives: Sequence[Drive], clean: Floats, values: Mapping[str, float], effects: Sequence[str]

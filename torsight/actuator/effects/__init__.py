@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+from torsight.actuator.drive import Drive
 from torsight.actuator.ports import Ports
 from torsight.core.errors import ConfigError
 from torsight.core.parameter import Parameter
@@ -85,8 +86,8 @@ class Effect(Shown):
         Name of the parameter that is a time (s), where the effect is an event that happens once in a record; the size
         of the event is the parameter with a null value.
     seen : callable or None
-        Log-likelihood ratio, at most zero, of the tracked angles with the effect against without it; a function of
-        times and angles of all rows (s, rad), the times of the fitted rows, and the parameters' values.
+        Log-likelihood ratio of what is known beside the fitted rows, with the effect against without it: a function of
+        the prepared record, the times of the fitted rows (s), and the parameters' values.
     jumps : bool
         True where the effect changes the instants at which the angle jumps, to which derivatives are hardly sensitive:
         its positive parameters are then also searched without derivatives.
@@ -108,7 +109,7 @@ class Effect(Shown):
     starts_from: Callable[[Floats], tuple[Values, ...]] | None = None
     derived: tuple[Derived, ...] = ()
     event: str | None = None
-    seen: Callable[[Floats, Floats, Floats, Values], float] | None = None
+    seen: Callable[[Drive, Floats, Values], float] | None = None
     jumps: bool = False
     is_clock: bool = False
     order: int = 0

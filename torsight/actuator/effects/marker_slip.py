@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
@@ -45,7 +46,7 @@ def step(time_s: Floats, *, at_s: float) -> Floats:
     return np.clip((time_s - at_s) / (2.0 * half_s) + 0.5, 0.0, 1.0)
 
 
-def seen(time_s: Floats, angle_rad: Floats, fitted_s: Floats, values: Values) -> float:
+def seen(drive: Drive, fitted_s: Floats, values: Values) -> float:
     r"""Return the log-likelihood ratio of a step, at most zero, from the single rows around the step.
 
     A fit uses means over many rows; the single rows show whether there is a step from one to the next. A least-squares
@@ -54,6 +55,7 @@ def seen(time_s: Floats, angle_rad: Floats, fitted_s: Floats, values: Values) ->
     and a marker may slide for a while: the largest Λ over times and durations counts. Where rows are missing around one
     of these times, a step cannot be excluded, and the result is zero.
     """
+    time_s, angle_rad = drive.time_s, drive.angle_rad
     usual_s = usual_step(time_s)
     k = int(np.searchsorted(fitted_s, values["slip_time_s"]))
     first, last = fitted_s[max(k - 2, 0)], fitted_s[min(k + 1, len(fitted_s) - 1)]

@@ -13,14 +13,22 @@ from __future__ import annotations
 
 from typing import Final
 
+from torsight.actuator.drive import Drive
 from torsight.actuator.effects import Effect, Values
 from torsight.actuator.ports import Ports
 from torsight.core.parameter import Parameter
+from torsight.core.units import Floats
 
 
 def apply(ports: Ports, values: Values) -> Ports:
     """Undo the lag of each sensor."""
     return ports.behind_sensors(values["lag_a_s"], values["lag_b_s"])
+
+
+def seen(drive: Drive, fitted_s: Floats, values: Values) -> float:
+    """Return the log-likelihood ratio of the logged temperatures for the time constants, against no lag."""
+    del fitted_s
+    return drive.sensors.log_evidence(values["lag_a_s"], values["lag_b_s"])
 
 
 EFFECT: Final = Effect(
@@ -43,6 +51,7 @@ EFFECT: Final = Effect(
     ),
     apply=apply,
     order=-1,
+    seen=seen,
     starts=({"lag_a_s": 1.0, "lag_b_s": 5.0}, {"lag_a_s": 5.0, "lag_b_s": 1.0}),
     laws=("temperature_temp_rate_c_s",),
 )

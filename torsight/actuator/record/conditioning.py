@@ -21,8 +21,8 @@ import numpy as np
 from torsight.actuator.record.holds import level_holds
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
-from torsight.actuator.record.slow_log import between, corner_gaps, own_readings, turns_reached
-from torsight.actuator.record.smoother import smoothed
+from torsight.actuator.record.slow_log import SLOW_S, between, corner_gaps, own_readings, turns_reached
+from torsight.actuator.record.smoother import Smoothed, smoothed
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
@@ -37,7 +37,8 @@ class Conditioned:
 
     ``rate_c_s`` is its slope and ``sigma_c`` the standard deviation of the remaining noise; ``noise_c`` is the noise of
     a reading, ``reading_s`` the time between readings with independent noise, and ``peaks_c`` the height of the
-    ripple's peaks above the temperature.
+    ripple's peaks above the temperature. ``log_evidence`` is that of the sensor's time constant, up to a constant; zero
+    for every time constant where the readings do not show it.
     """
 
     temp_c: Floats
@@ -46,6 +47,7 @@ class Conditioned:
     noise_c: float
     reading_s: float
     peaks_c: Floats
+    log_evidence: float = 0.0
 
 
 def condition(time_s: Floats, temp_c: Floats) -> Conditioned:
@@ -70,7 +72,7 @@ def conditioned(readings: Readings, time_s: Floats, temp_c: Floats) -> Condition
 def _between_readings(readings: Readings, wanted_s: Floats) -> Conditioned:
     """Return the temperature at the wanted times (m,) from readings (n,) that are far apart."""
     time_s, temp_c = readings.time_s, readings.temp_c
-    known_c, slope_c_s, left_over = readings.smooth(0.0)
+    known_c, slope_c_s, left_over, _ = readings.smooth(0.0)
     if readings.noise_c > NEGLIGIBLE_C:
         noise_c = readings.noise_c * math.sqrt(readings.alike)
         level_holds(time_s, temp_c, noise_c, value=known_c, rate=slope_c_s, left_over=left_over)
@@ -124,22 +126,26 @@ class Readings:
 
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
         """Return the wire's temperature (n,) at the wanted times, for a sensor with the time constant ``lag_s``."""
-        known_c, slope_c_s, left_over = self.smooth(lag_s)
+        known_c, slope_c_s, left_over, evidence = self.smooth(lag_s)
         if lag_s > 0.0 and self.noise_c > NEGLIGIBLE_C:
             # Where the readings have become level, so has the wire.
             level_holds(self.time_s, self.temp_c, self.sigma_c, value=known_c, rate=slope_c_s, left_over=left_over)
         if self.far_apart:
-            return self.with_corners(known_c, left_over, wanted_s)
-        value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
-        value, sigma = turns_reached(wanted_s, value, sigma)
-        return Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
+            known = self.with_corners(known_c, left_over, wanted_s)
+        else:
+            value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
+            value, sigma = turns_reached(wanted_s, value, sigma)
+            known = Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
+        # The evidence is about the sensor where noise hides the interpolation, and readings miss no corner.
+        shown = self.noise_c > NEGLIGIBLE_C and usual_step(self.time_s) <= SLOW_S
+        return replace(known, log_evidence=evidence) if shown else known
 
-    def smooth(self, lag_s: float) -> tuple[Floats, Floats, Floats]:
-        """Return value, slope and standard deviation (n,) of the wire's temperature at the readings."""
+    def smooth(self, lag_s: float) -> Smoothed:
+        """Return the wire's temperature at the readings (n,)."""
         n = len(self.time_s)
         if n < SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
-            return self.temp_c + lag_s * slope, slope, np.zeros(n)
+            return Smoothed(self.temp_c + lag_s * slope, slope, np.zeros(n), 0.0)
         return smoothed(self.time_s, self.temp_c, self.sigma_c, lag_s)
 
     def with_corners(self, known_c: Floats, left_over: Floats, wanted_s: Floats) -> Conditioned:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,11 +21,20 @@ _LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 
 is then 14.35 mK, that of a direct estimate 14.26 mK (benchmarks/actuator/log_constants.py)."""
 
 
+_COUNTS: Final = 0.125
+"""Weight of the evidence that a log gives for a time constant: with it, the evidence for the true one is less than that
+for the best by as much as of an estimate with one Gaussian error (benchmarks/actuator/log_lags.py)."""
+
+
 class _Wire(NamedTuple):
-    """A wire's temperature (n,) less its sensor's, and the factor (n,) by which the correction magnifies noise."""
+    """A wire's temperature (n,) less its sensor's, and the factor (n,) by which the correction magnifies noise.
+
+    ``log_evidence`` is that of the readings for the time constant, up to a constant.
+    """
 
     off_c: Floats
     growth: Floats
+    log_evidence: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +72,32 @@ class Sensors:
         share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
         return share, self._correction(spring, _LAG_GRID_S[low]), self._correction(spring, _LAG_GRID_S[low + 1])
 
+    def log_evidence(self, lag_a_s: float, lag_b_s: float) -> float:
+        r"""Return the log-likelihood ratio of the readings for the sensors' time constants, against no lag.
+
+        A log with sharp corners was not read by a slow sensor. But a log with rounded corners may be that of a fast
+        sensor on a wire whose own temperature has rounded corners. With even odds for both, and all roundings of the
+        wire equally likely on the grid of time constants,
+        :math:`p(T_m | τ) ∝ L(τ) + \overline{L(ρ)}_{ρ > τ}`, where L is the likelihood for a sharp wire.
+        """
+        self.get_ready()
+        return sum(
+            float(np.interp(lag_s, _LAG_GRID_S, self._evidence[spring]))
+            for spring, lag_s in enumerate((lag_a_s, lag_b_s))
+        )
+
+    @cached_property
+    def _evidence(self) -> tuple[Floats, Floats]:
+        """The log-likelihood ratios of both sensors' readings for every time constant of the grid."""
+        found = []
+        for spring in range(2):
+            sharp = _COUNTS * np.array([self._at(lag_s)[spring].log_evidence for lag_s in _LAG_GRID_S])
+            # The mean likelihood of all longer time constants.
+            longer = np.logaddexp.accumulate(sharp[::-1])[::-1][1:] - np.log(np.arange(len(sharp) - 1, 0, -1))
+            either = np.append(np.logaddexp(sharp[:-1], longer) - np.log(2.0), sharp[-1])
+            found.append(either - either[0])
+        return found[0], found[1]
+
     def _correction(self, spring: int, lag_s: float) -> Floats:
         """Return the differences at a grid point; errors that were added grow as the smoother's own do."""
         wire = self._at(lag_s)[spring]
@@ -77,11 +113,11 @@ class Sensors:
         return self._known[lag_s]
 
     def _behind(self, readings: Readings, driven_c: Floats, lag_s: float) -> _Wire:
-        if lag_s == 0.0:
-            return _Wire(np.zeros(len(self.rows)), np.ones(len(self.rows)))
         found = readings.behind(self.time_s, lag_s)
+        if lag_s == 0.0:
+            return _Wire(np.zeros(len(self.rows)), np.ones(len(self.rows)), found.log_evidence)
         sigma, one = found.sigma_c[self.rows], np.ones(len(self.rows))
         growth = np.divide(sigma, self.sigma_c, out=one, where=self.sigma_c > 0.0)
         # The wire's temperature at the kept rows, with its turns at their full height.
         wire_c = at_places(found.temp_c, turns_of(found.temp_c, self.least_turn_c), self.rows.astype(float))
-        return _Wire(wire_c - driven_c, growth)
+        return _Wire(wire_c - driven_c, growth, found.log_evidence)

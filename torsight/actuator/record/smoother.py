@@ -16,6 +16,16 @@ wire and its standard deviation (Durbin and Koopman, Time Series Analysis by Sta
 4.5). λ and s are estimated alternately with it by the marginal likelihood: each jump's variance becomes its square
 divided by the degree to which the log determines it (MacKay, Neural Computation 4 (1992) 415; Tipping, J. Mach. Learn.
 Res. 1 (2001) 211).
+
+The filter also gives the evidence of the readings for a time constant of the sensor: corners that are sharp in a log
+were not read by a slow sensor, because a wire's temperature does not jump. With the innovations v_k, their variances
+F_k, and Laplace's method for every ln λ_i,
+
+.. math:: \ln p(T_m \mid τ) ≈ -\tfrac12 \sum_k \left( v_k^2 / F_k + \ln F_k \right)
+          - \tfrac12 \sum_i \ln (ν + d_i)
+
+up to a constant, with d_i the degree to which the log determines both jumps. The density of λ at its estimate is left
+out: λ and s share a product, of which the log determines no more than the whole.
 """
 
 from __future__ import annotations
@@ -63,7 +73,7 @@ class _Forward(NamedTuple):
     variance: Floats
 
 
-class _Smoothed(NamedTuple):
+class _Backward(NamedTuple):
     """The wire's temperature at every reading (n,); jumps (2, n) of its first and second derivative.
 
     ``decided`` is the degree, 0 to 1, to which the log determines each jump.
@@ -76,14 +86,26 @@ class _Smoothed(NamedTuple):
     decided: Floats
 
 
-def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> tuple[Floats, Floats, Floats]:
-    """Return the wire's temperature (n,) at readings with the noise ``sigma_c``, its slope and its standard deviation.
+class Smoothed(NamedTuple):
+    """The wire's temperature, its slope and its standard deviation at the readings (n,).
+
+    ``log_evidence`` is the logarithm of the readings' density for the sensor's time constant, up to a constant.
+    """
+
+    value: Floats
+    slope: Floats
+    sigma: Floats
+    log_evidence: float
+
+
+def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> Smoothed:
+    """Return the wire's temperature at readings (n,) with the noise ``sigma_c``.
 
     ``time_s`` (n,) increases, not necessarily evenly; ``lag_s`` is the sensor's time constant.
     """
     n, size, noise = len(temp_c), 4 if lag_s > 0.0 else 3, sigma_c**2
     forward = _Forward(np.empty((n, size)), np.empty((n, size, size)), np.empty((n, size)), np.empty(n), np.empty(n))
-    found = _Smoothed(np.empty(n), np.empty(n), np.empty(n), np.zeros((2, n)), np.zeros((2, n)))
+    found = _Backward(np.empty(n), np.empty(n), np.empty(n), np.zeros((2, n)), np.zeros((2, n)))
     # Noise σ of readings every h seconds hides, over t seconds, jumps of variance h σ² / t³ (slope), h σ² / t⁵ (bend).
     step_s = usual_step(time_s)
     jumps = np.full((2, n), noise * step_s / np.array([[_AVERAGED_S**3], [_AVERAGED_S**5]]))
@@ -100,7 +122,12 @@ def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> tu
         whole = 1.0 / np.mean(1.0 / spread)
         spread, usual = spread / whole, usual * whole
         jumps[:, 1:] = np.maximum(usual * spread, _LEAST)
-    return found.value, found.slope, found.sigma
+    # The first reading is left out: its variance is that of the unknown state before it.
+    surprise, variance = forward.surprise[1:], np.maximum(forward.variance[1:], noise)
+    # Where there is next to no noise, rounding errors would make variances and degrees negative.
+    widths = float(np.sum(np.log(_DEGREES + np.maximum(np.sum(found.decided[:, 1:], axis=0), 0.0))))
+    evidence = -0.5 * (float(np.sum(surprise**2 / variance + np.log(variance))) + widths)
+    return Smoothed(found.value, found.slope, found.sigma, evidence)
 
 
 @compiled
@@ -205,7 +232,7 @@ def _told(forward: _Forward, k: int, pull: Floats, known: Floats, room: Floats) 
 
 
 @compiled
-def _set(forward: _Forward, k: int, pull: Floats, known: Floats, found: _Smoothed) -> None:
+def _set(forward: _Forward, k: int, pull: Floats, known: Floats, found: _Backward) -> None:
     """Set the wire's temperature at reading k from the filter's state before it and all readings from k on."""
     size = pull.size
     wire, state, spread = size - 3, forward.state[k], forward.spread[k]
@@ -219,7 +246,7 @@ def _set(forward: _Forward, k: int, pull: Floats, known: Floats, found: _Smoothe
 
 
 @compiled
-def _smooth(time_s: Floats, lag_s: float, jumps: Floats, forward: _Forward, found: _Smoothed) -> None:
+def _smooth(time_s: Floats, lag_s: float, jumps: Floats, forward: _Forward, found: _Backward) -> None:
     """Run the backward pass over the readings, which sets the wire's temperature and jumps from the whole log.
 
     ``pull`` (m,) and ``known`` (m, m) are the gradient of the log-likelihood of the readings from k on by the state,
