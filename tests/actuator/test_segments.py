@@ -37,6 +37,21 @@ def test_alternating_halves(switches, noise_c):
         place = end
 
 
+@pytest.mark.parametrize("noise_c", [0.0, 0.05])
+def test_a_room_that_warms_is_no_heating(noise_c):
+    log, temps = programme(HALVES)
+    room_c = 5.0 * (1.0 - np.exp(-np.arange(len(log)) / len(log)))
+    rng = np.random.default_rng(0)
+    a, b = (temp + room_c + noise_c * rng.standard_normal(len(log)) for temp in (log.temp_a_c, log.temp_b_c))
+    found = half_cycles(a, b, noise_c=noise_c)
+    assert found.springs == (0, 1, 0, 1)
+    starts, expected = np.flatnonzero(np.diff(found.half)) + 1, np.cumsum([len(own) for own in temps])[:-1]
+    # The spring that was driven before has cooled by then: to a tenth of its rise above the room.
+    for start, end, own in zip(starts, expected, temps[:-1], strict=True):
+        assert -0.5 * len(own) < start - end < 60
+        assert own[min(start - end, 0) - 1] < 28.0
+
+
 def test_warming_by_the_neighbour_is_no_drive():
     log, _ = programme(HALVES)
     warm = 0.45

@@ -243,17 +243,32 @@ def _merged(heatings: list[Heating], temps: tuple[Floats, Floats]) -> list[Heati
 def _placed(heatings: list[Heating], temps: tuple[Floats, Floats], *, margin_c: float) -> list[Heating]:
     """Move every start to the row at which the temperature finally leaves its minimum since the last half-cycle's top.
 
-    Before this row the spring rests (or is warmed by its neighbour), and the neighbour still cools.
+    Before this row the spring rests (or is warmed by its neighbour, or with the room), and the neighbour still cools.
     """
     placed = heatings[:1]
     for before, item in pairwise(heatings):
-        own = temps[item.spring][before.top : item.top + 1]
+        own = _without_drift(temps[item.spring][before.top : item.top + 1], margin_c=margin_c)
         low = int(np.flatnonzero(own <= own.min() + margin_c)[-1])
         # At the margin the rise has begun already: go back to its foot.
         while low > 0 and own[low - 1] < own[low]:
             low -= 1
         placed.append(Heating(item.spring, before.top + low, item.top, item.base_c, item.top_c))
     return placed
+
+
+def _without_drift(temp_c: Floats, *, margin_c: float) -> Floats:
+    """Return a temperature that rests and then rises to its last row (n,), less the drift of its rest.
+
+    The drift is the line from the minimum to the row that lies furthest below the line from the minimum to the top. A
+    line that rises by less than the margin does not matter; one that would be warm at the top is a part of the heating.
+    """
+    row = np.arange(len(temp_c)) - int(np.argmin(temp_c))
+    risen = temp_c - np.min(temp_c)
+    knee = int(np.argmax(np.where(row > 0, risen[-1] * row / max(row[-1], 1) - risen, 0.0)))
+    if row[knee] <= 0 or risen[knee] < margin_c:
+        return temp_c
+    drift = risen[knee] * row / row[knee]
+    return temp_c - drift if drift[-1] < _COLD_SHARE * risen[-1] else temp_c
 
 
 def _chain(heatings: list[Heating], n: int, *, switched: bool) -> HalfCycles:
