@@ -26,7 +26,7 @@ _RISE_C: Final = 4.0
 """Least reversal of a temperature at a turn, and its least rise in a heating; larger for a noisy temperature."""
 _LIFT_C: Final = 0.25
 """Rise of a temperature above its rest at which its heating has begun. The starts of 95 of 100 half-cycles are correct
-to 4.9 s; to 4.2 s with half this value, to 8.5 s with twice."""
+to 5.3 s; to 4.3 s with half this value, to 8.7 s with twice."""
 _BEFORE_S: Final = 40.0
 """Longest time between a jump of the angle and the visible heating that causes it. With half this value a jump is
 missed in one of 25 half-cycles that have one."""
