@@ -252,7 +252,8 @@ def test_clocks_are_each_records_own_and_known_as_well_as_they_were_put_together
 def test_laws_span_what_the_records_cover_together_and_none_is_of_time(problem: SeveralRecords) -> None:
     joint = {law.id: law for law in problem.laws}
     alone = [{law.id: law for law in laws_of(part.drive, 0.79)} for part in problem.parts]
-    of_time = {"clock_time_s", "reading_time_s", "temperature_time_s", "winding_time_s"}
+    of_time = {"clock_time_s", "reading_time_s", "winding_time_s"}
+    of_time |= {"temperature_time_s", "temperature_a_time_s", "temperature_b_time_s"}
     assert {law for laws in alone for law in laws} - set(joint) == of_time
     for name in ("friction_angle_rate_deg_s", "temperature_temp_rate_c_s", "torque_angle_deg"):
         reach = max(laws[name].covered[1] for laws in alone)

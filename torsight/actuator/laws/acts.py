@@ -138,10 +138,9 @@ def _warmer(spring: str, drivers: Callable[[Ports], tuple[Floats, Floats]]) -> C
     return apply
 
 
-def temperature_time(ports: Ports, law: Curve) -> Ports:
-    """Add a law of time to both wires' temperatures, °C; later records get the law's last value."""
-    off_c = law(_within_record(ports, ports.time_s))
-    return ports.with_temperatures(lambda temp, rate: (temp + off_c, rate))
+def temperature_time(spring: str) -> Callable[[Ports, Curve], Ports]:
+    """Return the function that adds a law of time to the wires' temperatures, °C; later records get its last value."""
+    return _warmer(spring, lambda ports: (_within_record(ports, ports.time_s),) * 2)
 
 
 def temperature_cycle(ports: Ports, law: Curve) -> Ports:
