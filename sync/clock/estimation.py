@@ -7,6 +7,7 @@ Where nothing moves, the offset remains unknown and is not guessed.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -164,7 +165,7 @@ def _find(
     if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
     method = f"{GIVEN_OFFSET}; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
-    clock = clock_of(likelihood.mixture, middle_s=likelihood.middle_s, method=method)
+    clock = _clock(angles, likelihood.mixture, middle_s=likelihood.middle_s, method=method)
     clock = replace(clock, notes=(*doubts, *_notes(likelihood, clock), *_restart_notes(weighed)))
     if given_offset_s is not None:
         return Found(replace(clock, offset_s=given_offset_s), weighed.reading)
@@ -213,7 +214,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
         f"shared event: {match.matched} of {match.events} changes of the LED against the heating switch's "
         f"{match.switchings}"
     )
-    clock = replace(clock_of([gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))
+    clock = replace(_clock(angles, [gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))
     return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
 
@@ -281,12 +282,24 @@ def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
     """Return the clock with an interval for both readings of coarse timestamps: truncated (as assumed) and rounded."""
     if step_s == 0.0:
         return clock
-    low, high = clock.offset_ci95_s
+    earlier_s = 0.5 * step_s
     note = (
         f"the log's timestamps go in steps of {step_s:.3g} s and are taken as cut off; were they rounded, the offset "
-        f"is {0.5 * step_s:.3g} s smaller: the interval holds both"
+        f"is {earlier_s:.3g} s smaller: the interval holds both"
     )
-    return replace(clock, offset_ci95_s=(low - 0.5 * step_s, high), notes=(*clock.notes, note))
+    (low, high), (film_low, film_high) = clock.offset_ci95_s, clock.within_s
+    return replace(
+        clock,
+        offset_ci95_s=(low - earlier_s, high),
+        film_offset_ci95_s=(film_low - earlier_s, film_high),
+        notes=(*clock.notes, note),
+    )
+
+
+def _clock(angles: StickAngles, mixture: Sequence[Gaussian], *, middle_s: float, method: str) -> ClockMap:
+    """Return the clock, with the intervals of the offset at film time 0 and at the film's first frame."""
+    at_first_frame = clock_of(mixture, middle_s=middle_s - float(angles.time_s[0]))
+    return replace(clock_of(mixture, middle_s=middle_s, method=method), film_offset_ci95_s=at_first_frame.offset_ci95_s)
 
 
 def _method(likelihood: MotionLikelihood) -> str:
@@ -300,7 +313,7 @@ def _method(likelihood: MotionLikelihood) -> str:
 
 def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
     notes: list[str] = []
-    low, high = clock.offset_ci95_s
+    low, high = clock.within_s
     if likelihood.lag.value_s is None:
         notes.append(
             "the log has no corner from which a lag of the sensor could be read; "
