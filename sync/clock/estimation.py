@@ -33,7 +33,7 @@ from torsight.core.parameter import REACH
 from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
-from torsight.core.words.plausible import FINEST_S, LATEST_S, require_turns, require_units
+from torsight.core.words.plausible import FINEST_S, LATEST_S, SHORTEST_S, require_turns, require_units
 from torsight.core.words.shown import Shown
 
 WIDE_S: Final = 1.0
@@ -370,19 +370,21 @@ def _other_way_round(likelihood: MotionLikelihood) -> NoResultError:
 
 def _unknown(angles: StickAngles, log: TemperatureLog) -> NoResultError:
     known = angles.angle_rad[angles.valid & np.isfinite(angles.angle_rad)]
+    film_s, log_s = float(np.ptp(angles.time_s)), float(np.ptp(log.time_s))
     moved = math.degrees(float(np.ptp(known))) if len(known) else 0.0
     rises = [float(np.nanmax(t) - np.nanmin(t)) for t in (log.temp_a_c, log.temp_b_c) if np.isfinite(t).any()]
     return NoResultError(
         "the offset between film and log is unknown: no motion fits the heating and cooling",
         where="angle and temperatures",
-        value=f"motion over {moved:.3g}°, temperatures over {max(rises, default=0.0):.3g} °C",
+        value=f"motion over {moved:.3g}° in {film_s:.4g} s, "
+        f"temperatures over {max(rises, default=0.0):.3g} °C in {log_s:.4g} s",
         limit="strokes of 3° and more, heatings of 12 °C and more, at an offset that explains them",
         do=ADVICE,
     )
 
 
 def _require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: MotionLikelihood | None) -> None:
-    """Refuse a film whose motion the log explains only with the film's times as minutes.
+    """Refuse a film or a log whose motion and heatings fit only with the times of one of them in another unit.
 
     ``likelihood`` is the result with times in seconds, None if there is none. A film whose times are too small by a
     factor of 60 shows strokes in both directions within one heating, which no offset explains. A film in seconds does
@@ -390,20 +392,24 @@ def _require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: Motio
     """
     if likelihood is not None and likelihood.strokes - likelihood.matched <= 1:
         return
-    slower = replace(angles, time_s=60.0 * angles.time_s)
-    strokes, signals = find_strokes(slower), log_signals(log, max_gap_s=longest_gap_s(log.time_s))
-    if not strokes or not signals.segments:
-        return
-    span_s = (float(slower.time_s[0]), float(slower.time_s[-1]))
-    score = max((part.score for part in find_ranges(strokes, signals, film_span_s=span_s)), default=0.0)
     before = 0.0 if likelihood is None else likelihood.ranges[0].score
-    if score <= max(before + ALIKE, 1.0 - ALIKE):
-        return
     matched = 0 if likelihood is None else likelihood.matched
-    raise InputError(
-        "the film's times seem to be in minutes",
-        where="angles, column time_s",
-        value=f"{matched} of {len(strokes)} strokes with a heating or cooling; with times 60 times as large they fit",
-        limit="times in seconds",
-        do="give the film's times in seconds",
-    )
+    for name, unit, factor in (("film", "minutes", 60.0), ("log", "milliseconds", 1e-3), ("log", "minutes", 60.0)):
+        film = replace(angles, time_s=factor * angles.time_s) if name == "film" else angles
+        heated = replace(log, time_s=factor * log.time_s) if name == "log" else log
+        if np.ptp(heated.time_s) < SHORTEST_S:
+            continue
+        strokes, signals = find_strokes(film), log_signals(heated, max_gap_s=longest_gap_s(heated.time_s))
+        if not strokes or not signals.segments:
+            continue
+        ranges = find_ranges(strokes, signals, film_span_s=(float(film.time_s[0]), float(film.time_s[-1])))
+        if max((part.score for part in ranges), default=0.0) > max(before + ALIKE, 1.0 - ALIKE):
+            option = "" if name == "film" else f", or state the unit: --units time={'ms' if factor < 1.0 else 'min'}"
+            raise InputError(
+                f"the {name}'s times seem to be in {unit}",
+                where="angles, column time_s" if name == "film" else "temperature log, time",
+                value=f"{matched} of {len(strokes)} strokes with a heating or cooling; "
+                f"with times {factor:g} times as large they fit",
+                limit="times in seconds",
+                do=f"give the {name}'s times in seconds{option}",
+            )

@@ -135,6 +135,13 @@ def _decode(path: Path) -> tuple[str, list[Repair]]:
         repairs.append(Repair("encoding", 1, "the file is UTF-16; read as such"))
         return raw.decode("utf-16", errors="replace"), repairs
     zeros = raw.count(b"\0")
+    if zeros > len(raw) // 4:
+        # Of the two bytes of a Western character in UTF-16 one is zero: the second one if little-endian.
+        order = "utf-16-le" if raw[1::2].count(b"\0") > raw[::2].count(b"\0") else "utf-16-be"
+        text = raw.decode(order, errors="replace")
+        if "\0" not in text:
+            repairs.append(Repair("encoding", 1, "the file is UTF-16 without a byte order mark; read as such"))
+            return text, repairs
     if zeros:
         # A logger that lost power leaves a tail of zero bytes.
         repairs.append(Repair("zero_bytes", zeros, f"{zeros} zero bytes were taken out"))

@@ -95,10 +95,15 @@ def read_temperature_log(
     time_s, restarts = join_blocks(timestamps.time_s, timestamps.block, readings)
     temperatures: dict[str, Floats] = {}
     for name in NEEDED_NAMES[1:]:
+        where = f"{path}, column {spelled[name]}"
+        read = np.isfinite(numbers[name])
+        if np.count_nonzero(np.isfinite(in_range(numbers[name]))) <= 0.5 * np.count_nonzero(read):
+            first = frame[name].dropna()
+            raise _no_temperature(numbers[name], text=None if first.empty else str(first.iloc[0]), where=where)
         temperatures[name], found = clean_channel(time_s, numbers[name], name=name)
         repairs += found
         if not np.isfinite(temperatures[name]).any():
-            raise _no_temperature(numbers[name], where=f"{path}, column {spelled[name]}")
+            raise _no_temperature(numbers[name], text=None, where=where)
     called = {spelled[name]: temp_c for name, temp_c in temperatures.items()}
     require_units(time_s, called, where=str(path), time_name=spelled["time_s"])
     switches = _read_switches(numbers, repairs)
@@ -135,9 +140,12 @@ def _require_order(ordered: OrderedTimestamps, rows: int, *, where: str) -> None
         )
 
 
-def _no_temperature(values: Floats, *, where: str) -> InputError:
+def _no_temperature(values: Floats, *, text: str | None, where: str) -> InputError:
+    """Return the error for a column with these readings (n,); ``text`` is its first field."""
     known = values[np.isfinite(values)]
     middle = f"{np.sort(known)[len(known) // 2]:.4g} in the middle" if len(known) else "no number"
+    if not len(known) and text is not None:
+        middle = f"no number but {text!r}"
     return InputError(
         "holds no temperature of a spring",
         where=where,
@@ -205,15 +213,25 @@ def _words(column: pd.Series[Any]) -> Floats:
 
 
 def _spread(ordered: OrderedTimestamps, group: Ints, first: Ints) -> OrderedTimestamps:
-    """Return timestamps spread evenly up to the next one; ``group`` (n,) numbers the sets, which begin at ``first``."""
+    """Return timestamps spread evenly up to the next one; ``group`` (n,) numbers the sets, which begin at ``first``.
+
+    A log begins and ends anywhere between two timestamps: the rows of its first and last set are as far apart as those
+    of the others, and the first ones end at the next timestamp.
+    """
     size = np.bincount(group)
     timestamp = ordered.time_s[first]
     usual = usual_step(timestamp)
     width = np.append(np.diff(timestamp), usual)
     # Before a gap or a restart the rows of one timestamp do not extend to the next timestamp.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)
+    step = width / size
+    begin = timestamp.copy()
+    if len(size) > 2:
+        inner = float(np.median(step[1:-1]))
+        step[[0, -1]] = np.minimum(step[[0, -1]], inner)
+        begin[0] += width[0] - step[0] * size[0]
     rank = np.arange(len(group)) - first[group]
-    time_s = ordered.time_s + width[group] * rank / size[group]
+    time_s = begin[group] + step[group] * rank
     return OrderedTimestamps(ordered.row, time_s, ordered.block, ordered.repairs)
 
 
@@ -256,6 +274,9 @@ def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict
             continue
         # An empty field continues the last known state.
         switches[name] = _known(numbers[name]).ffill().to_numpy() > 0.5
+        if not unread and switches[name].all():
+            text = f"{name} is 1 in every row: a switch that never changes says nothing about the time"
+            repairs.append(Repair("idle_switch", len(switches[name]), text))
     return switches
 
 
