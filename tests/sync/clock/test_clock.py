@@ -318,9 +318,12 @@ def test_a_light_that_fits_nothing():
 
 @pytest.mark.parametrize(("away_s", "drift_ppm"), [(0.0, None), (45.0, None), (45.0, -RESONATOR_PPM)])
 def test_restart_during_a_rest_is_settled_by_the_motion(away_s, drift_ppm):
-    pair = make_pair(2, offset_s=77.0, drift_ppm=drift_ppm or 0.0)
+    cycles = fast_programme(2, rest_s=120.0)
+    pair = make_pair(
+        2, rig=FAST, cycles=cycles, film_fps=15.0, log_step_s=0.25, offset_s=77.0, drift_ppm=drift_ppm or 0.0
+    )
     angles, log = records(pair)
-    at_s = pair.switch_true_s[4, 0] - 80.0
+    at_s = pair.switch_true_s[4, 0] - 60.0
     film = log.time_s - 77.0
     keep = (film < at_s) | (film > at_s + away_s)
     index = int(np.count_nonzero(film < at_s))
