@@ -319,7 +319,10 @@ def test_utf_16_without_its_mark(tmp_path, encoding):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        (lambda i: [f"{0.5 * i:g}", f"{240 + 5 * i}", "245"], r"temp_a_c: holds no temperature.*found 315 in the middle"),
+        (
+            lambda i: [f"{0.5 * i:g}", f"{240 + 5 * i}", "245"],
+            r"holds no temperature.*found 315 in the middle",
+        ),
         (lambda i: [f"{0.5 * i:g}", f"{24 + i} °C", "24.5"], r"temp_a_c: holds no temperature.*no number but '24 °C'"),
     ],
 )

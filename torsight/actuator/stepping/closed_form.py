@@ -115,7 +115,6 @@ def stable_cycle(rig: Rig, *, max_cycles: int = 400) -> ClosedForm:
 
     The chain of half-cycles contracts, so iterating it from mid-stroke finds the fixed point.
     """
-    require_kind(rig, Rig, where="closed forms, rig", do="Rig.from_values(read_actuator(path).values) is one")
     theta_1 = 0.75 * rig.theta_p_rad
     found = half_cycle(rig, theta_1)
     for _ in range(max_cycles):
