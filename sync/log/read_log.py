@@ -21,6 +21,7 @@ from torsight.core.records import TemperatureLog
 from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.plausible import require_timestamps, require_units
+from torsight.core.words.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -181,9 +182,7 @@ def _distinct(
     group, first = np.cumsum(~same) - 1, np.flatnonzero(~same)
     if count > _COARSE_SHARE * len(same):
         repairs.append(
-            Repair(
-                "coarse_stamp", count, f"{count} timestamps repeat (coarse clock); rows were spread evenly between them"
-            )
+            Repair("coarse_stamp", count, f"{count} timestamps repeat (coarse clock); rows spread evenly between them")
         )
         return _spread(ordered, group, first), numbers, texts
     line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
@@ -191,7 +190,7 @@ def _distinct(
         Repair(
             "repeated_stamp",
             count,
-            f"{count} rows repeat a timestamp, the first on line {line}; each set was replaced by its mean",
+            f"{counted(count, 'row')} with the timestamp of another, the first on line {line}; replaced by their mean",
         )
     )
     averaged = {name: np.asarray(_known(values).groupby(group).mean(), np.float64) for name, values in numbers.items()}
@@ -267,7 +266,7 @@ def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict
         unread = int(np.count_nonzero(~np.isfinite(numbers[name])))
         none = unread == len(numbers[name])
         if unread:
-            some = f"{unread} fields are not 0, 1, on or off; taken as the one before"
+            some = f"{counted(unread, 'field')} without 0, 1, on or off; taken as the one before"
             text = f"{name}: {'no field is 0, 1, on or off; left out' if none else some}"
             repairs.append(Repair("no_switch", unread, text))
         if none:
@@ -290,7 +289,7 @@ def _gaps(time_s: Floats) -> list[Repair]:
         Repair(
             "gap",
             int(np.count_nonzero(long)),
-            f"{np.count_nonzero(long)} gaps without rows, the longest {step.max():.4g} s, "
+            f"{counted(int(np.count_nonzero(long)), 'gap')} without rows, the longest {step.max():.4g} s, "
             f"the first at {time_s[first]:g} s",
         )
     ]
