@@ -69,9 +69,11 @@ class Timestamps:
 
 
 class RunningTimestamps:
-    """Incremental conversion of the timestamps of a growing log, with the same results as :func:`read_timestamps`.
+    """Incremental conversion of the timestamps of a growing log.
 
-    Of dates only the first instant and the time of day are used: midnight is where the time of day falls.
+    For numbers, ISO 8601, and times of day with seconds, with or without a date, the results are those of
+    :func:`read_timestamps`, which has all rows and reads more forms. Of dates only the first instant and the
+    time of day are used: midnight is where the time of day falls.
     """
 
     def __init__(self, factor: float = 1.0) -> None:
