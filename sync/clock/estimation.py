@@ -168,7 +168,9 @@ def _find(
     clock = _clock(angles, likelihood.mixture, middle_s=likelihood.middle_s, method=method)
     clock = replace(clock, notes=(*doubts, *_notes(likelihood, clock), *_restart_notes(weighed)))
     if given_offset_s is not None:
-        return Found(replace(clock, offset_s=given_offset_s), weighed.reading)
+        # It was measured where the film begins, which may be long after film time 0.
+        before_s = clock.drift_ppm * PPM * float(np.floor(angles.time_s[0]))
+        return Found(replace(clock, offset_s=given_offset_s - before_s), weighed.reading)
     return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
 
@@ -180,7 +182,8 @@ def _against_motion(
     alone = weigh_restarts(angles, reading, prior=prior).likelihood
     if alone is None:
         return ()
-    clock = clock_of(alone.mixture, middle_s=alone.middle_s)
+    begin_s = float(np.floor(angles.time_s[0]))
+    clock = clock_of(alone.mixture, middle_s=alone.middle_s - begin_s)
     low, high = clock.offset_ci95_s
     if low <= given_offset_s <= high:
         return ()

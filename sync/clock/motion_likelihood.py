@@ -74,8 +74,9 @@ def motion_likelihood(
 ) -> MotionLikelihood | None:
     """Return the likelihood of the clock from motion and temperature over all possible offsets.
 
-    ``prior`` (offset at film time 0 and drift) narrows the range; ``gaps`` are joints of the log with an uncertain gap,
-    which is a further unknown. None where nothing moves, nothing is heated, or no offset explains the motion.
+    ``prior`` (offset where the film begins, and drift) narrows the range; ``gaps`` are joints of the log with an
+    uncertain gap, which is a further unknown. None where nothing moves, nothing is heated, or no offset explains the
+    motion.
     """
     # Seconds of the calendar have ten digits before the point, and their products too few behind it: both clocks count
     # from their first whole second here, which is exact.
@@ -83,7 +84,7 @@ def motion_likelihood(
     found = _from_start(
         replace(angles, time_s=angles.time_s - film_s),
         replace(log, time_s=log.time_s - log_s),
-        prior=None if prior is None else _later(prior.moved(film_s), film_s - log_s),
+        prior=None if prior is None else _later(prior, film_s - log_s),
         gaps=[UnknownGap(gap.after_s - log_s, gap.begin_s - log_s, gap.sigma_s) for gap in gaps],
     )
     if found is None:
@@ -289,7 +290,7 @@ def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) 
 
 
 def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussian:
-    """Return the Gaussian conditioned on a given offset, which holds at film time 0 and does not include a lag."""
+    """Return the Gaussian conditioned on an offset that was given where the film begins, without the sensor's lag."""
     design = np.zeros(len(gaussian.mean))
     design[:2] = 1.0, -middle_s
     return gaussian.updated(design, float(prior.mean[0]), float(prior.covariance[0, 0]))

@@ -47,7 +47,8 @@ def sync(
     temperature: Annotated[Path, typer.Option(metavar="TEMPS.csv", help="Temperature log on its own clock.")],
     out: Annotated[Path, typer.Option(help="Folder for merged.csv and sync.json.")],
     offset: Annotated[
-        float | None, typer.Option(metavar="S", help="Known offset: temperature time minus film time at film time 0.")
+        float | None,
+        typer.Option(metavar="S", help="Known offset: temperature time minus film time as the film begins."),
     ] = None,
     drift_ppm: Annotated[float | None, typer.Option(metavar="PPM", help="Known drift of the log's clock.")] = None,
     max_gap: Annotated[float | None, typer.Option(metavar="S", help="Longest gap in the log that is bridged.")] = None,

@@ -139,6 +139,14 @@ def test_seconds_of_the_calendar_are_as_good_as_seconds_since_the_start(film_beg
     begin_s, end_s = later.to_temperature_time(film_began_s + np.array([0.0, 300.0]))
     ends = clock.to_temperature_time(np.array([0.0, 300.0])) + SINCE_1970_S
     assert [begin_s, end_s] == pytest.approx(ends.tolist(), abs=1e-2)
+    given = estimate_clock(
+        replace(angles, time_s=angles.time_s + film_began_s),
+        replace(log, time_s=log.time_s + SINCE_1970_S),
+        given_offset_s=moved_s,
+    )
+    # The made-up clocks agree as the film begins.
+    assert given.to_temperature_time(np.array([film_began_s])) == pytest.approx(SINCE_1970_S, abs=1e-3)
+    assert covers(given.drift_ci95_ppm, 0.0, widen=2.3)
 
 
 def test_given_values_are_taken():
