@@ -7,6 +7,7 @@ Where nothing moves, the offset remains unknown and is not guessed.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -32,7 +33,7 @@ from torsight.core.parameter import REACH
 from torsight.core.records import GIVEN_OFFSET, ClockMap, TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM
-from torsight.core.words.plausible import FINEST_S, LATEST_S, require_turns, require_units
+from torsight.core.words.plausible import FINEST_S, LATEST_S, SHORTEST_S, require_turns, require_units
 from torsight.core.words.shown import Shown
 
 WIDE_S: Final = 1.0
@@ -164,10 +165,12 @@ def _find(
     if likelihood.swapped and given_offset_s is None and likelihood.strokes - likelihood.matched > 1:
         raise _other_way_round(likelihood)
     method = f"{GIVEN_OFFSET}; drift from motion and temperature" if given_offset_s is not None else _method(likelihood)
-    clock = clock_of(likelihood.mixture, middle_s=likelihood.middle_s, method=method)
+    clock = _clock(angles, likelihood.mixture, middle_s=likelihood.middle_s, method=method)
     clock = replace(clock, notes=(*doubts, *_notes(likelihood, clock), *_restart_notes(weighed)))
     if given_offset_s is not None:
-        return Found(replace(clock, offset_s=given_offset_s), weighed.reading)
+        # It was measured where the film begins, which may be long after film time 0.
+        before_s = clock.drift_ppm * PPM * float(np.floor(angles.time_s[0]))
+        return Found(replace(clock, offset_s=given_offset_s - before_s), weighed.reading)
     return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
 
@@ -179,7 +182,8 @@ def _against_motion(
     alone = weigh_restarts(angles, reading, prior=prior).likelihood
     if alone is None:
         return ()
-    clock = clock_of(alone.mixture, middle_s=alone.middle_s)
+    begin_s = float(np.floor(angles.time_s[0]))
+    clock = clock_of(alone.mixture, middle_s=alone.middle_s - begin_s)
     low, high = clock.offset_ci95_s
     if low <= given_offset_s <= high:
         return ()
@@ -213,7 +217,7 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
         f"shared event: {match.matched} of {match.events} changes of the LED against the heating switch's "
         f"{match.switchings}"
     )
-    clock = replace(clock_of([gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))
+    clock = replace(_clock(angles, [gaussian], middle_s=match.middle_s, method=method), notes=tuple(notes))
     return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
 
@@ -281,12 +285,24 @@ def _coarse(clock: ClockMap, step_s: float) -> ClockMap:
     """Return the clock with an interval for both readings of coarse timestamps: truncated (as assumed) and rounded."""
     if step_s == 0.0:
         return clock
-    low, high = clock.offset_ci95_s
+    earlier_s = 0.5 * step_s
     note = (
         f"the log's timestamps go in steps of {step_s:.3g} s and are taken as cut off; were they rounded, the offset "
-        f"is {0.5 * step_s:.3g} s smaller: the interval holds both"
+        f"is {earlier_s:.3g} s smaller: the interval holds both"
     )
-    return replace(clock, offset_ci95_s=(low - 0.5 * step_s, high), notes=(*clock.notes, note))
+    (low, high), (film_low, film_high) = clock.offset_ci95_s, clock.within_s
+    return replace(
+        clock,
+        offset_ci95_s=(low - earlier_s, high),
+        film_offset_ci95_s=(film_low - earlier_s, film_high),
+        notes=(*clock.notes, note),
+    )
+
+
+def _clock(angles: StickAngles, mixture: Sequence[Gaussian], *, middle_s: float, method: str) -> ClockMap:
+    """Return the clock, with the intervals of the offset at film time 0 and at the film's first frame."""
+    at_first_frame = clock_of(mixture, middle_s=middle_s - float(angles.time_s[0]))
+    return replace(clock_of(mixture, middle_s=middle_s, method=method), film_offset_ci95_s=at_first_frame.offset_ci95_s)
 
 
 def _method(likelihood: MotionLikelihood) -> str:
@@ -300,7 +316,7 @@ def _method(likelihood: MotionLikelihood) -> str:
 
 def _notes(likelihood: MotionLikelihood, clock: ClockMap) -> list[str]:
     notes: list[str] = []
-    low, high = clock.offset_ci95_s
+    low, high = clock.within_s
     if likelihood.lag.value_s is None:
         notes.append(
             "the log has no corner from which a lag of the sensor could be read; "
@@ -357,19 +373,21 @@ def _other_way_round(likelihood: MotionLikelihood) -> NoResultError:
 
 def _unknown(angles: StickAngles, log: TemperatureLog) -> NoResultError:
     known = angles.angle_rad[angles.valid & np.isfinite(angles.angle_rad)]
+    film_s, log_s = float(np.ptp(angles.time_s)), float(np.ptp(log.time_s))
     moved = math.degrees(float(np.ptp(known))) if len(known) else 0.0
     rises = [float(np.nanmax(t) - np.nanmin(t)) for t in (log.temp_a_c, log.temp_b_c) if np.isfinite(t).any()]
     return NoResultError(
         "the offset between film and log is unknown: no motion fits the heating and cooling",
         where="angle and temperatures",
-        value=f"motion over {moved:.3g}°, temperatures over {max(rises, default=0.0):.3g} °C",
+        value=f"motion over {moved:.3g}° in {film_s:.4g} s, "
+        f"temperatures over {max(rises, default=0.0):.3g} °C in {log_s:.4g} s",
         limit="strokes of 3° and more, heatings of 12 °C and more, at an offset that explains them",
         do=ADVICE,
     )
 
 
 def _require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: MotionLikelihood | None) -> None:
-    """Refuse a film whose motion the log explains only with the film's times as minutes.
+    """Refuse a film or a log whose motion and heatings fit only with the times of one of them in another unit.
 
     ``likelihood`` is the result with times in seconds, None if there is none. A film whose times are too small by a
     factor of 60 shows strokes in both directions within one heating, which no offset explains. A film in seconds does
@@ -377,20 +395,24 @@ def _require_seconds(angles: StickAngles, log: TemperatureLog, likelihood: Motio
     """
     if likelihood is not None and likelihood.strokes - likelihood.matched <= 1:
         return
-    slower = replace(angles, time_s=60.0 * angles.time_s)
-    strokes, signals = find_strokes(slower), log_signals(log, max_gap_s=longest_gap_s(log.time_s))
-    if not strokes or not signals.segments:
-        return
-    span_s = (float(slower.time_s[0]), float(slower.time_s[-1]))
-    score = max((part.score for part in find_ranges(strokes, signals, film_span_s=span_s)), default=0.0)
     before = 0.0 if likelihood is None else likelihood.ranges[0].score
-    if score <= max(before + ALIKE, 1.0 - ALIKE):
-        return
     matched = 0 if likelihood is None else likelihood.matched
-    raise InputError(
-        "the film's times seem to be in minutes",
-        where="angles, column time_s",
-        value=f"{matched} of {len(strokes)} strokes with a heating or cooling; with times 60 times as large they fit",
-        limit="times in seconds",
-        do="give the film's times in seconds",
-    )
+    for name, unit, factor in (("film", "minutes", 60.0), ("log", "milliseconds", 1e-3), ("log", "minutes", 60.0)):
+        film = replace(angles, time_s=factor * angles.time_s) if name == "film" else angles
+        heated = replace(log, time_s=factor * log.time_s) if name == "log" else log
+        if np.ptp(heated.time_s) < SHORTEST_S:
+            continue
+        strokes, signals = find_strokes(film), log_signals(heated, max_gap_s=longest_gap_s(heated.time_s))
+        if not strokes or not signals.segments:
+            continue
+        ranges = find_ranges(strokes, signals, film_span_s=(float(film.time_s[0]), float(film.time_s[-1])))
+        if max((part.score for part in ranges), default=0.0) > max(before + ALIKE, 1.0 - ALIKE):
+            option = "" if name == "film" else f", or state the unit: --units time={'ms' if factor < 1.0 else 'min'}"
+            raise InputError(
+                f"the {name}'s times seem to be in {unit}",
+                where="angles, column time_s" if name == "film" else "temperature log, time",
+                value=f"{matched} of {len(strokes)} strokes with a heating or cooling; "
+                f"with times {factor:g} times as large they fit",
+                limit="times in seconds",
+                do=f"give the {name}'s times in seconds{option}",
+            )

@@ -74,9 +74,39 @@ def motion_likelihood(
 ) -> MotionLikelihood | None:
     """Return the likelihood of the clock from motion and temperature over all possible offsets.
 
-    ``prior`` (offset at film time 0 and drift) narrows the range; ``gaps`` are joints of the log with an uncertain gap,
-    which is a further unknown. None where nothing moves, nothing is heated, or no offset explains the motion.
+    ``prior`` (offset where the film begins, and drift) narrows the range; ``gaps`` are joints of the log with an
+    uncertain gap, which is a further unknown. None where nothing moves, nothing is heated, or no offset explains the
+    motion.
     """
+    # Seconds of the calendar have ten digits before the point, and their products too few behind it: both clocks count
+    # from their first whole second here, which is exact.
+    film_s, log_s = float(np.floor(angles.time_s[0])), float(np.floor(log.time_s[0]))
+    found = _from_start(
+        replace(angles, time_s=angles.time_s - film_s),
+        replace(log, time_s=log.time_s - log_s),
+        prior=None if prior is None else _later(prior, film_s - log_s),
+        gaps=[UnknownGap(gap.after_s - log_s, gap.begin_s - log_s, gap.sigma_s) for gap in gaps],
+    )
+    if found is None:
+        return None
+    later_s = log_s - film_s
+    return replace(
+        found,
+        mixture=tuple(_later(gaussian, later_s) for gaussian in found.mixture),
+        middle_s=found.middle_s + film_s,
+        ranges=tuple(replace(one, low_s=one.low_s + later_s, high_s=one.high_s + later_s) for one in found.ranges),
+    )
+
+
+def _later(gaussian: Gaussian, later_s: float) -> Gaussian:
+    """Return the Gaussian with a larger offset."""
+    return replace(gaussian, mean=np.concatenate([gaussian.mean[:1] + later_s, gaussian.mean[1:]]))
+
+
+def _from_start(
+    angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None, gaps: Sequence[UnknownGap]
+) -> MotionLikelihood | None:
+    """Return the likelihood of the clock; both clocks count from about the beginning of their records."""
     strokes = find_strokes(angles)
     signals = log_signals(log, max_gap_s=longest_gap_s(log.time_s))
     if not strokes or not signals.segments:
@@ -260,7 +290,7 @@ def _before(inputs: _Inputs, offset_range: OffsetRange, prior: Gaussian | None) 
 
 
 def _with_prior(gaussian: Gaussian, prior: Gaussian, middle_s: float) -> Gaussian:
-    """Return the Gaussian conditioned on a given offset, which holds at film time 0 and does not include a lag."""
+    """Return the Gaussian conditioned on an offset that was given where the film begins, without the sensor's lag."""
     design = np.zeros(len(gaussian.mean))
     design[:2] = 1.0, -middle_s
     return gaussian.updated(design, float(prior.mean[0]), float(prior.covariance[0, 0]))

@@ -293,6 +293,10 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
     other = table_kind(header)
     if other is not None and not chosen.names:
         return other_kind(InputError, other, TABLE_KINDS["log"], where=where)
+    if header and all(re.fullmatch(r"[-+]?\d+([.,]\d+)?", field) for field in header):
+        line = ",".join(CONTRACT[one] for one in NEEDED)
+        do = f"write a line like '{line}' above the numbers, in the order of the columns"
+        return InputError("has no header", where=where, value=shown, do=do)
     near = difflib.get_close_matches(name, list(header), n=1, cutoff=0.8)
     example = ",".join(f"{one}=NAME" for one in NEEDED)
     hint = f"rename '{near[0]}', or " if near else ""

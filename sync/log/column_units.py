@@ -61,7 +61,7 @@ _TEMPERATURE_WORD: Final = re.compile(r"temp", flags=re.IGNORECASE)
 
 def unit_of(text: str) -> Unit | None:
     """Return the unit that a text spells; None if it is no known unit."""
-    plain = text.strip().replace("℃", "C").replace("℉", "F")
+    plain = text.strip().strip("()[]").replace("℃", "C").replace("℉", "F")
     plain = _DEGREE.sub("", plain).strip().lower()
     return _UNITS.get(plain)
 

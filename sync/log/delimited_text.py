@@ -135,9 +135,16 @@ def _decode(path: Path) -> tuple[str, list[Repair]]:
         repairs.append(Repair("encoding", 1, "the file is UTF-16; read as such"))
         return raw.decode("utf-16", errors="replace"), repairs
     zeros = raw.count(b"\0")
+    if zeros > len(raw) // 4:
+        # Of the two bytes of a Western character in UTF-16 one is zero: the second one if little-endian.
+        order = "utf-16-le" if raw[1::2].count(b"\0") > raw[::2].count(b"\0") else "utf-16-be"
+        text = raw.decode(order, errors="replace")
+        if "\0" not in text:
+            repairs.append(Repair("encoding", 1, "the file is UTF-16 without a byte order mark; read as such"))
+            return text, repairs
     if zeros:
         # A logger that lost power leaves a tail of zero bytes.
-        repairs.append(Repair("zero_bytes", zeros, f"{zeros} zero bytes were taken out"))
+        repairs.append(Repair("zero_bytes", zeros, f"{counted(zeros, 'zero byte')} taken out"))
         raw = raw.replace(b"\0", b"")
     try:
         return raw.decode("utf-8-sig"), repairs
@@ -180,14 +187,15 @@ def _whole_rows(
             limit=f"{columns} fields separated by {delimiter!r}",
             do="decimal commas need ';' between the fields, or quotes",
         )
-    for kind, words in (
-        ("malformed_row", "rows with too many fields were dropped"),
-        ("short_row", "rows with too few fields were read as far as they go"),
-        ("blank_row", "blank rows were passed over"),
+    for kind, name, words in (
+        ("malformed_row", "row", " with too many fields dropped"),
+        ("short_row", "row", " with too few fields read as far as possible"),
+        ("blank_row", "blank row", " passed over"),
     ):
         rows = found[kind]
         if rows:
-            repairs.append(Repair(kind, len(rows), f"{len(rows)} {words}, the first on line {rows[0] + first_line}"))
+            text = f"{counted(len(rows), name)}{words}, the first on line {rows[0] + first_line}"
+            repairs.append(Repair(kind, len(rows), text))
     return body
 
 
@@ -230,7 +238,7 @@ def _decimal(
             do="export it with '.' as decimal sign",
         )
     count = sum(1 for _ in _COMMA_NUMBER.finditer(whole))
-    repairs.append(Repair("decimal_comma", count, f"{count} decimal commas were read as decimal points"))
+    repairs.append(Repair("decimal_comma", count, f"{counted(count, 'decimal comma')} read as '.'"))
     return ","
 
 

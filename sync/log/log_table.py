@@ -21,7 +21,7 @@ from sync.log.column_names import (
 )
 from sync.log.delimited_text import TextTable, read_text_table
 from sync.log.header import require_all
-from sync.log.wall_clock import Timestamps, read_timestamps
+from sync.log.wall_clock import Timestamps, read_timestamps, spreadsheet_dates
 from torsight.core.errors import InputError
 from torsight.core.files.kinds import TABLE_KINDS
 from torsight.core.files.storage import is_parquet, read_table, require_table, table_without_rows
@@ -105,6 +105,9 @@ def _timestamps(frame: pd.DataFrame, columns: Mapping[str, LogColumn], *, path: 
             value="a first column without a name that counts the rows",
             do="give the column of times a name; if these are seconds, say so: --units time=s",
         )
+    dates = spreadsheet_dates(timestamps.time_s) if column.unit is None else None
+    if dates is not None:
+        return dates
     factor = 1.0 if column.unit is None else column.unit.factor
     return replace(timestamps, time_s=timestamps.time_s * factor)
 

@@ -18,6 +18,7 @@ from torsight.core.series import APART, constant_runs, scatter, usual_step
 from torsight.core.series.outliers import outliers
 from torsight.core.units import Flags, Floats
 from torsight.core.words.plausible import SPRING_C
+from torsight.core.words.wording import counted
 
 RANGE_C: Final = (-80.0, SPRING_C[1])
 """Range of readings of a spring; readings outside are errors of the instrument."""
@@ -52,7 +53,7 @@ def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats,
     missing = int(np.count_nonzero(~np.isfinite(clean)))
     if missing:
         clean[~np.isfinite(clean)] = np.nan
-        repairs.append(Repair("not_a_number", missing, f"{name}: {missing} fields held no number"))
+        repairs.append(Repair("not_a_number", missing, f"{name}: {counted(missing, 'field')} without a number"))
     wild = np.isfinite(clean) & ~np.isfinite(in_range(clean))
     clean[wild] = np.nan
     spike = spikes(time_s, clean)
@@ -64,7 +65,7 @@ def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats,
             Repair(
                 "spike",
                 total,
-                f"{name}: {total} spikes were taken out, the first {temp_c[worst]:g} °C at {time_s[worst]:g} s",
+                f"{name}: {counted(total, 'spike')} taken out, the first {temp_c[worst]:g} °C at {time_s[worst]:g} s",
             )
         )
     stuck = _stuck(time_s, clean)

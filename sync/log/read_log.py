@@ -21,6 +21,7 @@ from torsight.core.records import TemperatureLog
 from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.plausible import require_timestamps, require_units
+from torsight.core.words.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,10 +96,15 @@ def read_temperature_log(
     time_s, restarts = join_blocks(timestamps.time_s, timestamps.block, readings)
     temperatures: dict[str, Floats] = {}
     for name in NEEDED_NAMES[1:]:
+        where = f"{path}, column {spelled[name]}"
+        read = np.isfinite(numbers[name])
+        if np.count_nonzero(np.isfinite(in_range(numbers[name]))) <= 0.5 * np.count_nonzero(read):
+            first = frame[name].dropna()
+            raise _no_temperature(numbers[name], text=None if first.empty else str(first.iloc[0]), where=where)
         temperatures[name], found = clean_channel(time_s, numbers[name], name=name)
         repairs += found
         if not np.isfinite(temperatures[name]).any():
-            raise _no_temperature(numbers[name], where=f"{path}, column {spelled[name]}")
+            raise _no_temperature(numbers[name], text=None, where=where)
     called = {spelled[name]: temp_c for name, temp_c in temperatures.items()}
     require_units(time_s, called, where=str(path), time_name=spelled["time_s"])
     switches = _read_switches(numbers, repairs)
@@ -135,9 +141,12 @@ def _require_order(ordered: OrderedTimestamps, rows: int, *, where: str) -> None
         )
 
 
-def _no_temperature(values: Floats, *, where: str) -> InputError:
+def _no_temperature(values: Floats, *, text: str | None, where: str) -> InputError:
+    """Return the error for a column with these readings (n,); ``text`` is its first field."""
     known = values[np.isfinite(values)]
     middle = f"{np.sort(known)[len(known) // 2]:.4g} in the middle" if len(known) else "no number"
+    if not len(known) and text is not None:
+        middle = f"no number but {text!r}"
     return InputError(
         "holds no temperature of a spring",
         where=where,
@@ -173,9 +182,7 @@ def _distinct(
     group, first = np.cumsum(~same) - 1, np.flatnonzero(~same)
     if count > _COARSE_SHARE * len(same):
         repairs.append(
-            Repair(
-                "coarse_stamp", count, f"{count} timestamps repeat (coarse clock); rows were spread evenly between them"
-            )
+            Repair("coarse_stamp", count, f"{count} timestamps repeat (coarse clock); rows spread evenly between them")
         )
         return _spread(ordered, group, first), numbers, texts
     line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
@@ -183,7 +190,7 @@ def _distinct(
         Repair(
             "repeated_stamp",
             count,
-            f"{count} rows repeat a timestamp, the first on line {line}; each set was replaced by its mean",
+            f"{counted(count, 'row')} with the timestamp of another, the first on line {line}; replaced by their mean",
         )
     )
     averaged = {name: np.asarray(_known(values).groupby(group).mean(), np.float64) for name, values in numbers.items()}
@@ -205,15 +212,25 @@ def _words(column: pd.Series[Any]) -> Floats:
 
 
 def _spread(ordered: OrderedTimestamps, group: Ints, first: Ints) -> OrderedTimestamps:
-    """Return timestamps spread evenly up to the next one; ``group`` (n,) numbers the sets, which begin at ``first``."""
+    """Return timestamps spread evenly up to the next one; ``group`` (n,) numbers the sets, which begin at ``first``.
+
+    A log begins and ends anywhere between two timestamps: the rows of its first and last set are as far apart as those
+    of the others, and the first ones end at the next timestamp.
+    """
     size = np.bincount(group)
     timestamp = ordered.time_s[first]
     usual = usual_step(timestamp)
     width = np.append(np.diff(timestamp), usual)
     # Before a gap or a restart the rows of one timestamp do not extend to the next timestamp.
     width = np.where((width > 0) & (width < 3 * usual), width, usual)
+    step = width / size
+    begin = timestamp.copy()
+    if len(size) > 2:
+        inner = float(np.median(step[1:-1]))
+        step[[0, -1]] = np.minimum(step[[0, -1]], inner)
+        begin[0] += width[0] - step[0] * size[0]
     rank = np.arange(len(group)) - first[group]
-    time_s = ordered.time_s + width[group] * rank / size[group]
+    time_s = begin[group] + step[group] * rank
     return OrderedTimestamps(ordered.row, time_s, ordered.block, ordered.repairs)
 
 
@@ -249,13 +266,16 @@ def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict
         unread = int(np.count_nonzero(~np.isfinite(numbers[name])))
         none = unread == len(numbers[name])
         if unread:
-            some = f"{unread} fields are not 0, 1, on or off; taken as the one before"
+            some = f"{counted(unread, 'field')} without 0, 1, on or off; taken as the one before"
             text = f"{name}: {'no field is 0, 1, on or off; left out' if none else some}"
             repairs.append(Repair("no_switch", unread, text))
         if none:
             continue
         # An empty field continues the last known state.
         switches[name] = _known(numbers[name]).ffill().to_numpy() > 0.5
+        if not unread and switches[name].all():
+            text = f"{name} is 1 in every row: a switch that never changes says nothing about the time"
+            repairs.append(Repair("idle_switch", len(switches[name]), text))
     return switches
 
 
@@ -269,7 +289,7 @@ def _gaps(time_s: Floats) -> list[Repair]:
         Repair(
             "gap",
             int(np.count_nonzero(long)),
-            f"{np.count_nonzero(long)} gaps without rows, the longest {step.max():.4g} s, "
+            f"{counted(int(np.count_nonzero(long)), 'gap')} without rows, the longest {step.max():.4g} s, "
             f"the first at {time_s[first]:g} s",
         )
     ]

@@ -21,6 +21,7 @@ import numpy as np
 from sync.log.repairs import Repair
 from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats, Ints
+from torsight.core.words.wording import counted
 
 BRIDGED_S: Final = 2.0
 """Longest gap that is interpolated: a straight line over 2 s misses a cooling by A (2 s / τ)² / 8, 0.03 °C for 60 °C
@@ -56,7 +57,7 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
     if lost:
         line = int(np.flatnonzero(~np.isfinite(timestamp_s))[0]) + first_line
         repairs.append(
-            Repair("no_stamp", lost, f"{lost} rows without a timestamp were dropped, the first on line {line}")
+            Repair("no_stamp", lost, f"{counted(lost, 'row')} without a timestamp dropped, the first on line {line}")
         )
     if not len(row):
         return OrderedTimestamps(row, np.empty(0), row, tuple(repairs))
@@ -65,18 +66,19 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
     if block[-1]:
         lines = [str(int(row[i]) + first_line) for i in np.flatnonzero(np.diff(block)) + 1]
         at = ", ".join(lines[:5]) + (", ..." if len(lines) > 5 else "")
-        repairs.append(Repair("restart", int(block[-1]), f"the clock restarted {block[-1]} times, at line {at}"))
+        times = counted(int(block[-1]), "time")
+        repairs.append(Repair("restart", int(block[-1]), f"the clock restarted {times}, at line {at}"))
     counts = {"reordered": [0, 0], "wrong_stamp": [0, 0], "dropped_stamp": [0, 0]}
     inside = [block == index for index in range(int(block[-1]) + 1)]
     parts = [_ordered_block(row[one], time_s[one], counts, first_line) for one in inside]
-    for kind, text in (
-        ("reordered", "rows out of order were sorted in"),
-        ("wrong_stamp", "timestamps that fitted nowhere were interpolated from the rows around"),
-        ("dropped_stamp", "rows whose timestamp fitted nowhere were dropped"),
+    for kind, name, text in (
+        ("reordered", "row", "out of order sorted in"),
+        ("wrong_stamp", "timestamp", "that fitted nowhere interpolated from the rows around"),
+        ("dropped_stamp", "row", "whose timestamp fitted nowhere dropped"),
     ):
         count, line = counts[kind]
         if count:
-            repairs.append(Repair(kind, count, f"{count} {text}, the first on line {line}"))
+            repairs.append(Repair(kind, count, f"{counted(count, name)} {text}, the first on line {line}"))
     kept_row, kept_s = (np.concatenate(one) for one in zip(*parts, strict=True))
     number = np.repeat(np.arange(len(parts)), [len(one) for one, _ in parts])
     return OrderedTimestamps(kept_row, kept_s, number, tuple(repairs))

@@ -74,7 +74,7 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
         heat_a=None if log.heat_a is None else log.heat_a[row] & covered,
         heat_b=None if log.heat_b is None else log.heat_b[row] & covered,
         extra={name: values for name, values in extra.items() if name not in _OWN_NAMES},
-        clock_sigma_s=clock_sigma_s(clock.method, clock.offset_ci95_s),
+        clock_sigma_s=clock_sigma_s(clock.method, clock.within_s),
     )
 
 
@@ -134,7 +134,11 @@ def sync_content(clock: ClockMap, reading: LogReading, table: SyncedTable, *, ma
     """Return the content of ``sync.json``."""
     known = np.isfinite(table.temp_a_c) & np.isfinite(table.temp_b_c)
     return {
-        "offset_s": {"value": clock.offset_s, "ci95": list(clock.offset_ci95_s)},
+        "offset_s": {
+            "value": clock.offset_s,
+            "ci95": list(clock.offset_ci95_s),
+            "ci95_at_first_frame": list(clock.within_s),
+        },
         "drift_ppm": {"value": clock.drift_ppm, "ci95": list(clock.drift_ci95_ppm)},
         "method": clock.method,
         "notes": [*reading.notes, *clock.notes],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from actuator_programmes import programme
 
+from torsight.actuator.drive import Drive
 from torsight.actuator.effects import load_effects
 from torsight.actuator.laws import FAMILIES
 from torsight.actuator.model import ActuatorModel
@@ -28,8 +29,9 @@ EARLY = ("clock", "temperature")
 SETS = [(), *((name,) for name in sorted(load_effects())), *TOGETHER]
 
 
-def warmed_log() -> TemperatureLog:
-    """Return a log in which the spring that is not driven gets half as warm."""
+@pytest.fixture(scope="module")
+def drive() -> Drive:
+    """Return the drive of a log in which the spring that is not driven gets half as warm; no effect changes it."""
     # Cooled to 2 °C above the room, well below M_f: longer rests hold nothing but samples that are passed over.
     log, _ = programme(HALVES, cool_s=160.0)
     warm_a, warm_b = log.temp_a_c - 23.0, log.temp_b_c - 23.0
@@ -38,20 +40,21 @@ def warmed_log() -> TemperatureLog:
         23.0 + own + 0.5 * other + rng.normal(0.0, 0.02, len(own))
         for own, other in ((warm_a, warm_b), (warm_b, warm_a))
     )
-    return TemperatureLog(log.time_s, a, b, heat_a=log.heat_a, heat_b=log.heat_b)
+    warmed = TemperatureLog(log.time_s, a, b, heat_a=log.heat_a, heat_b=log.heat_b)
+    return ActuatorModel(reference_spec()).prepare_log(warmed, start_angle_rad=170.0 * DEG)
 
 
 @pytest.mark.parametrize("effects", SETS, ids="+".join)
-def test_short_ways_and_long_one_lead_to_the_same(effects, monkeypatch):
-    same_by_both_ways(ActuatorModel(reference_spec(), effects), monkeypatch)
+def test_short_ways_and_long_one_lead_to_the_same(drive, effects, monkeypatch):
+    same_by_both_ways(drive, ActuatorModel(reference_spec(), effects), monkeypatch)
 
 
 @pytest.mark.parametrize("name", sorted(FAMILIES))
-def test_short_ways_and_long_one_lead_to_the_same_under_a_law(name, monkeypatch):
+def test_short_ways_and_long_one_lead_to_the_same_under_a_law(drive, name, monkeypatch):
     """A wave over the driver, as large as the law's usual size."""
     form = wave_of(name)
     model = ActuatorModel(reference_spec(), laws=(form,))
-    same_by_both_ways(model, monkeypatch, {form.names[0]: 1.0})
+    same_by_both_ways(drive, model, monkeypatch, {form.names[0]: 1.0})
 
 
 def wave_of(name):
@@ -62,18 +65,17 @@ def wave_of(name):
 
 
 @pytest.mark.parametrize("name", [effect.id for effect in load_effects().values() if effect.acts_on in EARLY])
-def test_a_model_that_has_run_with_other_values_gives_what_a_new_one_gives(name):
-    used_before(*(ActuatorModel(reference_spec(), (name, "position_friction")) for _ in range(2)))
+def test_a_model_that_has_run_with_other_values_gives_what_a_new_one_gives(drive, name):
+    used_before(drive, *(ActuatorModel(reference_spec(), (name, "position_friction")) for _ in range(2)))
 
 
 @pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if family.stage in EARLY])
-def test_a_law_that_has_run_with_other_values_gives_what_a_new_one_gives(name):
-    used_before(*(ActuatorModel(reference_spec(), laws=(wave_of(name),)) for _ in range(2)))
+def test_a_law_that_has_run_with_other_values_gives_what_a_new_one_gives(drive, name):
+    used_before(drive, *(ActuatorModel(reference_spec(), laws=(wave_of(name),)) for _ in range(2)))
 
 
-def used_before(used, new):
+def used_before(drive, used, new):
     """Move values of the rig and all that act: what acts on temperatures is kept while others change."""
-    drive = used.prepare_log(warmed_log(), start_angle_rad=170.0 * DEG)
     values = started(used) | {form.names[0]: 1.0 for form in used.laws}
     used.angle_rad(drive, values)
     own = [name for effect in used.chosen for name in (p.name for p in effect.parameters)]
@@ -88,8 +90,7 @@ def started(model):
     return {k: v for effect in model.chosen for start in effect.starts[:1] for k, v in start.items()}
 
 
-def same_by_both_ways(model, monkeypatch, more=None):
-    drive = model.prepare_log(warmed_log(), start_angle_rad=170.0 * DEG)
+def same_by_both_ways(drive, model, monkeypatch, more=None):
     values = started(model) | (more or {})
     short = model.simulate(drive, values)
     slid, glide = [], kernel.glide

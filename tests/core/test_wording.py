@@ -1,6 +1,6 @@
 """An answer in one sentence."""
 
-from torsight.core.words.wording import named, not_explained, predicts_worse
+from torsight.core.words.wording import clock_words, named, not_explained, predicts_worse
 
 
 def law(identifier, effect=None):
@@ -52,3 +52,8 @@ def test_an_extended_model_that_predicts_worse_than_the_plain_one_is_no_gain():
     assert not predicts_worse(answer(0.1011, 0.1012, **law_of_time))  # both 0.10°
     assert not predicts_worse(answer(None, None, **law_of_time))
     assert not predicts_worse(answer(3.112, 3.7997))  # the plain model is the answer
+
+
+def test_an_offset_in_seconds_of_the_calendar_keeps_its_last_digits():
+    sync = {"offset_s": {"value": 1715678500.4934, "ci95": [1715678500.3547, 1715678500.6821]}}
+    assert clock_words(sync, unknown="-")[0] == ("offset", "1715678500.49 s (95 %: 1715678500.35 to 1715678500.68)")

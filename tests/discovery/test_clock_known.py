@@ -83,6 +83,8 @@ def merged(folder: Path) -> Path:
     [
         (None, None),
         ({"method": "motion against temperature: 4 of 4 strokes", "offset_s": {"ci95": [5.0400360, 8.9599640]}}, 1.0),
+        # A film whose clock counts from 1970.
+        ({"method": "motion", "offset_s": {"ci95": [-1e5, 1e5], "ci95_at_first_frame": [5.040036, 8.959964]}}, 1.0),
         ({"method": "given offset", "offset_s": {"ci95": [7.0, 7.0]}}, None),
         ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [6.8040036, 7.1959964]}}, 0.1),
         ({"method": "shared event: 6 of 6 changes", "offset_s": {"ci95": [7.0, 7.001]}}, 0.05),

@@ -77,8 +77,9 @@ class Drive:
         Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
     clock_sigma_s : float or None
         Standard deviation of the record's clock offset; None for a log alone.
-    wrong_frames, wrong_readings : int
-        Numbers of measured angles and of temperature readings that are left out as wrong.
+    wrong_angles, wrong_readings : int
+        Numbers of measured angles and of temperature readings that are left out as wrong. Where rows hold several
+        frames, an angle is that of a frame, or the mean of a row's.
     left_out_s : float or None
         Seconds cut off at the start of a record that begins within a transformation; None: the record does not.
     part_of : (Drive, (n,) float64) or None
@@ -105,7 +106,7 @@ class Drive:
     turning: tuple[Ints, Ints]
     turns: int = 0
     clock_sigma_s: float | None = None
-    wrong_frames: int = 0
+    wrong_angles: int = 0
     wrong_readings: int = 0
     left_out_s: float | None = None
     part_of: tuple[Drive, Floats] | None = None
@@ -204,7 +205,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
         turns=turns,
         cycles=cycles,
         clock_sigma_s=table.clock_sigma_s,
-        wrong_frames=int(count),
+        wrong_angles=int(count),
     )
 
 

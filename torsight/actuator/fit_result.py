@@ -259,9 +259,9 @@ def notes_of_drive(drive: Drive) -> list[str]:
 
 def _left_out(drive: Drive) -> list[str]:
     """Return the notes on measured angles and temperatures that are left out, if there are any."""
-    angles, readings = counted(drive.wrong_frames, "measured angle"), counted(drive.wrong_readings, "temperature")
+    angles, readings = counted(drive.wrong_angles, "measured angle"), counted(drive.wrong_readings, "temperature")
     notes = {
-        f"{angles}, further off the motion of the neighbouring frames than noise explains": drive.wrong_frames,
+        f"{angles}, further off the motion of the neighbouring frames than noise explains": drive.wrong_angles,
         f"{readings}, which jump and jump back as no wire does": drive.wrong_readings,
     }
     return [f"Left out as wrong: {note}" for note, count in notes.items() if count]

@@ -8,7 +8,7 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, cast
 
 import typer
 
@@ -91,8 +91,13 @@ def command_line(names: tuple[str, ...] = COMMANDS) -> typer.Typer:
 @cache
 def _parser(names: tuple[str, ...]) -> Callable[..., object]:
     """Return the commands in the form their parser needs, made once per process."""
-    parser: Callable[..., object] = typer.main.get_command(command_line(names))
-    return parser
+    parser: Any = typer.main.get_command(command_line(names))
+    for command in parser.commands.values():
+        for item in command.params:
+            if item.nargs == -1:
+                # typer would name Python's type, list[Path].
+                item.display_type = lambda _, item=item: "<path>" if "Path" in item.bare_type() else "<str>"
+    return cast("Callable[..., object]", parser)
 
 
 def _named(words: Sequence[str]) -> tuple[str, ...]:

@@ -47,7 +47,8 @@ def sync(
     temperature: Annotated[Path, typer.Option(metavar="TEMPS.csv", help="Temperature log on its own clock.")],
     out: Annotated[Path, typer.Option(help="Folder for merged.csv and sync.json.")],
     offset: Annotated[
-        float | None, typer.Option(metavar="S", help="Known offset: temperature time minus film time at film time 0.")
+        float | None,
+        typer.Option(metavar="S", help="Known offset: temperature time minus film time as the film begins."),
     ] = None,
     drift_ppm: Annotated[float | None, typer.Option(metavar="PPM", help="Known drift of the log's clock.")] = None,
     max_gap: Annotated[float | None, typer.Option(metavar="S", help="Longest gap in the log that is bridged.")] = None,
@@ -221,6 +222,9 @@ def summary_lines(content: Mapping[str, Any]) -> list[str]:
     offset_text = f"offset {offset['value']:z.3f} s (95 %: {offset['ci95'][0]:z.3f} to {offset['ci95'][1]:z.3f})"
     drift_text = f"drift {drift['value']:z.0f} ppm (95 %: {drift['ci95'][0]:z.0f} to {drift['ci95'][1]:z.0f})"
     lines = [f"{offset_text}, {drift_text}", f"from {content['method']}"]
+    low, high = offset["ci95_at_first_frame"]
+    if f"{high - low:.3f}" != f"{offset['ci95'][1] - offset['ci95'][0]:.3f}":
+        lines.append(f"at the film's first frame, far from film time 0, the offset is {low:.3f} to {high:.3f} s (95 %)")
     lines += [f"note: {note}" for note in content["notes"]]
     lines += [f"log: {repair['text']}" for repair in content["log"]["repairs"]]
     empty = content["rows_without_temperature"]

@@ -101,7 +101,10 @@ class ClockMap(Shown):
     offset_s, drift_ppm : float
         The map.
     offset_ci95_s, drift_ci95_ppm : (float, float)
-        95 % intervals; infinite where nothing is known.
+        95 % intervals; infinite where nothing is known. The offset is that at film time 0.
+    film_offset_ci95_s : (float, float) or None
+        95 % interval of temperature time minus film time at the film's first frame: narrower where the film's clock
+        begins far from 0, because the drift is uncertain from there to 0. None: as ``offset_ci95_s``.
     method : str
         The evidence for the map.
     notes : tuple of str
@@ -114,6 +117,12 @@ class ClockMap(Shown):
     drift_ci95_ppm: tuple[float, float]
     method: str
     notes: tuple[str, ...] = ()
+    film_offset_ci95_s: tuple[float, float] | None = None
+
+    @property
+    def within_s(self) -> tuple[float, float]:
+        """95 % interval of the offset where the film begins."""
+        return self.offset_ci95_s if self.film_offset_ci95_s is None else self.film_offset_ci95_s
 
     def to_temperature_time(self, film_time_s: Floats) -> Floats:
         """Return the temperature log's time for times on the film's clock, s."""

@@ -19,7 +19,9 @@ from tracker.angle.camera_motion import Unmoved, flattened, unmoved
 from tracker.angle.length_noise import in_motion
 from tracker.angle.plane import Orientation, from_plane, scaled, stick_witness, variance_by
 from tracker.angle.row_time import Readout
-from tracker.angle.tilt import KNOWN, Tilt, fit_tilt, rectify
+from tracker.angle.tilt.estimate import fit_tilt
+from tracker.angle.tilt.models import KNOWN, Tilt
+from tracker.angle.tilt.plane_map import rectify
 from tracker.stick_direction import Points
 
 
@@ -146,7 +148,7 @@ def _from_above(flat: list[Points], values: Floats, readout: Readout) -> tuple[l
 class Rolling:
     """Variance (n,) of the angle by the uncertainty of the read-out, and the read-out's entry of ``track.json``.
 
-    For ``across`` see :class:`tracker.angle.tilt.Tilt`.
+    For ``across`` see :class:`tracker.angle.tilt.models.Tilt`.
     """
 
     variance: Floats

@@ -16,6 +16,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.tables import read_angles
 from torsight.core.records import TemperatureLog
 
+SINCE_1970_S = 1_715_678_493.0
 FAST = Rig(cooling_s=8.0, temp_noise_c=0.05, angle_noise_deg=0.1)
 
 
@@ -120,6 +121,32 @@ def test_shifting_the_log_shifts_the_offset_alone():
     # The grid that the log is smoothed on moves with it: only rounding differs.
     assert there.offset_s - here.offset_s == pytest.approx(1000.0, abs=1e-3)
     assert there.drift_ppm == pytest.approx(here.drift_ppm, abs=1.0)
+
+
+@pytest.mark.parametrize("film_began_s", [0.0, SINCE_1970_S])
+def test_seconds_of_the_calendar_are_as_good_as_seconds_since_the_start(film_began_s):
+    angles, log = records(make_pair(5, rig=FAST, cycles=fast_programme(5), film_fps=15.0, log_step_s=0.25))
+    clock = estimate_clock(angles, log)
+    later = estimate_clock(
+        replace(angles, time_s=angles.time_s + film_began_s), replace(log, time_s=log.time_s + SINCE_1970_S)
+    )
+    moved_s = SINCE_1970_S - film_began_s
+    # The calendar's seconds are floats in steps of 0.2 µs.
+    assert later.drift_ppm == pytest.approx(clock.drift_ppm, abs=1.0)
+    assert later.within_s == pytest.approx([end + moved_s for end in clock.offset_ci95_s], abs=1e-3)
+    # Film time 0 may be fifty years before the film: there the drift leaves days open.
+    assert (np.ptp(later.offset_ci95_s) > 1e5) == (film_began_s > 0.0)
+    begin_s, end_s = later.to_temperature_time(film_began_s + np.array([0.0, 300.0]))
+    ends = clock.to_temperature_time(np.array([0.0, 300.0])) + SINCE_1970_S
+    assert [begin_s, end_s] == pytest.approx(ends.tolist(), abs=1e-2)
+    given = estimate_clock(
+        replace(angles, time_s=angles.time_s + film_began_s),
+        replace(log, time_s=log.time_s + SINCE_1970_S),
+        given_offset_s=moved_s,
+    )
+    # The made-up clocks agree as the film begins.
+    assert given.to_temperature_time(np.array([film_began_s])) == pytest.approx(SINCE_1970_S, abs=1e-3)
+    assert covers(given.drift_ci95_ppm, 0.0, widen=2.3)
 
 
 def test_given_values_are_taken():
@@ -299,9 +326,12 @@ def test_a_light_that_fits_nothing():
 
 @pytest.mark.parametrize(("away_s", "drift_ppm"), [(0.0, None), (45.0, None), (45.0, -RESONATOR_PPM)])
 def test_restart_during_a_rest_is_settled_by_the_motion(away_s, drift_ppm):
-    pair = make_pair(2, offset_s=77.0, drift_ppm=drift_ppm or 0.0)
+    cycles = fast_programme(2, rest_s=120.0)
+    pair = make_pair(
+        2, rig=FAST, cycles=cycles, film_fps=15.0, log_step_s=0.25, offset_s=77.0, drift_ppm=drift_ppm or 0.0
+    )
     angles, log = records(pair)
-    at_s = pair.switch_true_s[4, 0] - 80.0
+    at_s = pair.switch_true_s[4, 0] - 60.0
     film = log.time_s - 77.0
     keep = (film < at_s) | (film > at_s + away_s)
     index = int(np.count_nonzero(film < at_s))

@@ -1,5 +1,7 @@
 """Logs as instruments write them: header after a preamble, columns by name, units and stamps of every kind."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -226,3 +228,116 @@ def test_what_a_header_says_wrongly_is_told_by_the_files_own_names(tmp_path, hea
 def test_wrong_words_on_columns(tmp_path, said, message):
     with pytest.raises(ConfigError, match=message):
         read(tmp_path, made_up("Time,Temp A,Temp B"), **said)
+
+
+def stamped(form, *, began=logs.BEGAN, step_s=10.0, rows=40, head="time,temp_a_c,temp_b_c"):
+    """Return a log whose timestamps are written in a form; its rows are ``step_s`` apart."""
+    times = [began + timedelta(seconds=step_s * i) for i in range(rows)]
+    return "\n".join([head, *(f"{form(at)},{24 + 0.5 * i:g},24.5" for i, at in enumerate(times)), ""])
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "%Y-%m-%d %H:%M:%S UTC",
+        "%Y-%m-%dT%H:%M:%S GMT",
+        "%H:%M:%SZ",
+        "%m/%d/%Y %H:%M:%S CEST",
+        "%Y-%m-%d %H:%M:%S (UTC+2)",
+        "%d.%m.%Y %H:%M:%S Europe/Berlin",
+        "%m/%d/%Y %I:%M:%S %p",
+        "%d-%b-%Y %I:%M:%S %p",
+        "%a %b %d %H:%M:%S %Y",
+        "%a %d %b %Y %H:%M:%S GMT",
+        "%y-%m-%d %H:%M:%S",
+    ],
+)
+def test_stamps_past_midnight_in_many_forms(tmp_path, form):
+    # Ten o'clock to midnight and on to the next day: AM, PM and the date change.
+    began = datetime(2024, 5, 14, 23, 57)  # noqa: DTZ001
+    log = read(tmp_path, stamped(lambda at: at.strftime(form), began=began)).log
+    np.testing.assert_allclose(log.time_s - log.time_s[0], 10.0 * np.arange(40))
+
+
+def test_minutes_and_seconds_are_read_where_nothing_else_is_possible(tmp_path):
+    began = datetime(2024, 5, 14, 9, 57)  # noqa: DTZ001
+    log = read(tmp_path, stamped(lambda at: f"{at:%M:%S}.0", began=began)).log
+    np.testing.assert_allclose(np.diff(log.time_s), 10.0)
+    with pytest.raises(InputError, match=r"line 2: may be hours and minutes or minutes and seconds; found '00:00'"):
+        read(tmp_path, stamped(lambda at: f"{at:%M:%S}", began=datetime(2024, 5, 14)))  # noqa: DTZ001
+    with pytest.raises(InputError, match=r"more than one time zone.*CEST, CET"):
+        read(tmp_path, stamped(lambda at: f"{at:%H:%M:%S} {'CEST' if at.minute < 24 else 'CET'}"))
+
+
+def test_stamps_in_whole_minutes_are_spread_though_the_log_begins_within_one(tmp_path):
+    began = datetime(2024, 5, 14, 9, 21, 40)  # noqa: DTZ001
+    log = read(tmp_path, stamped(lambda at: f"{at:%d.%m.%Y %H:%M}", began=began)).log
+    # Ten seconds apart, six in a minute; the first minute holds its last twenty seconds.
+    np.testing.assert_allclose(log.time_s, 40.0 + 10.0 * np.arange(40))
+
+
+@pytest.mark.parametrize("head", ["time,temp_a_c,temp_b_c", "Date/Time,Temp A (C),Temp B (C)"])
+def test_dates_as_spreadsheets_number_them(tmp_path, head):
+    origin = datetime(1899, 12, 30)  # noqa: DTZ001
+    content = stamped(lambda at: f"{(at - origin) / timedelta(days=1):.10f}", head=head)
+    reading = read(tmp_path, content)
+    # A tenth decimal of a day is 9 µs.
+    np.testing.assert_allclose(reading.log.time_s, 10.0 * np.arange(40), atol=1e-5)
+    assert reading.zero == "2024-05-14T10:21:33.250"
+    assert any("spreadsheet" in note for note in reading.notes)
+
+
+def test_durations_with_units(tmp_path):
+    began = logs.BEGAN
+    for form in ("0 days 00:{at:%M:%S}.25", "PT{s:.3f}S", "{s:.3f} s"):
+        content = stamped(lambda at, form=form: form.format(at=at, s=(at - began).total_seconds()))
+        np.testing.assert_allclose(np.diff(read(tmp_path, content).log.time_s), 10.0)
+
+
+def test_dates_whose_order_is_open_are_noted(tmp_path):
+    began = datetime(2024, 5, 6, 10)  # noqa: DTZ001
+    notes = read(tmp_path, stamped(lambda at: f"{at:%d/%m/%Y %H:%M:%S}", began=began)).notes
+    assert any("read as day, month, year; month, day, year" in note for note in notes)
+    past = stamped(lambda at: f"{at:%m/%d/%Y %H:%M:%S}", began=datetime(2024, 5, 6, 23, 58))  # noqa: DTZ001
+    assert any("read as month, day, year; day, month, year" in note for note in read(tmp_path, past).notes)
+
+
+def test_units_in_brackets_below_the_header(tmp_path):
+    rows = "".join(f"{500 * i},{297.15 + i},297.15\n" for i in range(30))
+    log = read(tmp_path, f"time,temp_a,temp_b\n[ms],[K],(K)\n{rows}").log
+    assert log.time_s[:3].tolist() == [0.0, 0.5, 1.0]
+    assert log.temp_a_c[:2] == pytest.approx([24.0, 25.0])
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf_16_without_its_mark(tmp_path, encoding):
+    reading = read(tmp_path, made_up("Time (s),Temp A (°C),Temp B (°C)").encode(encoding))
+    assert reading.log.temp_a_c[1] == 24.5
+    assert [repair.text for repair in reading.repairs] == ["the file is UTF-16 without a byte order mark; read as such"]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (
+            lambda i: [f"{0.5 * i:g}", f"{240 + 5 * i}", "245"],
+            r"holds no temperature.*found 315 in the middle",
+        ),
+        (lambda i: [f"{0.5 * i:g}", f"{24 + i} °C", "24.5"], r"temp_a_c: holds no temperature.*no number but '24 °C'"),
+    ],
+)
+def test_readings_that_are_no_degrees_are_refused_with_what_was_found(tmp_path, line, said):
+    with pytest.raises(InputError, match=said):
+        read(tmp_path, made_up("time_s,temp_a_c,temp_b_c", line=line))
+
+
+def test_numbers_without_a_header_are_told(tmp_path):
+    with pytest.raises(InputError, match=r"has no header; found 0, 24, 24.5; write a line like 'time_s,temp_a_c"):
+        read(tmp_path, made_up("0,24,24.5"))
+
+
+def test_a_switch_that_is_on_throughout_is_told(tmp_path):
+    content = made_up("time_s,temp_a_c,temp_b_c,heat_a", line=lambda i: [f"{i}", f"{24 + i}", "24.5", "1"])
+    assert [one.text for one in read(tmp_path, content).repairs] == [
+        "heat_a is 1 in every row: a switch that never changes says nothing about the time"
+    ]

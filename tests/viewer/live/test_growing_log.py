@@ -81,6 +81,13 @@ def test_a_log_with_semicolons_decimal_commas_and_dates(tmp_path: Path) -> None:
     np.testing.assert_allclose(values_of(rows)[:, :3], [[0.0, 20.25, 30.5], [0.25, 20.5, 30.6]])
 
 
+def test_a_log_with_the_name_of_its_time_zone(tmp_path: Path) -> None:
+    path = tmp_path / "temps.csv"
+    path.write_text("time_s,temp_a_c,temp_b_c\n05/31/2024 11:59:59 PM CEST,20,30\n06/01/2024 12:00:00 AM CEST,21,30\n")
+    rows = LogFollower(path, pytest.fail).poll()
+    np.testing.assert_allclose(values_of(rows)[:, :2], [[0.0, 20.0], [1.0, 21.0]])
+
+
 def test_a_parquet_log_is_taken_whole_when_it_is_there(tmp_path: Path) -> None:
     path = tmp_path / "temps.parquet"
     follower = LogFollower(path, pytest.fail)

@@ -87,9 +87,13 @@ def stop_angle(rig: Rig, theta_2_rad: float) -> float:
     )
 
 
+def _require_rig(rig: object) -> None:
+    require_kind(rig, Rig, where="closed forms, rig", do="Rig.from_values(read_actuator(path).values) is one")
+
+
 def half_cycle(rig: Rig, theta_1_rad: float) -> ClosedForm:
     """Return the closed forms for a complete heating and cooling that starts from home at ``theta_1_rad``."""
-    require_kind(rig, Rig, where="closed forms, rig", do="Rig.from_values(read_actuator(path).values) is one")
+    _require_rig(rig)
     torque_1 = home_torque(rig, theta_1_rad)
     torque_12 = rig.loading_torque(rig.theta_p_rad - theta_1_rad) + rig.tau_c_nm
     theta_l = rig.recoverable_angle(wound_angle(rig, theta_1_rad, torque_1))
@@ -115,7 +119,7 @@ def stable_cycle(rig: Rig, *, max_cycles: int = 400) -> ClosedForm:
 
     The chain of half-cycles contracts, so iterating it from mid-stroke finds the fixed point.
     """
-    require_kind(rig, Rig, where="closed forms, rig", do="Rig.from_values(read_actuator(path).values) is one")
+    _require_rig(rig)
     theta_1 = 0.75 * rig.theta_p_rad
     found = half_cycle(rig, theta_1)
     for _ in range(max_cycles):

@@ -76,7 +76,7 @@ def predict_clock(
         ], {}
     except TorsightError as error:
         return [refusal("clock", error)], {}
-    half_s, half_ppm = (float(np.ptp(ends)) / 2.0 for ends in (clock.offset_ci95_s, clock.drift_ci95_ppm))
+    half_s, half_ppm = (float(np.ptp(ends)) / 2.0 for ends in (clock.within_s, clock.drift_ci95_ppm))
     figures = {"offset_ci95_s": half_s, "drift_ci95_ppm": half_ppm, "method": clock.method}
     return [_said(clock, half_s, half_ppm)], figures
 

@@ -18,7 +18,7 @@ from torsight.core.units import DEG
 from torsight.core.words.wording import counted
 from tracker.angle.orient import orient
 from tracker.angle.plane import Orientation
-from tracker.angle.tilt import KNOWN
+from tracker.angle.tilt.models import KNOWN
 from tracker.detect.marker_file import MarkerHints
 from tracker.frames.sample import Clip
 from tracker.initialise import Start

@@ -188,8 +188,9 @@ def _clock_sigma_s(path: Path) -> float | None:
         return None
     content = read_json(path)
     try:
-        low, high = (float(end) for end in content["offset_s"]["ci95"])
-    except (KeyError, TypeError, ValueError) as error:
+        offset = content["offset_s"]
+        low, high = (float(end) for end in offset.get("ci95_at_first_frame", offset["ci95"]))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             "'offset_s' has no interval", where=str(path), do="write it again with 'torsight sync', or remove it"
         ) from error

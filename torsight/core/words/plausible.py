@@ -24,7 +24,7 @@ MOST_TURNED_DEG: Final = 1e6
 """Largest angle, 2,800 turns: springs are wound by one and a half."""
 _SLOWEST_HALF_S: Final = 7200.0
 """Longest time for half of a heating, which takes minutes; a record in milliseconds seems a thousand times longer."""
-_SHORTEST_S: Final = 2.0
+SHORTEST_S: Final = 2.0
 """Shortest record: a heating takes minutes; a record in minutes or hours seems 60 or 3,600 times shorter."""
 SPRING_C: Final = (-273.15, 250.0)
 """Range of a spring's temperature: absolute zero to the limit of readings of a working instrument (sync.log.outliers);
@@ -37,7 +37,7 @@ _COLDEST_C: Final = -100.0
 """Lowest temperature of a rig: in a room, °C taken for kelvin are converted to −250 °C."""
 _LOOKED_AT: Final = 1000
 """Number of rows that are compared in pairs: a million comparisons, in some milliseconds."""
-_SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days"
+_SECONDS: Final = "give times in seconds, not in milliseconds, minutes or days, or state a log's unit: --units time=ms"
 
 
 def require_timestamps(time_s: Floats, *, where: str) -> None:
@@ -113,12 +113,12 @@ def _require_cold(temp_c: Floats, *, where: str) -> None:
 
 def _require_pace(time_s: Floats, temp_c: Floats, *, where: str) -> None:
     span_s = float(time_s[-1] - time_s[0])
-    if span_s < _SHORTEST_S:
+    if span_s < SHORTEST_S:
         raise InputError(
             "is too short for a heating",
             where=where,
             value=f"{span_s:g} s for {np.ptp(temp_c):.0f} °C",
-            limit=f"{_SHORTEST_S:g} s or more",
+            limit=f"{SHORTEST_S:g} s or more",
             do=_SECONDS,
         )
     every = -(-len(time_s) // _LOOKED_AT)

@@ -153,8 +153,13 @@ def clock_words(sync: Mapping[str, Any], *, unknown: str) -> list[tuple[str, str
     for name, label, unit in (("offset_s", "offset", "s"), ("drift_ppm", "drift", "ppm")):
         part = sync.get(name) or {}
         low, high = part.get("ci95") or (None, None)
-        interval = unknown if low is None or high is None else f"95 %: {number(low)} to {number(high)}"
-        lines.append((label, f"{number(part.get('value'), 4)} {unit} ({interval})"))
+        value, interval = part.get("value"), unknown
+        # Of seconds of the calendar the last digits count, which have no room among three.
+        decimals = 2 if value is not None and abs(value) >= 1e5 else None
+        shown = number(value, 4) if decimals is None else fixed(value, decimals)
+        if low is not None and high is not None:
+            interval = f"95 %: {fixed(low, decimals)} to {fixed(high, decimals)}"
+        lines.append((label, f"{shown} {unit} ({interval})"))
     return lines
 
 

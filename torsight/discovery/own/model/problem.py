@@ -256,11 +256,9 @@ def model_problem(
     noise = [lay.noise_of(measured, k) for k in range(len(outputs))]
     known = all(np.isfinite(own).all() for own in sigmas)
     believed = [np.where(np.isfinite(own), own, noise) for own in sigmas]
-    if isinstance(predict, Ode):
-        each = np.concatenate(believed)
-        errors = predict.start_errors(declared, outputs, dict(zip(outputs, np.nanmedian(each, axis=0), strict=True)))
-        check_declarations((*declared, *errors), offered, ports)
-        declared, initial = (*declared, *errors), (*initial, *(p.name for p in errors))
+    errors = _start_errors(predict, declared, outputs, believed)
+    check_declarations((*declared, *errors), offered, ports)
+    declared, initial = (*declared, *errors), (*initial, *(p.name for p in errors))
     size = lay.resolutions(
         lay.per_output(reading.resolution, records, outputs, what="resolution"), believed, measured, len(outputs)
     )
@@ -274,7 +272,6 @@ def model_problem(
     found, more = drivers_of(drivers, records, outputs, times, reading=reading)
     model = Model(predict, records, outputs, tuple(one.name for one in ports))
     free = tuple(p for p in declared if not p.fixed)
-    once = tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records)))
     # One output without a given noise: the engine measures it from the residual, which holds less of the motion.
     left = layout.stack([own / layout.scale for own in believed], between=0.0, scaled=False)
     engine_sigma = np.zeros(len(stacked)) if not known and len(outputs) == 1 else left
@@ -296,11 +293,21 @@ def model_problem(
         drivers={name: layout.spread(own) for name, own in found.items()},
         resolution=float(size[0] / layout.scale[0]),
         nodes={one.name: nodes_of(one) for one in ports},
-        once=once,
+        once=tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records))),
         sigma_known=known,
         time_name=reading.time,
         warnings=tuple(warnings + more),
     )
+
+
+def _start_errors(
+    predict: Predict, declared: Sequence[Parameter], outputs: Sequence[str], sigma: Sequence[Floats]
+) -> tuple[Parameter, ...]:
+    """Return the errors of the first readings of an ODE's measured states, each of the size of that output's noise."""
+    if not isinstance(predict, Ode):
+        return ()
+    usual = np.nanmedian(np.concatenate(sigma), axis=0)
+    return tuple(predict.start_errors(declared, outputs, dict(zip(outputs, usual, strict=True))))
 
 
 def _known(names: Sequence[str], among: Sequence[str], *, what: str) -> None:
