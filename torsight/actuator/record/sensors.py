@@ -21,7 +21,7 @@ _LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 
 is then 14.35 mK, that of a direct estimate 14.26 mK (benchmarks/actuator/log_constants.py)."""
 
 
-_COUNTS: Final = 0.125
+_COUNTS: Final = 0.0625
 """Weight of the evidence that a log gives for a time constant: with it, the evidence for the true one is less than that
 for the best by as much as of an estimate with one Gaussian error (benchmarks/actuator/log_lags.py)."""
 
