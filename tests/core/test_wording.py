@@ -56,4 +56,4 @@ def test_an_extended_model_that_predicts_worse_than_the_plain_one_is_no_gain():
 
 def test_an_offset_in_seconds_of_the_calendar_keeps_its_last_digits():
     sync = {"offset_s": {"value": 1715678500.4934, "ci95": [1715678500.3547, 1715678500.6821]}}
-    assert clock_words(sync, unknown="-")[0] == ("offset", "1715678500.49 s (95 %: 1715678500.35 to 1715678500.68)")
+    assert clock_words(sync, unknown="-")[0] == ("offset", "1715678500.493 s (95 %: 1715678500.355 to 1715678500.682)")

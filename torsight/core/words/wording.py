@@ -153,13 +153,12 @@ def clock_words(sync: Mapping[str, Any], *, unknown: str) -> list[tuple[str, str
     for name, label, unit in (("offset_s", "offset", "s"), ("drift_ppm", "drift", "ppm")):
         part = sync.get(name) or {}
         low, high = part.get("ci95") or (None, None)
-        value, interval = part.get("value"), unknown
-        # Of seconds of the calendar the last digits count, which have no room among three.
-        decimals = 2 if value is not None and abs(value) >= 1e5 else None
-        shown = number(value, 4) if decimals is None else fixed(value, decimals)
+        decimals, interval = None, unknown
         if low is not None and high is not None:
+            # Two digits of the standard deviation, a quarter of the interval, also for seconds of the calendar.
+            decimals = decimals_for((high - low) / 4.0)
             interval = f"95 %: {fixed(low, decimals)} to {fixed(high, decimals)}"
-        lines.append((label, f"{shown} {unit} ({interval})"))
+        lines.append((label, f"{fixed(part.get('value'), decimals)} {unit} ({interval})"))
     return lines
 
 
