@@ -66,6 +66,18 @@ class Stick:
         """Return whether these are the same two dots, whichever is the inner one."""
         return {id(self.inner), id(self.outer)} == {id(other.inner), id(other.outer)}
 
+    def shared_dots(self, other: Stick) -> int:
+        """Return the number of dots that lie at dots of a stick in another picture, within their radii."""
+        return sum(
+            _gap(one, two) < one.radius_px for one in (self.inner, self.outer) for two in (other.inner, other.outer)
+        )
+
+    def placed_as(self, other: Stick) -> Stick | None:
+        """Return the stick with its dots in the order of those of a stick at the same place; None elsewhere."""
+        if self.shared_dots(other) < 2:
+            return None
+        return self if _gap(self.inner, other.inner) < self.inner.radius_px else self.turned()
+
     def turned(self) -> Stick:
         """Return the stick with inner and outer dot exchanged."""
         return replace(self, inner=self.outer, outer=self.inner)
