@@ -58,6 +58,7 @@ from tracker.detect.sticks import (
     Stick,
     compared_to_axis,
     couples_in,
+    has_rim,
     stick_of,
     strip_share,
     towards_axis,
@@ -272,7 +273,10 @@ class Weighing:
 
         The line is as bright as the surroundings of the dots, or all four have a rim of their own: rings, labels.
         """
-        return float(np.logaddexp(self._strip(one) + self._strip(two), math.log(1.0 - SURE)))
+        lines, own_rims = self._strip(one) + self._strip(two), math.log(1.0 - SURE)
+        if lines < own_rims and all(has_rim(self._luma, self._paths.dots[number]) for number in one + two):
+            return float(np.logaddexp(lines, own_rims))
+        return lines
 
     def _strip(self, pair: tuple[int, int]) -> float:
         """Return the log likelihood of two dots, by their numbers, as a stick's, from the line between them."""
