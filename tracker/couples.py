@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tracker.appearance.dot_fit import Dot
 from tracker.detect.sticks import Stick
 from tracker.follow.judgement import MOVED_RAD
 from tracker.follow.rotation_axis import turned
@@ -23,9 +24,25 @@ class Couple:
     moving: Stick
     probability: float
 
+    @property
+    def dots(self) -> tuple[Dot, Dot, Dot, Dot]:
+        """The dots of base and moving stick."""
+        return self.base.inner, self.base.outer, self.moving.inner, self.moving.outer
+
     def swaps(self, other: Couple) -> bool:
         """Return whether both couples have the same sticks, with base and moving stick exchanged."""
         return self.base.is_of(other.moving) and self.moving.is_of(other.base)
+
+    def placed_as(self, other: Couple) -> Couple | None:
+        """Return this couple with its sticks in the order of those of another picture.
+
+        None unless the moving stick is at the same place in both pictures, and the bases share a dot.
+        """
+        for one in (self, replace(self, base=self.moving, moving=self.base)):
+            moving, base = one.moving.placed_as(other.moving), one.base.placed_as(other.base)
+            if moving is not None and (base is not None or one.base.shared_dots(other.base)):
+                return replace(one, base=base or one.base, moving=moving)
+        return None
 
     @property
     def _angle_rad(self) -> float:

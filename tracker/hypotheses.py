@@ -58,6 +58,7 @@ from tracker.detect.sticks import (
     Stick,
     compared_to_axis,
     couples_in,
+    has_rim,
     stick_of,
     strip_share,
     towards_axis,
@@ -246,10 +247,13 @@ class Weighing:
         score = 2.0 * CLEARNESS * clear - 0.5 * misfit + self._central(first, axis)
         for k in np.argsort(-score, kind="stable")[:MOST].tolist():
             second = (int(ends[k, 0]), int(ends[k, 1]))
-            bounds.append(_Bound(float(score[k]) + self._strip(first) + self._strip(second), second, first, axis))
+            bounds.append(_Bound(float(score[k]) + self._strips_of(first, second), second, first, axis))
         beside_px2 = pairs.radius_px[own].max() ** 2 + axis.beside_px**2 + axis.variance_px2
         none = 2.0 * CLEARNESS * math.log(pairs.score_by_chance(own))
         none -= 0.5 * ((moving.turns[0] + rest.sum()) / shake + LIMITS[3] + math.log(beside_px2))
+        # The one marker of such a pair is not on the axis, either.
+        if axis.variance_px2 < pairs.radius_px[own].max() ** 2:
+            none += math.log(1.0 - SURE) * _any_lies_at([self._paths.dots[number] for number in first], axis.place)
         return bounds, float(none)
 
     def _central(self, pair: tuple[int, int], axis: _Axis) -> float:
@@ -263,6 +267,16 @@ class Weighing:
         away = 0.5 * sum(math.hypot(dot.x_px - axis.place.real, dot.y_px - axis.place.imag) for dot in dots)
         away = math.hypot(away, sigma_px)
         return math.log(2.0 * away / (math.pi * scale)) - math.log1p((axis.beside_px / scale) ** 2)
+
+    def _strips_of(self, one: tuple[int, int], two: tuple[int, int]) -> float:
+        """Return the log likelihood of two pairs of dots as two sticks', from the lines between the dots.
+
+        The line is as bright as the surroundings of the dots, or all four have a rim of their own: rings, labels.
+        """
+        lines, own_rims = self._strip(one) + self._strip(two), math.log(1.0 - SURE)
+        if lines < own_rims and all(has_rim(self._luma, self._paths.dots[number]) for number in one + two):
+            return float(np.logaddexp(lines, own_rims))
+        return lines
 
     def _strip(self, pair: tuple[int, int]) -> float:
         """Return the log likelihood of two dots, by their numbers, as a stick's, from the line between them."""
@@ -283,8 +297,9 @@ class Weighing:
         goes_on = -unlike * math.log(alike + unlike + 1.0)
         arms_px = [max(math.hypot(one.inner.x_px - x, one.inner.y_px - y), radius_px) for one in sticks]
         goes_on -= math.log1p((SIGMAS * math.log(arms_px[0] / arms_px[1]) / math.log(SIZES)) ** 2)
+        dots = (base.inner, base.outer, moving.inner, moving.outer)
         goes_on += math.log(1.0 - SURE) * (_holds(base, x, y) != _holds(moving, x, y))
-        return goes_on + math.log(1.0 - SURE) * _any_lies_at(base, moving, axis.place)
+        return goes_on + math.log(1.0 - SURE) * _any_lies_at(dots, axis.place)
 
     def read(self, couple: Couple) -> float:
         """Return the share of frames in which a couple is read; see :func:`share_read`."""
@@ -332,15 +347,14 @@ def share_read(couple: Couple, places: Places, size_px: tuple[int, int], *, chos
     to a moving stick. ``places`` (n, 4), complex, are the positions of base and moving stick in the picture and in the
     frames after it, NaN where not seen; ``chosen`` (k,) are the frames that are evaluated.
     """
-    dots = (couple.base.inner, couple.base.outer, couple.moving.inner, couple.moving.outer)
-    radius_px = np.array([dot.radius_px for dot in dots])
+    radius_px = np.array([dot.radius_px for dot in couple.dots])
     some = places[_apart(places) if chosen is None else chosen]
     turning = _circles(some, np.array([[2, 3]]), size_px)
     known = len(turning.ends) and turning.variance_px2[0] < radius_px[:2].max() ** 2
     beside = _beside(some, np.array([2, 3]), radius_px)
     if (
         not len(turning.ends)
-        or (known and _any_lies_at(couple.base, couple.moving, complex(turning.axis[0])))
+        or (known and _any_lies_at(couple.dots, complex(turning.axis[0])))
         # The variance of the difference is twice that of a dot, STANDS_PX².
         or not passes(0.5 * float(_stands(beside[:, 1] - beside[:, 0])), 2)
     ):
@@ -354,14 +368,15 @@ class Search:
 
     It is settled once a couple's probability, or that of none, exceeds :data:`tracker.innovation.SURE` twice in
     succession, or, if only the choice between base and moving stick is open, at the last of ``LOOKED_AT``; otherwise
-    the film's end settles it. Dots that are known to be ``at_rest`` (d,) are not followed.
+    the film's end settles it. Dots that are known to be ``at_rest`` (d,) are not followed. ``found`` are the couples by
+    the last weighing, the most probable first.
     """
 
     def __init__(self, luma: NDArray[np.uint8], dots: Sequence[Dot], *, at_rest: Flags) -> None:
         self.luma = luma
         self._weighing = Weighing(luma, dots, at_rest=at_rest)
         self.resting, self.places_after = self._weighing.resting, self._weighing.places_after
-        self._number, self._due, self._found = 0, STALE, list[Couple]()
+        self._number, self._due, self.found = 0, STALE, list[Couple]()
 
     @property
     def shown(self) -> list[Couple]:
@@ -375,8 +390,8 @@ class Search:
         if self._number < self._due:
             return False
         self._due *= 2
-        before, none, self._found = self._found, self._weighing.none, self._weighing.weighed()
-        found = self._found
+        before, none, self.found = self.found, self._weighing.none, self._weighing.weighed()
+        found = self.found
         # That none of the couples is right may be as certain as that one is.
         if min(none, self._weighing.none) > SURE:
             return True
@@ -390,8 +405,8 @@ class Search:
     def result(self) -> tuple[list[Couple], float]:
         """Return the couples, the most probable first, and the share of the frames in which the first one is read."""
         if 2 * self._number != self._due:
-            self._found = self._weighing.weighed()
-        return self._found, self._weighing.read(self._found[0]) if self._found else 0.0
+            self.found = self._weighing.weighed()
+        return self.found, self._weighing.read(self.found[0]) if self.found else 0.0
 
 
 def _apart(places: Places) -> Ints:
@@ -466,7 +481,6 @@ def _holds(stick: Stick, x_px: float, y_px: float) -> bool:
     return all((b.x_px - a.x_px) * (x_px - a.x_px) + (b.y_px - a.y_px) * (y_px - a.y_px) > 0.0 for a, b in ends)
 
 
-def _any_lies_at(base: Stick, moving: Stick, place: complex) -> bool:
-    """Return whether a dot of either stick covers a position."""
-    dots = (base.inner, base.outer, moving.inner, moving.outer)
+def _any_lies_at(dots: Sequence[Dot], place: complex) -> bool:
+    """Return whether one of the dots covers a position."""
     return any(math.hypot(dot.x_px - place.real, dot.y_px - place.imag) < dot.radius_px for dot in dots)

@@ -43,7 +43,8 @@ class Start(Frozen):
     is the index of the stick that moves, None where it is not known yet; ``doubtful``: the markers are so faint that
     only their motion distinguishes them from the background. ``first``, the first frame, is stored for sticks without
     dots. ``choice`` is the choice among several couples of sticks; ``unlike`` are reasons, by the name of a stick, why
-    two given dots do not look as if they were on one stick.
+    two given dots do not look as if they were on one stick. ``earlier`` is the start at the same markers in a picture
+    before ``frame``, while both sticks were at rest.
     """
 
     markers: list[Marker]
@@ -55,6 +56,12 @@ class Start(Frozen):
     hints: MarkerHints | None = None
     choice: Choice | None = None
     unlike: Mapping[str, str] = field(default_factory=dict)
+    earlier: Start | None = None
+
+    @property
+    def first_frame(self) -> int:
+        """The first frame in which the markers are known."""
+        return self.frame if self.earlier is None else self.earlier.frame
 
     @property
     def kind(self) -> str:
@@ -127,7 +134,7 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
             do=f"{SHARPER}, or " * bool(blur) + "pick them with 'torsight markers' and name its file with --markers, "
             "choose dots that differ from the stick in a black-and-white picture, or light the sticks better",
         )
-    return dots.start
+    return dots.with_earlier(dots.start)
 
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
@@ -172,7 +179,7 @@ class _Dots:
         # from this picture on is part of a record that was examined already.
         at = np.array([complex(dot.x_px, dot.y_px) for dot in dots])
         before = [one.places_after(count) for start, one in self._asked for count in (0, index - start)]
-        if len(dots) < 4 or any(_are_all_in(at, places, dots) for places in before):
+        if len(dots) < 4 or any(_are_all_in(places, dots) for places in before):
             return False
         at_rest = np.array([bool((np.abs(one - self._resting) < STANDS_PX).any()) for one in at])
         search = Search(luma, dots, at_rest=at_rest)
@@ -188,6 +195,29 @@ class _Dots:
         else:
             self._resting = search.resting()
         return self._decide(index, search) or self._take(index, luma, *self._tracked(index, search))
+
+    def with_earlier(self, start: Start) -> Start:
+        """Return a start with that at the same sticks in an earlier picture, from which they could not be followed.
+
+        A stick that starts abruptly is lost where it was at rest. If a base dot is hidden in the picture of the start,
+        by a hand, two other dots may have been taken for the base: then the earlier picture decides.
+        """
+        found = dict(self._asked)
+        if start.choice is None or start.frame not in found:
+            return start
+        seen, taken = found[start.frame].places_after(0), start.choice.taken
+        for index, search in self._asked:
+            for couple in search.shown if index < start.frame else ():
+                same = couple.placed_as(taken)
+                if same is None:
+                    continue
+                before = Start(markers_on(search.luma, same.base, same.moving), index, 1)
+                if same.base.shared_dots(taken.base) == 2:
+                    return replace(start, earlier=before)
+                if not all(_is_at(dot, seen) for dot in (same.base.inner, same.base.outer)):
+                    return replace(before, moving=None, choice=replace(start.choice, taken=same))
+                break
+        return start
 
     def followed(self, frame: Frame) -> bool:
         """Follow the dots of all pictures into a frame; return whether the sticks of one are found."""
@@ -233,7 +263,7 @@ class _Dots:
 
     def _take(self, index: int, luma: NDArray[np.uint8], weighed: Sequence[Couple], read: float) -> bool:
         """Take the first couple of a picture if it is the best so far; return whether no other one is needed."""
-        if not weighed or not are_markers((weighed[0].base, weighed[0].moving)):
+        if not weighed or not are_markers((weighed[0].base, weighed[0].moving)) or self._refuted(index, weighed[0]):
             return False
         score, choice = min(weighed[0].base.score, weighed[0].moving.score), Choice.of(weighed)
         if score > CLEAR:
@@ -249,6 +279,13 @@ class _Dots:
         self.in_tags = all(_in_tag(luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
         return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
+
+    def _refuted(self, index: int, couple: Couple) -> bool:
+        """Return whether a dot of a couple's moving stick is one of the base that an earlier picture is certain of."""
+        earlier = [search.found[:1] for start, search in self._asked if start < index]
+        return any(
+            best.probability > SURE and couple.moving.shared_dots(best.base) for (best,) in filter(None, earlier)
+        )
 
 
 class _Tracked:
@@ -281,10 +318,14 @@ class _Tracked:
         return share_read(self.couple, places, size_px)
 
 
-def _are_all_in(at: Places, before: Places, dots: Sequence[Dot]) -> bool:
+def _are_all_in(before: Places, dots: Sequence[Dot]) -> bool:
     """Return whether all dots are at positions of earlier dots, within their radii."""
-    radius_px = np.array([[dot.radius_px] for dot in dots])
-    return bool((np.abs(at[:, None] - before) < radius_px).any(axis=1).all())
+    return all(_is_at(dot, before) for dot in dots)
+
+
+def _is_at(dot: Dot, places: Places) -> bool:
+    """Return whether a dot is at one of some positions, within its radius."""
+    return bool((np.abs(complex(dot.x_px, dot.y_px) - places) < dot.radius_px).any())
 
 
 def _start_at_tags(family: str, numbers: Sequence[int], *, where: str) -> Start:

@@ -105,7 +105,7 @@ def track_film(
     """
     out = None if out is None else Path(out)
     start = find_start(source, markers, progress=progress)
-    follower = start.follower()
+    follower, earlier = start.follower(), None if start.earlier is None else start.earlier.follower()
     store = RowStore(out, key=_key(source, markers) if out else "")
     state = store.resume() if resume else None
     if state is None:
@@ -116,8 +116,9 @@ def track_film(
     total = source.frame_count
     for frame in source:
         if frame.index >= done:
-            store.add(follower.pass_over(frame) if frame.index < start.frame else follower.step(frame))
-            if store.due:
+            now = follower if frame.index >= start.frame or earlier is None else earlier
+            store.add(now.pass_over(frame) if frame.index < start.first_frame else now.step(frame))
+            if store.due and frame.index >= start.frame:
                 store.checkpoint(follower.to_state())
         if frame.index % REPORT_EVERY == 0:
             progress("tracking", frame.index, total)
@@ -276,7 +277,7 @@ def _result(table: NDArray[np.void], start: Start, follower: Follower, source: F
             "kind": start.kind if len(set(start.kinds)) == 1 else dict(zip(STICKS, start.kinds, strict=True)),
             "given": start.moving is not None,
             **_tags(start, base=base),
-            "first_frame": start.frame,
+            "first_frame": start.first_frame,
             "faint": start.doubtful,
             **({"not_on_one_stick": dict(start.unlike)} if start.unlike else {}),
             **choice,

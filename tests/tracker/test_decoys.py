@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -193,6 +193,40 @@ def test_a_letter_is_not_taken_for_a_marker_that_is_not_seen_as_a_dot(tmp_path: 
     start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
     assert start.choice is not None
     assert start.choice.sure < LEAST_SURE
+
+
+@dataclass(frozen=True)
+class SpottedFilm(DecoyFilm):
+    """A film of dots with a light spot on each (x, y, radius): in the middle, as in rings, or beside it."""
+
+    spot: tuple[float, float, float] = (0.0, 0.0, 4.0)
+    spot_level: int = 230
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        for number, picture in enumerate(super().pictures()):
+            for dot in np.concatenate([self.base.dots_px, self.at(number).dots_px]) + self.spot[:2]:
+                at = np.rint(16.0 * dot).astype(int).tolist()
+                cv2.circle(picture, at, round(16.0 * self.spot[2]), self.spot_level, -1, cv2.LINE_AA, 4)
+            yield picture
+
+
+@pytest.mark.parametrize(("spot", "level"), [((0.0, 0.0, 4.0), 230), ((1.5, 2.0, 3.0), 130)])
+def test_rings_and_dots_with_a_highlight_are_markers(
+    spot: tuple[float, float, float], level: int, tmp_path: Path
+) -> None:
+    film = DecoyFilm.of(1, frames=90, size=(640, 480), decoys=0)
+    made = {"radius": 8.0, "across": (0.0, 0.0), "level": 200.0, "dot_level": 40.0}
+    base = replace(film.base, dots=(60.0, 150.0), ends=(-14.0, 170.0), **made)
+    moving = replace(film.moving, dots=(55.0, 140.0), ends=(-14.0, 160.0), **made)
+    angle_deg = 100.0 + 60.0 * np.sin(2.0 * np.arange(90) / 30.0)
+    film = replace(film, base=base, moving=moving, shake_px=np.zeros((90, 2)), angle_deg=angle_deg)
+    film = SpottedFilm(**vars(film), spot=spot, spot_level=level)
+    start = find_start(open_source(film.write(tmp_path / "film.mkv")), None)
+    assert start.choice is not None
+    assert start.choice.sure > LEAST_SURE
+    places = np.sort([one.record["x"][0] for one in start.markers])
+    expected = np.sort(np.concatenate([base.dots_px, film.at(start.frame).dots_px])[:, 0])
+    np.testing.assert_allclose(places, expected, atol=2.0)
 
 
 class GlaringFilm(DecoyFilm):

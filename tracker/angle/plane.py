@@ -10,13 +10,14 @@ import numpy as np
 
 from torsight.core.frozen import Frozen
 from torsight.core.series import known_median
-from torsight.core.tracks import MarkerTracks, StickAngles
+from torsight.core.tracks import MarkerTracks, StickAngles, mean_sigma
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.shown import Shown
 from tracker.angle.length_noise import LengthWitness, in_motion, witness
 from tracker.angle.reference_direction import steady_direction
 from tracker.angle.single_marker import single_marker_direction
 from tracker.angle.unwrap import unwrap
+from tracker.repeated_pictures import over_repeats, repeats
 from tracker.stick_direction import Points, stick_direction
 
 FLOOR_PX: Final = 0.003
@@ -187,6 +188,10 @@ def against_base(
     steady_rad, steady_variance = steady_direction(_continuous(base[0]), base[1])
     variance = moving.variance_rad2 + steady_variance + floor_rad2 + tracks.choice_rad2
     angle_rad, certain = unwrap(tracks.time_s, moving.angle_rad - steady_rad)
+    reached_px = mean_sigma(scaled_covariance(tracks.covariance_px2, errors.scale))
+    repeated = repeats(tracks.position_px[:, 2:], reached_px[:, 2:])
+    angle_rad, between_rad2 = over_repeats(tracks.time_s, angle_rad, repeated)
+    variance = variance + between_rad2
     valid = np.isfinite(angle_rad) & np.isfinite(variance)
     angles = StickAngles(
         frame=tracks.frame,
@@ -202,7 +207,12 @@ def against_base(
         "impossible_lengths": {"base": int(errors.base.outlier.sum()), "moving": int(errors.moving.outlier.sum())},
         "angle_bound_deg": float(np.sqrt(moving.bound_rad2)) / DEG if valid.any() else None,
     }
-    report = {"method": method, "noise": noise, "from_one_marker": int((valid & moving.alone).sum())}
+    report = {
+        "method": method,
+        "noise": noise,
+        "from_one_marker": int((valid & moving.alone).sum()),
+        "repeated_pictures": int(repeated.sum()),
+    }
     return Orientation(angles, position_mm, errors.scale, report)
 
 

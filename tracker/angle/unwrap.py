@@ -52,7 +52,7 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
         else:
             before = runs[number - 1][-1]
             ahead = _speed_ahead(time_s, runs, locals_, number)
-            behind = _speed_behind(time_s, whole, int(before))
+            behind = _speed_behind(time_s, whole, known[: int(np.searchsorted(known, before)) + 1])
             turns, clear = _turns(
                 gap_s=gaps_s[number - 1],
                 step_rad=float(local[0] - whole[before]),
@@ -114,10 +114,11 @@ def _off(time_s: Floats, angle_rad: Floats, frames: int, side: int) -> Floats:
     return np.asarray(angle_rad[after] - angle_rad[index] - mean * (time_s[after] - time_s[index]))
 
 
-def _speed_behind(time_s: Floats, whole: Floats, last: int) -> float | None:
-    """Return the speed before a gap, from the known angles up to frame ``last``."""
-    first = int(np.searchsorted(time_s, time_s[last] - _SIDE_S))
-    index = first + np.flatnonzero(np.isfinite(whole[first : last + 1]))
+def _speed_behind(time_s: Floats, whole: Floats, known: Ints) -> float | None:
+    """Return the speed before a gap, from the angles in the frames ``known`` (k,) up to it."""
+    first = int(np.searchsorted(known, np.searchsorted(time_s, time_s[known[-1]] - _SIDE_S)))
+    # Two frames at least, however rare the frames are.
+    index = known[max(min(first, len(known) - 2), 0) :]
     return _slope(time_s[index], whole[index])
 
 
@@ -136,6 +137,8 @@ def _speed_ahead(time_s: Floats, runs: list[Ints], angles: list[Floats], number:
             expected = values[-1] + speed * (time_s[run[0]] - times[-1])
             shift = 2.0 * np.pi * np.round((expected - angle[0]) / (2.0 * np.pi))
         early = time_s[run] <= until_s
+        # Two frames at least, however rare the frames are.
+        early[: max(0, 2 - len(times))] = True
         times += list(time_s[run][early])
         values += list(angle[early] + shift)
         if not early.all():

@@ -38,6 +38,10 @@ PARALLEL: Final = 0.2
 _STRIP: Final = 0.8
 """Smallest share of the line between two dots that has to be as bright as a stick."""
 
+_RIM: Final = 2.5
+"""Distance from a dot's centre, in radii, at which a rim has ended: one as wide as the radius of the dot ends at 2, and
+lens and pixels widen it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stick:
@@ -65,6 +69,18 @@ class Stick:
     def is_of(self, other: Stick) -> bool:
         """Return whether these are the same two dots, whichever is the inner one."""
         return {id(self.inner), id(self.outer)} == {id(other.inner), id(other.outer)}
+
+    def shared_dots(self, other: Stick) -> int:
+        """Return the number of dots that lie at dots of a stick in another picture, within their radii."""
+        return sum(
+            _gap(one, two) < one.radius_px for one in (self.inner, self.outer) for two in (other.inner, other.outer)
+        )
+
+    def placed_as(self, other: Stick) -> Stick | None:
+        """Return the stick with its dots in the order of those of a stick at the same place; None elsewhere."""
+        if self.shared_dots(other) < 2:
+            return None
+        return self if _gap(self.inner, other.inner) < self.inner.radius_px else self.turned()
 
     def turned(self) -> Stick:
         """Return the stick with inner and outer dot exchanged."""
@@ -280,6 +296,16 @@ def strip_share(luma: NDArray[np.uint8], a: Dot, b: Dot) -> float:
     return float(np.mean(_as_bright(luma, (a, b), (b.x_px, b.y_px), along)))
 
 
+def has_rim(luma: NDArray[np.uint8], dot: Dot) -> bool:
+    """Return whether a dot's surroundings end on all sides, as those of a ring do, but not those on a stick."""
+    turn, (height, width) = np.linspace(0.0, math.tau, 24, endpoint=False), luma.shape
+    x, y = (
+        np.clip(np.rint(at + _RIM * dot.radius_px * unit), 0, most - 1).astype(np.int64)
+        for at, unit, most in ((dot.x_px, np.cos(turn), width), (dot.y_px, np.sin(turn), height))
+    )
+    return not (np.abs(luma[y, x] - dot.light) < _tolerance(dot, dot)).any()
+
+
 def compared_to_axis(luma: NDArray[np.uint8], sticks: Sequence[Stick], x_px: float, y_px: float) -> tuple[float, float]:
     """Return the numbers of points at which the lines from the axis (x, y) to two inner dots are alike, and are not.
 
@@ -313,8 +339,12 @@ def _as_bright(luma: NDArray[np.uint8], dots: tuple[Dot, Dot], end: tuple[float,
     x = np.clip(np.rint(a.x_px + share * (end[0] - a.x_px)), 0, width - 1).astype(np.int64)
     y = np.clip(np.rint(a.y_px + share * (end[1] - a.y_px)), 0, height - 1).astype(np.int64)
     expected = a.light + share * (b.light - a.light)
-    limit = max(0.3 * min(a.step, b.step), 3.0 * max(a.residual, b.residual))
-    return np.asarray(np.abs(luma[y, x] - expected) < limit)
+    return np.asarray(np.abs(luma[y, x] - expected) < _tolerance(a, b))
+
+
+def _tolerance(a: Dot, b: Dot) -> float:
+    """Return the difference in brightness, grey levels, below which a point is as bright as the stick around dots."""
+    return max(0.3 * min(a.step, b.step), 3.0 * max(a.residual, b.residual))
 
 
 def _couple_scores(pairs: Sequence[Stick], one: Ints, two: Ints) -> Floats:

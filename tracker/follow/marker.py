@@ -48,11 +48,15 @@ class Marker:
         self.look: Look = (pixels, np.empty((slots, COLUMNS + 2, pixels.shape[1])), np.zeros(slots, SYSTEM))
 
     def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> NDArray[np.void] | None:
-        """Return the reading (READING) near a position; None where the window leaves the picture."""
+        """Return the reading (READING) within the marker's radius of a position.
+
+        None where the window leaves the picture, or the fit diverges: of texture it may end anywhere.
+        """
         out = np.zeros(1, READING)
         inside = read_dot(luma, x_px, y_px, self.record[0], self.look, (0.0, 0.0), out[0])
         reading: NDArray[np.void] = out[0]
-        return reading if inside else None
+        off_px = math.hypot(reading["x"] - x_px, reading["y"] - y_px)
+        return reading if inside and off_px < self.record["shape"]["radius"][0] else None
 
     def unused_look(self) -> Look:
         """Return an empty look for the tracker: a cache belongs to a shape, and tracking changes the shape."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torsight.core.series import known_median
 from torsight.core.tracks import MarkerTracks, StickAngles, mean_sigma
 from torsight.core.units import DEG, Floats
+from torsight.core.words.wording import counted
 from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
 from tracker.quality.events import event, events_of_right, find_events
@@ -198,6 +199,12 @@ def advice(
         words.append("The camera was moved during the film: fix it, and do not touch the table.")
     if "light" in kinds and "flicker" not in account["frames"]["causes"]:
         words.append("The light was off for a while: use a steady lamp.")
+    if repeated := account.get("repeated_pictures", 0):
+        words.append(
+            f"In {counted(repeated, 'frame')} the picture repeats the one before it, and the angle is interpolated: "
+            "the film was converted to another frame rate, or the camera lacks light. Use the camera's own film, or "
+            "more light."
+        )
     if "turn uncertain" in kinds:
         words.append("A gap was so long that a whole turn could be missing: keep at least one marker in sight.")
     return words

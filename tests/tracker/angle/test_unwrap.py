@@ -65,6 +65,16 @@ def test_dropped_frames_do_not_cost_a_turn() -> None:
     assert np.ptp(whole - true[kept]) < 1e-9
 
 
+@pytest.mark.parametrize("lost", [3, 20, 39])
+def test_a_lost_frame_of_a_time_lapse_costs_no_turn(lost: int) -> None:
+    # A frame every 2 s, turned by up to 24 degrees since the frame before.
+    time_s = 2.0 * np.arange(80)
+    true = 1.5 * np.sin(0.14 * time_s)
+    whole, certain = unwrap(time_s, np.where(np.arange(80) == lost, np.nan, true))
+    assert certain.all()
+    np.testing.assert_allclose(whole[np.arange(80) != lost], np.delete(true, lost))
+
+
 @pytest.mark.parametrize("lost", range(30, 40))
 def test_a_frame_that_is_lost_as_the_stick_starts_costs_no_turn(lost: int) -> None:
     # From rest to 19 degrees a frame: the speed before the gap is not that of the time before.
