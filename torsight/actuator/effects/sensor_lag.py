@@ -7,9 +7,9 @@ for a single time constant; two equal time constants act like q_T = 1 − 1/√2
 spread of the impulse response). A sensor in a sheath has two: its q_T is one standard deviation of the prior. The
 smoother that removes the noise also estimates the wire's temperature (:mod:`torsight.actuator.record.smoother`), so
 that the noise is not differentiated; it also shows whether the log's corners are as rounded as those of a slow sensor.
-Predicted residual: of opposite sign on heating and cooling, growing with the
-temperature's rate; none where the temperature is constant. Source: first-order contact thermometry, e.g. Michalski et
-al., Temperature Measurement (2001), ch. 15.
+Predicted residual: of opposite sign on heating and cooling, growing with the temperature's rate; none where the
+temperature is constant. Source: first-order contact thermometry, e.g. Michalski et al., Temperature Measurement
+(2001), ch. 15.
 """
 
 from __future__ import annotations
