@@ -56,9 +56,8 @@ def over_repeats(time_s: Floats, angle_rad: Floats, repeated: Flags) -> tuple[Fl
     """Return the angle (n,) interpolated over repeated pictures, and the variance (n,) that they add.
 
     The standard deviation in a repeat is the largest motion nearby since the picture was new: the stick may have
-    stopped.
-    Where repeats are inserted, every frame's angle may be that of an instant up to a frame before: uniformly
-    distributed, which has a third of the square of its step as its mean square.
+    stopped. Where repeats are inserted, every frame's angle may be that of an instant up to a frame before: uniformly
+    distributed, with a third of the square of the frame's step as its mean square.
     """
     known = np.isfinite(angle_rad)
     new, again = np.flatnonzero(known & ~repeated), np.flatnonzero(known & repeated)
