@@ -102,6 +102,18 @@ def test_a_wire_does_not_warm_up_by_the_jump_of_its_rate_when_heating_ends(drive
     assert (found.temp_a_c - plain.temp_a_c).max() == pytest.approx(1.5, abs=1e-6)
 
 
+@pytest.mark.parametrize(("name", "moved"), [("a", (1.0, 0.0)), ("b", (0.0, 1.0)), ("", (1.0, 1.0))])
+def test_a_sensor_that_drifts_leaves_the_other_wires_temperature(name, moved, drive, laws):
+    law = laws["_".join(filter(None, ("temperature", name, "time_s")))]
+    drift_c = 2.0 * (law.nodes - law.nodes[0]) / np.ptp(law.nodes)
+    found, plain = simulated(drive, law.free(), drift_c), ActuatorModel(reference_spec()).simulate(drive)
+    expected_c = 2.0 * (drive.time_s - drive.time_s[0]) / np.ptp(drive.time_s)
+    for share, warm_c, log_c in zip(
+        moved, (found.temp_a_c, found.temp_b_c), (plain.temp_a_c, plain.temp_b_c), strict=True
+    ):
+        np.testing.assert_allclose(warm_c - log_c, share * expected_c, rtol=0.0, atol=0.02)
+
+
 def test_spring_b_with_other_values_is_another_rig_for_b_alone(drive, laws):
     form = laws["values_spring"].free()
     shift = np.array([1.5, 1.5, 1.5, 1.5, 0.0, 0.0, 0.0, 0.0])

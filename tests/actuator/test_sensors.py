@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from torsight.actuator import ActuatorModel, reference_spec
-from torsight.actuator.record.sensors import Sensors
+from torsight.actuator import ActuatorModel, Drive, reference_spec
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
+from torsight.discovery.actuator_problem import ActuatorProblem
 
 NOISE_C, FINE_S, ROOM_C = 0.05, 0.01, 23.0
 
@@ -22,8 +22,8 @@ def wire() -> NDArray[np.float64]:
     return ROOM_C + np.tile(once, 4)
 
 
-def sensors_of(lag_s: float, *, noise_c: float = NOISE_C, interval_s: float = 0.25) -> Sensors:
-    """Return the sensors of a record in which A is heated and B stays at room temperature."""
+def drive_of(lag_s: float, *, noise_c: float = NOISE_C, interval_s: float = 0.25) -> Drive:
+    """Return a record in which A is heated and B stays at room temperature, read by sensors with a lag."""
     read_c = wire()
     if lag_s > 0.0:
         keep = np.exp(-FINE_S / lag_s)
@@ -34,11 +34,11 @@ def sensors_of(lag_s: float, *, noise_c: float = NOISE_C, interval_s: float = 0.
     time_s = interval_s * np.arange(len(read_c))
     still = np.full(len(time_s), 177.6 * DEG)
     table = SyncedTable(time_s, still, np.full(len(time_s), 0.05 * DEG), read_c + noise, ROOM_C + other)
-    return ActuatorModel(reference_spec()).prepare(table, where="record").sensors
+    return ActuatorModel(reference_spec()).prepare(table, where="record")
 
 
 def test_a_log_with_sharp_corners_was_not_read_by_a_slow_sensor() -> None:
-    sharp = sensors_of(0.0)
+    sharp = drive_of(0.0).sensors
     against = [-sharp.log_evidence(lag_s, 0.0) for lag_s in (0.0, 1.5, 3.0, 6.0)]
     assert against[0] == 0.0
     assert against == sorted(against)
@@ -48,7 +48,7 @@ def test_a_log_with_sharp_corners_was_not_read_by_a_slow_sensor() -> None:
 
 @pytest.mark.parametrize("lag_s", [3.0, 6.0])
 def test_a_rounded_log_refutes_longer_lags_and_no_shorter_ones(lag_s: float) -> None:
-    rounded = sensors_of(lag_s)
+    rounded = drive_of(lag_s).sensors
     own, none, longer = (rounded.log_evidence(each, 0.0) for each in (lag_s, 0.0, 2.5 * lag_s))
     # The wire's own corners may be rounded: the odds for a lag are those of one rounding among the possible ones.
     assert 0.0 <= own - none < np.log(20.0)
@@ -56,9 +56,19 @@ def test_a_rounded_log_refutes_longer_lags_and_no_shorter_ones(lag_s: float) -> 
 
 
 def test_a_wire_that_stays_level_shows_no_lag() -> None:
-    assert sensors_of(0.0).log_evidence(0.0, 6.0) == pytest.approx(0.0, abs=np.log(3.0))
+    assert drive_of(0.0).sensors.log_evidence(0.0, 6.0) == pytest.approx(0.0, abs=np.log(3.0))
 
 
 @pytest.mark.parametrize("case", [{"noise_c": 0.0}, {"interval_s": 5.0}])
 def test_readings_that_do_not_show_corners_are_no_evidence(case: dict[str, float]) -> None:
-    assert sensors_of(0.0, **case).log_evidence(6.0, 6.0) == pytest.approx(0.0, abs=1e-9)
+    assert drive_of(0.0, **case).sensors.log_evidence(6.0, 6.0) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_log_counts_beside_the_fitted_rows_with_a_lag_less_its_pure_delay() -> None:
+    drive = drive_of(0.0)
+    problem = ActuatorProblem(drive, reference_spec(), seed=0)
+    lag = problem.also_seen({"lag_s": 6.0, "lag_delay_share": 0.5}, ["sensor_lag"])
+    assert lag == pytest.approx(drive.sensors.log_evidence(3.0, 3.0))
+    each = problem.also_seen({"lag_a_s": 2.0, "lag_b_s": 9.0}, ["unlike_lags"])
+    assert each == pytest.approx(drive.sensors.log_evidence(2.0, 9.0))
+    assert problem.also_seen({}, []) == 0.0
