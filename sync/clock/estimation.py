@@ -17,7 +17,7 @@ from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import Gaussian, clock_of
 from sync.clock.lag_likelihood import SHORT_LAG_S
 from sync.clock.led_likelihood import LedMatch, gap_by_led, match_led
-from sync.clock.motion_likelihood import MotionLikelihood
+from sync.clock.motion_likelihood import MotionLikelihood, begin_s
 from sync.clock.offset_search import ALIKE, find_ranges
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
 from sync.clock.threshold_likelihood import SCATTERS_C
@@ -169,7 +169,7 @@ def _find(
     clock = replace(clock, notes=(*doubts, *_notes(likelihood, clock), *_restart_notes(weighed)))
     if given_offset_s is not None:
         # It was measured where the film begins, which may be long after film time 0.
-        before_s = clock.drift_ppm * PPM * float(np.floor(angles.time_s[0]))
+        before_s = clock.drift_ppm * PPM * begin_s(angles.time_s)
         return Found(replace(clock, offset_s=given_offset_s - before_s), weighed.reading)
     return Found(_coarse(clock, reading.coarse_s), weighed.reading)
 
@@ -182,8 +182,7 @@ def _against_motion(
     alone = weigh_restarts(angles, reading, prior=prior).likelihood
     if alone is None:
         return ()
-    begin_s = float(np.floor(angles.time_s[0]))
-    clock = clock_of(alone.mixture, middle_s=alone.middle_s - begin_s)
+    clock = clock_of(alone.mixture, middle_s=alone.middle_s - begin_s(angles.time_s))
     low, high = clock.offset_ci95_s
     if low <= given_offset_s <= high:
         return ()

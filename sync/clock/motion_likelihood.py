@@ -69,6 +69,15 @@ class _Inputs:
     stop: Callable[[Stroke], tuple[float, float] | None]
 
 
+def begin_s(time_s: Floats) -> float:
+    """Return the time from which a record's clock (n,) counts in the likelihood: its first whole second.
+
+    Seconds of the calendar have ten digits before the point, and their products too few behind it. Whole seconds are
+    subtracted exactly.
+    """
+    return float(np.floor(time_s[0]))
+
+
 def motion_likelihood(
     angles: StickAngles, log: TemperatureLog, *, prior: Gaussian | None, gaps: Sequence[UnknownGap]
 ) -> MotionLikelihood | None:
@@ -78,9 +87,7 @@ def motion_likelihood(
     uncertain gap, which is a further unknown. None where nothing moves, nothing is heated, or no offset explains the
     motion.
     """
-    # Seconds of the calendar have ten digits before the point, and their products too few behind it: both clocks count
-    # from their first whole second here, which is exact.
-    film_s, log_s = float(np.floor(angles.time_s[0])), float(np.floor(log.time_s[0]))
+    film_s, log_s = begin_s(angles.time_s), begin_s(log.time_s)
     found = _from_start(
         replace(angles, time_s=angles.time_s - film_s),
         replace(log, time_s=log.time_s - log_s),
