@@ -65,7 +65,8 @@ def line(title: str, found: list[tuple[Sensors, float]]) -> None:
 def of_log(time_s: Array, read: Array) -> Sensors:
     """Return the sensors of a record in which both springs have the same log."""
     readings, none = Readings.of_rows(time_s, read), np.zeros(0, np.int64)
-    return Sensors(time_s, (readings, readings), none, (np.zeros(0), np.zeros(0)), np.zeros(0), 0.1)
+    nothing, sharp = np.zeros(0), readings.smooth(0.0).log_evidence
+    return Sensors(time_s, (readings, readings), none, (nothing, nothing), nothing, 0.1, (sharp, sharp))
 
 
 def evidence(one: Sensors, lags_s: Array) -> Array:

@@ -37,9 +37,13 @@ def drive_of(lag_s: float, *, noise_c: float = NOISE_C, interval_s: float = 0.25
     return ActuatorModel(reference_spec()).prepare(table, where="record")
 
 
-def test_a_log_with_sharp_corners_was_not_read_by_a_slow_sensor() -> None:
-    sharp = drive_of(0.0).sensors
-    against = [-sharp.log_evidence(lag_s, 0.0) for lag_s in (0.0, 1.5, 3.0, 6.0)]
+@pytest.fixture(scope="module")
+def sharp() -> Drive:
+    return drive_of(0.0)
+
+
+def test_a_log_with_sharp_corners_was_not_read_by_a_slow_sensor(sharp: Drive) -> None:
+    against = [-sharp.sensors.log_evidence(lag_s, 0.0) for lag_s in (0.0, 1.5, 3.0, 6.0)]
     assert against[0] == 0.0
     assert against == sorted(against)
     # One to twenty are the odds from which evidence is called strong (Kass and Raftery (1995)).
@@ -55,8 +59,8 @@ def test_a_rounded_log_refutes_longer_lags_and_no_shorter_ones(lag_s: float) -> 
     assert own - longer > np.log(20.0)
 
 
-def test_a_wire_that_stays_level_shows_no_lag() -> None:
-    assert drive_of(0.0).sensors.log_evidence(0.0, 6.0) == pytest.approx(0.0, abs=np.log(3.0))
+def test_a_wire_that_stays_level_shows_no_lag(sharp: Drive) -> None:
+    assert sharp.sensors.log_evidence(0.0, 6.0) == pytest.approx(0.0, abs=np.log(3.0))
 
 
 @pytest.mark.parametrize("case", [{"noise_c": 0.0}, {"interval_s": 5.0}])
@@ -64,11 +68,10 @@ def test_readings_that_do_not_show_corners_are_no_evidence(case: dict[str, float
     assert drive_of(0.0, **case).sensors.log_evidence(6.0, 6.0) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_log_counts_beside_the_fitted_rows_with_a_lag_less_its_pure_delay() -> None:
-    drive = drive_of(0.0)
-    problem = ActuatorProblem(drive, reference_spec(), seed=0)
+def test_the_log_counts_beside_the_fitted_rows_with_a_lag_less_its_pure_delay(sharp: Drive) -> None:
+    problem = ActuatorProblem(sharp, reference_spec(), seed=0)
     lag = problem.also_seen({"lag_s": 6.0, "lag_delay_share": 0.5}, ["sensor_lag"])
-    assert lag == pytest.approx(drive.sensors.log_evidence(3.0, 3.0))
+    assert lag == pytest.approx(sharp.sensors.log_evidence(3.0, 3.0))
     each = problem.also_seen({"lag_a_s": 2.0, "lag_b_s": 9.0}, ["unlike_lags"])
-    assert each == pytest.approx(drive.sensors.log_evidence(2.0, 9.0))
+    assert each == pytest.approx(sharp.sensors.log_evidence(2.0, 9.0))
     assert problem.also_seen({}, []) == 0.0

@@ -315,7 +315,15 @@ def _driven(
         start_angle_rad=start_angle_rad,
         room_c=min(float(np.quantile(item.temp_c, 0.02)) for item in (a, b)),
         known=(known_a & known_b)[rows],
-        sensors=Sensors(time_s, (of_a, of_b), rows, (at_a.sensor_c, at_b.sensor_c), sigma_c, least_c),
+        sensors=Sensors(
+            time_s=time_s,
+            readings=(of_a, of_b),
+            rows=rows,
+            driven_c=(at_a.sensor_c, at_b.sensor_c),
+            sigma_c=sigma_c,
+            least_turn_c=least_c,
+            without_lag=(a.log_evidence, b.log_evidence),
+        ),
         turning=(at_a.turning, at_b.turning),
         wrong_readings=wrong_a + wrong_b,
     )

@@ -72,14 +72,15 @@ def conditioned(readings: Readings, time_s: Floats, temp_c: Floats) -> Condition
 def _between_readings(readings: Readings, wanted_s: Floats) -> Conditioned:
     """Return the temperature at the wanted times (m,) from readings (n,) that are far apart."""
     time_s, temp_c = readings.time_s, readings.temp_c
-    known_c, slope_c_s, left_over, _ = readings.smooth(0.0)
+    known_c, slope_c_s, left_over, evidence = readings.smooth(0.0)
     if readings.noise_c > NEGLIGIBLE_C:
         noise_c = readings.noise_c * math.sqrt(readings.alike)
         level_holds(time_s, temp_c, noise_c, value=known_c, rate=slope_c_s, left_over=left_over)
     else:
         known_c = temp_c
     peaks_c = ripple_peaks(time_s, temp_c, known_c, readings.digit_noise_c, readings.alike)
-    return replace(readings.with_corners(known_c, left_over, wanted_s), peaks_c=np.interp(wanted_s, time_s, peaks_c))
+    known = readings.with_corners(known_c, left_over, wanted_s)
+    return replace(known, peaks_c=np.interp(wanted_s, time_s, peaks_c), log_evidence=evidence)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,9 +137,7 @@ class Readings:
             value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
             value, sigma = turns_reached(wanted_s, value, sigma)
             known = Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
-        # The evidence is about the sensor where noise hides the interpolation, and readings miss no corner.
-        shown = self.noise_c > NEGLIGIBLE_C and usual_step(self.time_s) <= SLOW_S
-        return replace(known, log_evidence=evidence) if shown else known
+        return replace(known, log_evidence=evidence)
 
     def smooth(self, lag_s: float) -> Smoothed:
         """Return the wire's temperature at the readings (n,)."""
@@ -146,7 +145,10 @@ class Readings:
         if n < SHORTEST:
             slope = np.asarray(np.gradient(self.temp_c, self.time_s)) if n > 1 else np.zeros(n)
             return Smoothed(self.temp_c + lag_s * slope, slope, np.zeros(n), 0.0)
-        return smoothed(self.time_s, self.temp_c, self.sigma_c, lag_s)
+        found = smoothed(self.time_s, self.temp_c, self.sigma_c, lag_s)
+        # The evidence is about the sensor where noise hides the interpolation, and readings miss no corner.
+        shown = self.noise_c > NEGLIGIBLE_C and usual_step(self.time_s) <= SLOW_S
+        return found if shown else found._replace(log_evidence=0.0)
 
     def with_corners(self, known_c: Floats, left_over: Floats, wanted_s: Floats) -> Conditioned:
         """Return the temperature at the wanted times (m,) where it is known (n,) at readings that are far apart.

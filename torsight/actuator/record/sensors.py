@@ -43,8 +43,8 @@ class Sensors:
 
     ``time_s`` (m,) are the log's times, ``readings`` those of both springs; ``rows`` (n,) are the rows that the whole
     drive keeps, ``driven_c`` both conditioned temperatures (n,) there and ``sigma_c`` (n,) their standard deviation. A
-    reversal of a temperature counts as a turn from ``least_turn_c`` on. ``errors_c`` are errors (n,) that were added to
-    the conditioned temperatures.
+    reversal of a temperature counts as a turn from ``least_turn_c`` on. ``without_lag`` is the log evidence of both
+    readings for sensors without a lag. ``errors_c`` are errors (n,) that were added to the conditioned temperatures.
     """
 
     time_s: Floats
@@ -53,6 +53,7 @@ class Sensors:
     driven_c: Pair
     sigma_c: Floats
     least_turn_c: float
+    without_lag: tuple[float, float]
     errors_c: Pair | None = None
     _known: dict[float, tuple[_Wire, _Wire]] = field(default_factory=dict)
 
@@ -105,17 +106,16 @@ class Sensors:
 
     def _at(self, lag_s: float) -> tuple[_Wire, _Wire]:
         if lag_s not in self._known:
+            none = np.zeros(len(self.rows))
             a, b = (
-                self._behind(readings, driven_c, lag_s)
-                for readings, driven_c in zip(self.readings, self.driven_c, strict=True)
+                self._behind(readings, driven_c, lag_s) if lag_s > 0.0 else _Wire(none, none + 1.0, evidence)
+                for readings, driven_c, evidence in zip(self.readings, self.driven_c, self.without_lag, strict=True)
             )
             self._known[lag_s] = (a, b)
         return self._known[lag_s]
 
     def _behind(self, readings: Readings, driven_c: Floats, lag_s: float) -> _Wire:
         found = readings.behind(self.time_s, lag_s)
-        if lag_s == 0.0:
-            return _Wire(np.zeros(len(self.rows)), np.ones(len(self.rows)), found.log_evidence)
         sigma, one = found.sigma_c[self.rows], np.ones(len(self.rows))
         growth = np.divide(sigma, self.sigma_c, out=one, where=self.sigma_c > 0.0)
         # The wire's temperature at the kept rows, with its turns at their full height.

@@ -172,7 +172,9 @@ class Played:
             start_angle_rad=start_angle_rad,
             room_c=self.room_c,
             known=np.ones(n, bool),
-            sensors=_ExactSensors(self.time_s, (exact_a, exact_b), np.arange(n), temps_c, np.zeros(n), least_c),
+            sensors=_ExactSensors(
+                self.time_s, (exact_a, exact_b), np.arange(n), temps_c, np.zeros(n), least_c, (0.0, 0.0)
+            ),
             turning=(turns_of(self.temp_a_c, least_c), turns_of(self.temp_b_c, least_c)),
         )
 
