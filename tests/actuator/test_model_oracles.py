@@ -17,6 +17,7 @@ from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec, reference_spe
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.closed_form import half_cycle, heated_angle, stable_cycle
 from torsight.core.errors import ConfigError
+from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 
 FULL = [(80.0, 0.1)]
@@ -238,3 +239,25 @@ def test_constant_recoverable_angle_is_an_option():
     # Equation (23) with ξ from 1 to 0.
     stroke = rig.k_austenite / (rig.k_austenite + rig.k_stress_induced) * 300.0
     assert phi[0] - phi.min() == pytest.approx(stroke, abs=1e-6)
+
+
+@pytest.mark.parametrize(("renewal", "begins"), [(0.0, 100.0), (1.0, 500.0)])
+def test_a_stroke_goes_on_or_begins_anew_after_a_hold(renewal: float, begins: float):
+    """Equation (23) gives the recoverable angle from the reference state: the beginning of the stroke, or the hold."""
+    time_s = np.arange(0.0, 800.0)
+    temp_c = np.interp(time_s, [0.0, 400.0, 600.0, 800.0], [23.0, 56.0, 56.0, 75.0])
+    log = TemperatureLog(time_s, temp_c, np.full(800, 23.0), heat_a=np.ones(800, bool), heat_b=np.zeros(800, bool))
+    model = ActuatorModel(reference_spec(), ("reference_state",))
+    found = model.simulate(model.prepare_log(log, start_angle_rad=177.6 * DEG), {"renewal": renewal})
+    rig = Rig.from_values(REFERENCE_VALUES)
+    stiffness = rig.k_austenite + found.xi_a * (rig.k_martensite - rig.k_austenite)
+    share = stiffness / (stiffness + rig.k_stress_induced)
+    start, after = int(begins), slice(630, 700)
+    way_rad = found.phi_rad[after] - found.phi_rad[start]
+    recovered_rad = way_rad / (share[after] * (found.xi_a[after] - found.xi_a[start]))
+    # In case (a) the spring was unwound from where it balanced the other one and the friction.
+    theta_1 = 177.6 * DEG + 0.5 * rig.theta_p_rad
+    unwound_nm = rig.k_stress_induced * (2.0 * theta_1 - rig.theta_p_rad) - rig.tau_c_nm
+    wound = theta_1 + unwound_nm / (rig.k_martensite - rig.k_stress_induced)
+    left_rad = (wound - rig.theta_cr_rad) * (1.0 - rig.k_stress_induced / rig.k_martensite)
+    assert recovered_rad == pytest.approx(left_rad, rel=1e-6)

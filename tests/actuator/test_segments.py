@@ -52,6 +52,14 @@ def test_a_room_that_warms_is_no_heating(noise_c):
         assert own[min(start - end, 0) - 1] < 28.0
 
 
+def test_a_rest_that_rises_hardly_and_without_noise_is_no_part_of_the_heating():
+    log, temps = programme(HALVES)
+    drift_c = 0.05 * np.arange(len(log)) / len(log)
+    found = half_cycles(log.temp_a_c + drift_c, log.temp_b_c + drift_c)
+    starts, expected = np.flatnonzero(np.diff(found.half)) + 1, np.cumsum([len(own) for own in temps])[:-1]
+    assert np.abs(starts - expected).max() <= 1
+
+
 def test_warming_by_the_neighbour_is_no_drive():
     log, _ = programme(HALVES)
     warm = 0.45

@@ -143,3 +143,18 @@ def test_what_two_parameters_share_is_known_as_their_priors_have_it() -> None:
     assert spread(found.jacobian) < 0.3 * expected
     better = sharpened(model, found, weight=weight, space=space)
     assert spread(better.jacobian) == pytest.approx(expected, rel=0.02)
+
+
+def test_the_factor_of_the_information_is_that_of_the_normal_equations_and_real_where_these_are_not():
+    rng = np.random.default_rng(2)
+    columns, shared, each = rng.normal(size=(60, 3)), rng.normal(size=(60, 2)), rng.uniform(0.5, 2.0, 60)
+    weight, prior = Weight(each, shared), np.array([1e-6, 0.1, 2.0])
+    factor = weight.factor(columns, prior)
+    np.testing.assert_allclose(factor.T @ factor, weight.normal(columns) + np.diag(prior), rtol=1e-12)
+    # Values that act as shared errors of great size: what is left is the prior, and the information of the errors.
+    mix = rng.normal(size=(3, 3))
+    hidden = Weight(each, 1e9 * columns @ mix)
+    factor = hidden.factor(1e6 * columns, prior)
+    left = np.diag(prior) + 1e-6 * np.linalg.inv(mix @ mix.T)
+    np.testing.assert_allclose(factor.T @ factor, left, rtol=1e-4, atol=1e-9)
+    assert np.linalg.eigvalsh(hidden.normal(1e6 * columns) + np.diag(prior))[0] < 0.0

@@ -136,6 +136,7 @@ class Readings:
         else:
             value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
             value, sigma = turns_reached(wanted_s, value, sigma)
+            sigma = np.hypot(sigma, np.interp(wanted_s, self.time_s, _beside_corners(known_c)))
             known = Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
         return replace(known, log_evidence=evidence)
 
@@ -161,6 +162,24 @@ class Readings:
         sigma = np.hypot(np.interp(wanted_s, self.time_s, left_over), doubt)
         rate = np.asarray(np.gradient(value, wanted_s))
         return Conditioned(value, rate, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
+
+
+def _beside_corners(temp_c: Floats) -> Floats:
+    """Return the standard deviation (n,) of temperatures due to corners that lie between rows.
+
+    The smoother's corners lie on rows. Two lines whose slopes differ by Δ and that meet within half a row of a row pass
+    it at temperatures that differ by up to Δ/2 (per row); a corner on the row halves this difference. So the row errs
+    by Δ/4 at most and by Δ/√48 in the root mean square. Δ is the bend in excess of that beside it, as of a cooling.
+    What a spring reached at a turn, or in the hold before a cooling, is known better (:func:`turns_reached`,
+    :func:`level_holds`): there nothing is added.
+    """
+    found = np.zeros(len(temp_c))
+    slope = np.diff(temp_c)
+    before, after = slope[:-1], slope[1:]
+    reached = (before * after < 0.0) | ((after < before) & (after + before < 0.0))
+    bend = np.pad(np.where(reached, 0.0, np.abs(after - before)), 1)
+    found[1:-1] = np.maximum(bend[1:-1] - np.maximum(bend[:-2], bend[2:]), 0.0) / math.sqrt(48.0)
+    return found
 
 
 def _blocks(time_s: Floats, temp_c: Floats, block_s: float) -> tuple[Floats, Floats]:

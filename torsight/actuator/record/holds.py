@@ -17,7 +17,7 @@ from torsight.actuator.record.log_noise import hidden_by_rounding, last_digit
 from torsight.actuator.record.segments import turn_of
 from torsight.actuator.record.turns import turning_points
 from torsight.core.parameter import REACH
-from torsight.core.series import usual_step
+from torsight.core.series import runs, usual_step
 from torsight.core.units import Floats
 
 # Longest reach of a level from a top's end, and its shortest length. benchmarks/actuator/log_constants.py measures the
@@ -42,11 +42,8 @@ def level_holds(
     """
     digit_c = last_digit(temp_c)
     sense = turning_points(value, np.zeros(len(value), np.int64), turn_of(noise_c))
-    for edge in np.flatnonzero(np.diff(sense) < 0):
-        window = _longest_level(time_s, temp_c, noise_c, int(edge))
-        if window is None:
-            continue
-        first, last = window
+    tops = [_longest_level(time_s, temp_c, noise_c, int(edge)) for edge in np.flatnonzero(np.diff(sense) < 0)]
+    for first, last in (*_holds_between(time_s, temp_c, noise_c, rate), *(top for top in tops if top is not None)):
         level, slope, sigma = _level(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
         rows = np.arange(first, last + 1)
         # The window may extend beyond a corner by a row or two: there the smoother's estimate is kept, which is below
@@ -60,6 +57,24 @@ def level_holds(
         beside = slice(*np.searchsorted(time_s, [time_s[first] - LEAST_HOLD_S, time_s[last] + LEAST_HOLD_S]))
         above = value[beside] - level.max()
         value[beside] -= np.where((above > 0.0) & (above <= REACH * left_over[beside]), above, 0.0)
+
+
+def _holds_between(time_s: Floats, temp_c: Floats, noise_c: float, rate: Floats) -> list[tuple[int, int]]:
+    """Return first and last row of the level stretches whose smoothed slope changes less than the noise in a hold.
+
+    A controller may need time to settle: of a stretch that is not level throughout, the longest half, quarter … at its
+    end is taken that is.
+    """
+    found = []
+    for begin, stop in runs(np.abs(rate) * LEAST_HOLD_S < noise_c):
+        first, last = begin, stop - 1
+        while time_s[last] - time_s[first] > 2.0 * LEAST_HOLD_S and last - first >= 2 * _LEAST_ROWS:
+            bend, doubt = _unevenness(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
+            if bend <= _REJECTED * doubt and bend + doubt <= _LEVEL * noise_c:
+                found.append((first, last))
+                break
+            first = (first + last) // 2
+    return found
 
 
 def _level(time_s: Floats, temp_c: Floats, noise_c: float) -> tuple[Floats, Floats, Floats]:

@@ -67,18 +67,26 @@ from torsight.actuator.stepping.kernel_roots import (
     give_way,
     glide,
     keep_slide,
+    renew,
     slide,
     slide_anew,
     transform_at_rest,
 )
 from torsight.actuator.stepping.samples import Samples
 from torsight.core.compiled import compiled, inlined, shared
-from torsight.core.units import Floats
+from torsight.core.units import DEG, Floats
 
 _LETS_STAND: Final = 0.1
 """Drop of friction, as a share of its sliding value, from which a disk counts as having come to a standstill; a choice.
 Without it an overshoot of zero length would change the angle. On records of a rig with mass the evidence is the same
 with half this value and 50 log units lower with twice."""
+
+
+_STANDS_RAD_S: Final = 0.05 * DEG
+"""Speed below which the disk counts as standing: a hundredth of that in mid-stroke at usual rates of heating, and about
+what the remaining noise of a held temperature (0.01 °C in 10 s) moves it by."""
+_STANDS_S: Final = 10.0
+"""Time constant with which a standstill counts: shorter ones cannot be distinguished from noise of the temperature."""
 
 
 @shared
@@ -165,7 +173,8 @@ def _start_half_cycle(
         least = min(most, least / p["first_share"] - side_torque(x, p, tables))
         s["tau"] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
     s["xi_p"], s["xi_0_p"], s["turn_p"], s["changed"] = 1.0, 1.0, 1.0, 1.0
-    q["x"], q["tau"], q["xi"], q["sliding"], q["at_rest"] = x, s["tau"], 1.0, 0.0, 0.0
+    q["x"], q["tau"], q["xi"], q["sliding"] = x, s["tau"], 1.0, 0.0
+    q["at_rest"], q["stood_s"] = 0.0, 0.0
     q["theta_l"] = _recoverable(wound[who], left, p, tables)
     for j in range(w.shape[1]):
         w[0, j], w[1, j], w[2, j] = 1.0, 1.0, 0.0
@@ -184,7 +193,7 @@ def _turn(heating: bool, left: Floats, own: float, state: State, p: Scalars, tab
             for i in (1, 2):
                 saved_w[i, j] = w[i, j]
         q["x"], q["tau"], q["xi"], q["sliding"] = s["x"], s["tau"] - own, s["xi"], 0.0
-        q["at_rest"] = 0.0
+        q["at_rest"], q["stood_s"] = 0.0, 0.0
         q["floor"] = _wound_for(s["x"], (s["tau"] - own) / s["keeps"], p, tables)
         for j in range(w.shape[1]):
             w[1, j], w[2, j] = w[0, j], 0.0
@@ -284,9 +293,24 @@ def _nothing_to_do(s: Scalars, w: Floats, p: Scalars, tables: Floats, sections: 
 
 
 @inlined
-def _pass_over(per_s: float, s: Scalars) -> None:
+def _stand(per_s: float, s: Scalars, q: Scalars, p: Scalars) -> None:
+    """Renew the reference state in proportion while the disk stands within a stroke; its present torque stays."""
+    if p["renewal"] == 0.0 or q["sliding"] == 0.0 or per_s == 0.0:
+        return
+    if abs(s["x"] - s["x0"]) * per_s > _STANDS_RAD_S:
+        q["stood_s"] = 0.0
+        return
+    before = p["renewal"] * (1.0 - np.exp(-q["stood_s"] / _STANDS_S))
+    q["stood_s"] += 1.0 / per_s
+    after = p["renewal"] * (1.0 - np.exp(-q["stood_s"] / _STANDS_S))
+    renew((after - before) / (1.0 - before), s["x"], s["xi"], q, p)
+
+
+@inlined
+def _pass_over(per_s: float, s: Scalars, q: Scalars, p: Scalars) -> None:
     """Advance the time by a sample at rest."""
     s["x0"], s["per_s"] = s["x"], per_s
+    _stand(per_s, s, q, p)
     if s["rest_s"] > 0.0:
         s["rest_s"] += 1.0 / per_s
 
@@ -404,7 +428,7 @@ def step_through(
         if not fresh and _nothing_to_do(s, w, p, tables, sections):
             for i in range(5):
                 out[i, k] = out[i, k - 1]
-            _pass_over(per_s[k], s)
+            _pass_over(per_s[k], s, q, p)
             continue
         _keep_rates(per_s[k], starts, turns, s, w)
         _load(k, samples, wound[1 - who], s, p, o, tables)
@@ -418,6 +442,7 @@ def step_through(
             # A spring that cooled above its loading curve yields when it is released: the heating starts after that.
             q["x"], q["tau"], q["sliding"] = s["x"], s["tau"] - beside(s["x"], s, p, tables), 0.0
         _seat(slid, state, p, o, tables)
+        _stand(per_s[k], s, q, p)
         # The time at rest before the record is unknown: it is taken as longer than any law over the rest reaches.
         s["rest_s"] = 0.0 if slid else s["rest_s"] + (np.inf if k == 0 else 1.0 / per_s[k])
         if s["xi"] != total or s["x"] != s["x0"]:

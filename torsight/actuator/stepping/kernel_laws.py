@@ -41,7 +41,7 @@ SCALARS: Final = numbers(
     # Of the rig.
     "theta_p tau_c viscous_nms viscous_power speed_step dwell_step passive_share tanaka room_c grid_start grid_step "
     "fixed_theta_l has_friction has_stray steady home_hold first_share heating_bend cooling_bend unwound_a unwound_b "
-    "latent_c_s swing place_step loop_memory seat_rad seat_spread slipped_a slipped_b"
+    "latent_c_s swing place_step loop_memory renewal seat_rad seat_spread slipped_a slipped_b"
 )
 """The rig's scalars with the values of one spring."""
 STEP: Final = numbers(
@@ -55,7 +55,7 @@ STEP: Final = numbers(
     "jump let_go"
 )
 """Values of one sample, and those that persist from sample to sample (SI units, °C)."""
-REFERENCE: Final = numbers("x tau xi theta_l sliding floor begun at_rest")
+REFERENCE: Final = numbers("x tau xi theta_l sliding floor begun at_rest stood_s")
 """The driven spring's reference state."""
 
 # Rows of the tables.

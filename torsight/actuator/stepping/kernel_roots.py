@@ -211,6 +211,14 @@ def give_way(
     state.q[0]["at_rest"] += abs(s["xi"] - before)
 
 
+@inlined
+def renew(share: float, x: float, xi: float, q: Scalars, p: Scalars) -> None:
+    """Move the reference state by a share towards the present state, whose torque stays the same."""
+    stretch = x - q["x"] - q["theta_l"] * (xi - q["xi"])
+    q["tau"] += share * (p["k_a"] + xi * (p["k_m"] - p["k_a"])) * stretch
+    q["x"], q["xi"] = x - (1.0 - share) * stretch, xi
+
+
 @lending
 def slide_anew(sense: float, limit: float, reached: float, state: State, p: Scalars, tables: Floats) -> None:
     """Set the reference state to that at the end of sticking, between the present ξ and the ξ that the sample reaches.
@@ -231,9 +239,7 @@ def slide_anew(sense: float, limit: float, reached: float, state: State, p: Scal
     else:
         rested = q["at_rest"] + abs(end - state.s[0]["xi"])
         share = min(1.0, rested / max(abs(end - q["begun"]), rested))
-        stretch = x - q["x"] - q["theta_l"] * (end - q["xi"])
-        q["tau"] += share * (p["k_a"] + end * (p["k_m"] - p["k_a"])) * stretch
-        q["x"], q["xi"] = x - (1.0 - share) * stretch, end
+        renew(share, x, end, q, p)
         q["begun"] += share * (end - q["begun"])
     q["at_rest"] = 0.0
 

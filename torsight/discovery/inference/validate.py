@@ -83,8 +83,7 @@ def _spread(fit: Fit, weight: Weight, kept: list[str], *, base: int) -> Floats:
     free = [i for i, p in enumerate(fit.parameters) if p.name not in kept]
     derivative = fit.solution.jacobian[:, free]
     prior = prior_information(space_of(fit.parameters), fit.solution.x, base)[free]
-    information = weight.normal(derivative) + np.diag(prior)
-    return np.asarray(solve_triangular(np.linalg.cholesky(information), derivative.T, lower=True).T)
+    return np.asarray(solve_triangular(weight.factor(derivative, prior), derivative.T, trans="T").T)
 
 
 def _unpredicted(fitter: Fitter, fit: Fit, weight: Weight) -> list[str]:

@@ -1,0 +1,46 @@
+r"""A standstill within a stroke renews the reference state of the driven spring's torque, wholly or in part.
+
+.. math:: (θ_r, τ_r, ξ_r) → (θ_r, τ_r, ξ_r) + ρ \, (1 - e^{-t/t_0}) \, [(θ, τ, ξ) - (θ_r, τ_r, ξ_r)]
+
+ρ renewed share (0: the stroke continues as if it had not been interrupted; 1: it begins anew), t time at rest, t0 10 s.
+The torque does not change meanwhile; what follows does, because the stiffness multiplies the way from the reference
+state. It is no effect of the rig: the paper's rule resets the reference state wherever sticking turns into sliding and
+does not say whether a stroke interrupted by a hold of the temperature begins anew. So discovery always fits ρ beside
+the characterised values and never names it. Source: the paper, section 3.3, equations (20) to (26).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from torsight.actuator.effects import Effect, Values
+from torsight.actuator.ports import Ports
+from torsight.core.parameter import Parameter
+
+
+def apply(ports: Ports, values: Values) -> Ports:
+    """Renew the reference state at a standstill."""
+    return ports.changed(renewal=values["renewal"])
+
+
+EFFECT: Final = Effect(
+    id="reference_state",
+    family="form",
+    acts_on="phase",
+    title="reference state after a standstill",
+    parameters=(
+        Parameter(
+            name="renewal",
+            # Mean and standard deviation of a share of which nothing is known.
+            value=0.5,
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sigma=12.0**-0.5,
+            null=0.0,
+            symbol="ρ",
+            title="share of the reference state that a standstill renews",
+        ),
+    ),
+    apply=apply,
+)
