@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg
 
 from torsight.core.units import Flags, Floats
 
@@ -82,15 +83,16 @@ class Weight:
         return np.asarray(plain - across.T @ np.linalg.solve(self._information, across))
 
     def factor(self, columns: Floats, prior: Floats) -> Floats:
-        """Return R (m, m), upper triangular, with Rᵀ R = Cᵀ W C + diag(prior) for columns C (n, m) and a prior (m,) > 0.
+        """Return R (m, m), upper triangular, with Rᵀ R = Cᵀ W C + diag(prior), for columns C (n, m) and prior (m,) > 0.
 
         From the triangular factor of all errors and values together, without the difference of :meth:`normal`, whose
         rounding can exceed what is left for a value of which the samples say little.
         """
-        root = np.sqrt(self.each)[:, None]
-        priors = np.diag(np.concatenate([np.ones(self.shared.shape[1]), np.sqrt(prior)]))
-        triangle = np.linalg.qr(np.vstack([np.hstack([root * self.shared, root * columns]), priors]), mode="r")  # type: ignore[call-overload]
-        return np.asarray(triangle[self.shared.shape[1] :, self.shared.shape[1] :])
+        own = self.shared.shape[1]
+        rows = np.hstack([self.shared, columns]) * np.sqrt(self.each)[:, None]
+        priors = np.diag(np.concatenate([np.ones(own), np.sqrt(prior)]))
+        (triangle,) = scipy.linalg.qr(np.vstack([rows, priors]), mode="r", overwrite_a=True)
+        return np.asarray(triangle[own : own + len(prior), own:])
 
     def only(self, rows: Flags) -> Weight:
         """Return the weight with only these rows (n,) counted."""
