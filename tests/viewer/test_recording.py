@@ -264,14 +264,14 @@ class _Writer:
 
     def kill(self) -> None: ...
 
-    def communicate(self, given: bytes | None, *, timeout: float) -> tuple[bytes, None]:
+    def communicate(self, given: str | None, *, timeout: float) -> tuple[str, None]:
         assert (given is None) == (self.waits > 0)
         self.waits += 1
         if self.waits <= self.writes:
             self.path.write_bytes(b"x" * self.waits)
         if self.waits <= self.ends_after:
             raise subprocess.TimeoutExpired("writer", timeout)
-        return b"", None
+        return "", None
 
 
 def test_a_process_that_writes_nothing_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

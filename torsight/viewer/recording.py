@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
-import pickle
 import subprocess
 import sys
 import tempfile
@@ -87,13 +87,14 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
 
 def run_writer(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
     """Let :mod:`torsight.viewer.writing` write the recording, as long as the file grows."""
+    task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
     # The child gets this process's import path, which may not be the default.
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
     words = [sys.executable, *WRITER]
-    with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as writer:
+    with subprocess.Popen(words, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
         try:
             answer, size = None, -1
-            given: bytes | None = pickle.dumps((folder, target, preview))
+            given: str | None = json.dumps(task)
             while answer is None:
                 try:
                     answer, _ = writer.communicate(given, timeout=patience_s)
