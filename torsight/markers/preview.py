@@ -7,36 +7,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from torsight.core.files.figure_file import write_figure
+from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
-from torsight.core.words.colours import GIVEN_COLOUR
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR
 from torsight.core.words.wording import capital
 from torsight.markers.beginning import SHOWN_PX
-from torsight.markers.drawing import (
-    DOT,
-    MARKER_COLOURS,
-    PX,
-    REFUSED,
-    TEXT_PX,
-    axes_in,
-    blank,
-    marker_names,
-    show_candidates,
-    show_frame,
-    show_named,
-)
+from torsight.markers.drawing import TEXT, show_frame, show_label, show_named, show_ring
 
 if TYPE_CHECKING:
     from tracker.detect.candidates import Sighting
 
-_CORNER_PX: Final = (60.0, 50.0)
-"""Position of the frame's upper left corner in the picture."""
 _LINE_CHARACTERS: Final = 98
-_LIST_PX: Final = 0.53 * TEXT_PX * _LINE_CHARACTERS
-_LINE_PX: Final = 1.25 * TEXT_PX
-"""The list beside the frame: a letter is about half as wide as it is tall, a line a quarter taller than its letters."""
+"""Longest line of the list beside the frame."""
+_DOT: Final = LIGHT["held"]
+_REFUSED: Final = "#cc79a7"
+"""A dot that was not taken; a candidate that is no dot."""
 
 
 def write_preview(
@@ -55,33 +44,45 @@ def write_preview(
     ``given_px`` by a person, ``named_px`` found automatically (only where it is known which stick moves).
     """
     scale = SHOWN_PX / max(luma.shape)
-    high, wide = scale * luma.shape[0], scale * luma.shape[1]
-    lines = _lines(seen, message=message or _found_words(seen, named_px), given=given_px is not None)
-    (left, top), tall = _CORNER_PX, max(high, _LINE_PX * (len(lines) + 1))
-    figure = blank(left + wide + 30.0 + _LIST_PX, top + tall + 60.0)
-    axes = axes_in(figure, (left, top, wide, high))
-    axes.set_title(title, loc="left", fontsize=16.0 * PX, fontweight="bold")
+    figure = Figure((scale * luma.shape[1] / 100.0, scale * luma.shape[0] / 100.0), dpi=100.0)
+    # The file is as much larger than the frame as the words around it need.
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_title(title, loc="left", fontweight="bold")
     show_frame(axes, luma)
     axes.locator_params(nbins=16)
+    axes.tick_params(labelsize="small")
     axes.grid(color="white", alpha=0.28)
     axes.set(xlabel="x (px)", ylabel="y (px)")
-    show_candidates(axes, seen.candidates)
-    if named_px is not None:
-        show_named(axes, named_px, marker_names(), MARKER_COLOURS)
-    elif seen.sticks_px is not None:
-        names = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
-        show_named(axes, seen.sticks_px.reshape(4, 2), names, MARKER_COLOURS)
-    if given_px is not None:
-        show_named(axes, given_px, [f"{name}, given" for name in marker_names()], [GIVEN_COLOUR] * 4)
-    beside = axes_in(figure, (left + wide + 20.0, top, _LIST_PX, tall))
-    beside.set(xlim=(0.0, _LIST_PX), ylim=(tall, 0.0))
-    beside.set_axis_off()
-    for number, (text, colour) in enumerate(lines):
-        y = _LINE_PX * number + TEXT_PX
+    listed = []
+    for one in seen.candidates:
+        colour = _DOT if one.is_dot else _REFUSED
+        if not one.taken:
+            reach = max(1.5 * one.radius_px, 4.0)
+            show_ring(axes, (one.x_px, one.y_px), reach, color=colour, linestyle="-" if one.is_dot else ":")
+            show_label(axes, (one.x_px + 0.8 * reach, one.y_px - 0.8 * reach), str(one.number), colour)
+        text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
+        label = textwrap.fill(text, _LINE_CHARACTERS, subsequent_indent=" " * 6)
         # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
-        beside.text(14.0, y, text, fontsize=PX * TEXT_PX)
-        beside.text(0.0, y, "■" if colour else "", color=colour, fontsize=PX * TEXT_PX)
-    write_figure(path, figure)
+        listed += axes.plot([], [], "s", color="none" if one.taken else colour, label=label)
+    colours = [BASE_COLOUR, BASE_COLOUR, MOVING_COLOUR, MOVING_COLOUR]
+    names = [name.replace("_", " ") for name in MARKERS]
+    if named_px is not None:
+        show_named(axes, named_px, names, colours)
+    elif seen.sticks_px is not None:
+        sticks = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
+        show_named(axes, seen.sticks_px.reshape(4, 2), sticks, colours)
+    said = [textwrap.fill(capital(message or _found_words(seen, named_px)), _LINE_CHARACTERS)]
+    if given_px is not None:
+        show_named(axes, given_px, [f"{name}, given" for name in names], [GIVEN_COLOUR] * 4)
+        said.append("Rings in yellow: the positions that were given.")
+    if not seen.candidates:
+        said.append("no place looks like a dot")
+    beside = axes.legend(
+        handles=listed, title="\n".join(said), title_fontsize="small", alignment="left", frameon=False, **TEXT
+    )
+    beside.set_loc("upper left")
+    beside.set_bbox_to_anchor((1.0, 1.0), axes.transAxes)
+    write_figure(path, figure, bbox_inches="tight")
 
 
 def _found_words(seen: Sighting, named_px: Floats | None) -> str:
@@ -90,20 +91,3 @@ def _found_words(seen: Sighting, named_px: Floats | None) -> str:
     if named_px is None:
         return "Four markers were found; which stick moves is not seen in the first seconds."
     return "Four markers were found."
-
-
-def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, str | None]]:
-    """Return the lines of the list beside the picture, each with the colour of its mark."""
-    said = textwrap.wrap(capital(message), _LINE_CHARACTERS)
-    lines: list[tuple[str, str | None]] = [(line, None) for line in said or [""]]
-    if given:
-        lines.append(("Rings in yellow: the positions that were given.", None))
-    lines.append(("", None))
-    for one in seen.candidates:
-        colour = None if one.taken else DOT if one.is_dot else REFUSED
-        text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
-        first, *more = textwrap.wrap(text, _LINE_CHARACTERS)
-        lines += [(first, colour), *((f"      {line}", None) for line in more)]
-    if not seen.candidates:
-        lines.append(("no place looks like a dot", None))
-    return lines

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from torsight.core.files.figure_file import write_figure
@@ -15,9 +16,9 @@ from torsight.core.parameter import REACH
 from torsight.core.series import runs, usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
-from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, hex_of
 from torsight.core.words.wording import counted
-from torsight.markers.drawing import PX, TEXT_PX, axes_in, blank, show_frame, show_named, show_stick
+from torsight.markers.drawing import TEXT, show_frame, show_named, show_ring
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
@@ -58,22 +59,27 @@ def write_track_picture(path: Path, source: Source, result: TrackResult, angles:
     view = _view(result)
     tall = min(_PANEL_PX, _PANEL_PX * (view[3] - view[1]) / (view[2] - view[0]))
     rows = (len(shown) + 2) // 3
-    figure = blank(3 * _PANEL_PX + 40.0, _HEAD_PX + rows * (tall + _HEAD_PX) + _PLOT_PX + 90.0)
+    wide, high = 3 * _PANEL_PX + 40.0, _HEAD_PX + rows * (tall + _HEAD_PX) + _PLOT_PX + 90.0
+    figure = Figure((wide / 100.0, high / 100.0), dpi=100.0)
+
+    def part(left: float, top: float, width: float, height: float) -> Axes:
+        return figure.add_axes((left / wide, 1.0 - (top + height) / high, width / wide, height / high))
+
     known = int(angles.valid.sum())
     title = f"{Path(source.name).name}: {known} of {counted(len(angles), 'frame')} have an angle"
-    figure.suptitle(title, x=0.01, y=1.0 - 10.0 / (figure.dpi * figure.get_figheight()), ha="left", fontweight="bold")
+    figure.suptitle(title, x=0.01, y=1.0 - 10.0 / high, ha="left", fontweight="bold")
     lumas = source.pictures([one.index for one in shown])
     for number, one in enumerate(shown):
         row, column = divmod(number, 3)
         left, top = 10.0 + column * (_PANEL_PX + 10.0), 2 * _HEAD_PX + row * (tall + _HEAD_PX)
         angle = f"{angles.angle_rad[one.index] / DEG:.2f}°" if angles.valid[one.index] else "no angle"
-        axes = axes_in(figure, (left, top, _PANEL_PX, tall))
+        axes = part(left, top, _PANEL_PX, tall)
         axes.set(xticks=[], yticks=[])
         below = f"frame {one.index}, {angles.time_s[one.index]:.2f} s: {angle}"
-        axes.set_title(f"{one.why}\n{below}", fontsize=PX * TEXT_PX)
+        axes.set_title(f"{one.why}\n{below}", **TEXT)
         _draw_frame(axes, lumas.get(one.index), one, result=result, view=view)
     top = 2 * _HEAD_PX + rows * (tall + _HEAD_PX) - 10.0
-    _draw_angle(axes_in(figure, (70.0, top, 3 * _PANEL_PX - 50.0, _PLOT_PX)), angles, shown)
+    _draw_angle(part(70.0, top, wide - 90.0, _PLOT_PX), angles, shown)
     write_figure(path, figure)
 
 
@@ -140,22 +146,24 @@ def _draw_frame(
     show_frame(axes, luma, view_px=view)
     radius = float(result.report["markers"]["radius_px"])
     read = np.where(result.tracks.valid[one.index, :, None], result.tracks.position_px[one.index], np.nan)
-    show_stick(axes, read[:2], colour=BASE_COLOUR, radius_px=radius)
-    show_stick(axes, read[2:], colour=MOVING_COLOUR, radius_px=radius)
+    for stick, colour in ((read[:2], hex_of(BASE_COLOUR)), (read[2:], hex_of(MOVING_COLOUR))):
+        axes.plot(*stick.T, "+-", color=colour, linewidth=0.8, markersize=5.0)
+        for place in stick[np.isfinite(stick).all(axis=1)].tolist():
+            show_ring(axes, place, 1.6 * radius, color=colour)
     if one.index == 0:
         # The dots that may equally be the markers.
         taken = result.report["markers"].get("taken", {})
         for rival in result.report["markers"].get("rivals", []):
-            for stick in ("base", "moving"):
-                if rival[stick] != taken[stick]:
-                    show_named(axes, np.array(rival[stick]), [f"or {stick}"] * 2, [GIVEN_COLOUR] * 2)
+            for name in ("base", "moving"):
+                if rival[name] != taken[name]:
+                    show_named(axes, np.array(rival[name]), [f"or {name}"] * 2, [GIVEN_COLOUR] * 2)
 
 
 def _draw_angle(axes: Axes, angles: StickAngles, shown: list[Shown]) -> None:
     """Draw the angle over time, its 95 % interval, the gaps as bands, and the times of the frames above."""
     time_s, angle_deg = angles.time_s, np.where(angles.valid, angles.angle_rad, np.nan) / DEG
     band, colour = REACH * angles.sigma_rad / DEG, LIGHT["after"]
-    axes.plot(time_s, angle_deg, color=colour, linewidth=PX, label="angle, with its 95 % interval")
+    axes.plot(time_s, angle_deg, color=colour, linewidth=0.8, label="angle, with its 95 % interval")
     axes.fill_between(time_s, angle_deg - band, angle_deg + band, color=colour, alpha=0.25, linewidth=0.0)
     half, gaps = 0.5 * (usual_step(time_s) or 1.0), runs(~angles.valid)
     spans = [(time_s[begin] - half, time_s[end - 1] - time_s[begin] + 2.0 * half) for begin, end in gaps]
@@ -163,8 +171,9 @@ def _draw_angle(axes: Axes, angles: StickAngles, shown: list[Shown]) -> None:
         style: dict[str, Any] = {"facecolor": LIGHT["before"], "alpha": 0.3, "transform": axes.get_xaxis_transform()}
         axes.broken_barh(spans, (0.0, 1.0), label=f"no angle ({counted(int((~angles.valid).sum()), 'frame')})", **style)
     for one in shown:
-        axes.axvline(time_s[one.index], color="black", linewidth=PX, linestyle="--" if one is shown[-1] else ":")
+        axes.axvline(time_s[one.index], color="black", linewidth=0.8, linestyle="--" if one is shown[-1] else ":")
     axes.margins(x=0.01)
+    axes.tick_params(labelsize="small")
     axes.grid(color="0.9")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=PX * TEXT_PX)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, **TEXT)
     axes.set(xlabel="time (s); dotted: the frames above, dashed: the worst one", ylabel="angle (°)")
