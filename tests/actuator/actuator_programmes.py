@@ -9,7 +9,7 @@ from torsight.core.records import TemperatureLog
 STEP_S = 0.5
 
 
-def half_cycle(points: list[tuple[float, float]], *, room_c: float, cool_s: float, decay_s: float = 45.0):
+def half_cycle(points: list[tuple[float, float]], *, room_c: float, cool_s: float, decay_s: float):
     """One spring's temperature: ramps to the given (°C, rate °C/s) one after the other, then natural cooling."""
     parts, now = [], room_c
     for target, rate in points:
@@ -23,12 +23,12 @@ def half_cycle(points: list[tuple[float, float]], *, room_c: float, cool_s: floa
     return np.concatenate(parts)
 
 
-def programme(halves, *, room_c: float = 23.0, cool_s: float = 260.0):
+def programme(halves, *, room_c: float = 23.0, cool_s: float = 260.0, decay_s: float = 45.0):
     """Log of a chain of half-cycles: [(spring, points), …]; the other spring stays at room temperature.
 
     Returns the log and the temperatures of the driven spring, half-cycle by half-cycle.
     """
-    temps = [half_cycle(points, room_c=room_c, cool_s=cool_s) for _, points in halves]
+    temps = [half_cycle(points, room_c=room_c, cool_s=cool_s, decay_s=decay_s) for _, points in halves]
     count = sum(map(len, temps))
     columns = [np.full(count, room_c), np.full(count, room_c)]
     heat = [np.zeros(count, bool), np.zeros(count, bool)]

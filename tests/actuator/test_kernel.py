@@ -18,7 +18,7 @@ from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG
 
-HALVES = [(0, [(82.0, 0.4)]), (1, [(62.0, 0.6), (55.0, 0.4), (80.0, 0.3)]), (0, [(58.0, 0.5)]), (1, [(84.0, 0.6)])]
+HALVES = [(0, [(82.0, 0.8)]), (1, [(62.0, 1.2), (55.0, 0.8), (80.0, 0.6)]), (0, [(58.0, 1.0)]), (1, [(84.0, 1.2)])]
 TOGETHER = [
     ("position_friction", "stiffening", "viscous_friction"),
     ("coil_friction", "end_stops", "nonuniform_temperature"),
@@ -33,7 +33,7 @@ SETS = [(), *((name,) for name in sorted(load_effects())), *TOGETHER]
 def drive() -> Drive:
     """Return the drive of a log in which the spring that is not driven gets half as warm; no effect changes it."""
     # Cooled to 2 °C above the room, well below M_f: longer rests hold nothing but samples that are passed over.
-    log, _ = programme(HALVES, cool_s=160.0)
+    log, _ = programme(HALVES, cool_s=80.0, decay_s=22.5)
     warm_a, warm_b = log.temp_a_c - 23.0, log.temp_b_c - 23.0
     rng = np.random.default_rng(3)
     a, b = (

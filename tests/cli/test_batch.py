@@ -27,19 +27,27 @@ from torsight.core.files import lock
 from torsight.core.files.storage import is_running, write_json
 
 
-@pytest.fixture
-def made(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with ``rigs/`` (one, two, broken) and ``out/``, where one and two are done already."""
-    for name in ("one", "two", "broken"):
-        make_world(tmp_path / "rigs" / name)
-    (tmp_path / "rigs" / "broken" / "temps.csv").write_text("time_s,temp_a_c\n0,1\n")
+    made = tmp_path_factory.mktemp("campaign")
+    make_world(made / "rigs" / "one")
+    for name in ("two", "broken"):
+        shutil.copytree(made / "rigs" / "one", made / "rigs" / name)
+    (made / "rigs" / "broken" / "temps.csv").write_text("time_s,temp_a_c\n0,1\n")
     for name in ("one", "two"):
-        folder = tmp_path / "out" / name
+        folder = made / "out" / name
         write_made_up_run(folder, half_cycles=2, rate_hz=2.0)
-        experiment = read_experiment(tmp_path / "rigs" / name / "experiment.toml")
+        experiment = read_experiment(made / "rigs" / name / "experiment.toml")
         write_json(folder / "provenance.json", provenance_of(experiment, folder))
         (folder / "report.html").write_text("a report")
-    return tmp_path
+    return made
+
+
+@pytest.fixture
+def made(template: Path, tmp_path: Path) -> Path:
+    """Return the campaign's folder, to be changed."""
+    return Path(shutil.copytree(template, tmp_path, dirs_exist_ok=True))
 
 
 def _contents(folder: Path) -> dict[Path, bytes]:

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from tests.tracker.films import Rig, write_film
 from torsight.cli import console
 from torsight.cli.console import Lines, progress_bar
+from torsight.cli.main import main
 
 TORSIGHT = [sys.executable, "-m", "torsight.cli.main"]
 ROOT = Path(__file__).parents[2]
@@ -73,27 +75,37 @@ def test_a_file_gets_a_line_of_long_work_now_and_then(capsys: pytest.CaptureFixt
     assert [line.split() for line in said] == [["11", "s", "tracking,", "25", "%"], ["22", "s", "discovery"]]
 
 
-def complete(shell: str, **about: str) -> str:
-    more = {"_TORSIGHT_COMPLETE": f"complete_{shell}", **about}
-    return subprocess.run(TORSIGHT, capture_output=True, text=True, check=False, env=environment(**more)).stdout
+@pytest.fixture
+def complete(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Return what the program answers a shell that asks with these variables."""
+
+    def asked(instruction: str, **about: str) -> str:
+        with monkeypatch.context() as patch:
+            for name, value in {"_TORSIGHT_COMPLETE": instruction, **about}.items():
+                patch.setenv(name, value)
+            with pytest.raises(SystemExit):
+                main([])
+        return capsys.readouterr().out
+
+    return asked
 
 
-def test_commands_and_options_are_completed_in_every_shell() -> None:
-    assert complete("bash", COMP_WORDS="torsight d", COMP_CWORD="1").split() == ["doctor", "demo", "discover"]
-    assert "--markers" in complete("bash", COMP_WORDS="torsight track --m", COMP_CWORD="2")
-    assert "--actuator" in complete("zsh", _TYPER_COMPLETE_ARGS="torsight fit --a")
-    ids = complete("bash", COMP_WORDS="torsight fit --effect sensor_", COMP_CWORD="3").split()
+def test_commands_and_options_are_completed_in_every_shell(complete: Callable[..., str]) -> None:
+    found = complete("complete_bash", COMP_WORDS="torsight d", COMP_CWORD="1")
+    assert found.split() == ["doctor", "demo", "discover"]
+    assert "--markers" in complete("complete_bash", COMP_WORDS="torsight track --m", COMP_CWORD="2")
+    assert "--actuator" in complete("complete_zsh", _TYPER_COMPLETE_ARGS="torsight fit --a")
+    ids = complete("complete_bash", COMP_WORDS="torsight fit --effect sensor_", COMP_CWORD="3").split()
     assert ids == ["sensor_gain", "sensor_lag", "sensor_offset"]
-    assert "simulate" in complete("fish", _TYPER_COMPLETE_ARGS="torsight s", _TYPER_COMPLETE_FISH_ACTION="get-args")
+    fish = {"_TYPER_COMPLETE_ARGS": "torsight s", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    assert "simulate" in complete("complete_fish", **fish)
 
 
 @pytest.mark.parametrize(
     ("shell", "words"), [("bash", "complete -o"), ("zsh", "#compdef torsight"), ("fish", "complete --command torsight")]
 )
-def test_the_script_for_each_shell_is_made(shell: str, words: str) -> None:
-    more = {"_TORSIGHT_COMPLETE": f"source_{shell}"}
-    done = subprocess.run(TORSIGHT, capture_output=True, text=True, check=False, env=environment(**more))
-    assert words in done.stdout
+def test_the_script_for_each_shell_is_made(shell: str, words: str, complete: Callable[..., str]) -> None:
+    assert words in complete(f"source_{shell}")
 
 
 def test_completion_is_installed_for_the_shell_that_asks(tmp_path: Path) -> None:

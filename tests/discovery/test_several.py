@@ -51,7 +51,7 @@ def record(number: int, effects: Mapping[str, Any] | None = None, *, tau_c_mnm: 
         "sticks": {"offset_deg": ZEROS_DEG[number]},
         "effects": effects or {"viscous_friction": {VISCOUS: TRUE}},
     }
-    return make_record(scene, seed=5 + number, rate_hz=2.0).table
+    return make_record(scene, seed=5 + number, rate_hz=1.0).table
 
 
 @pytest.fixture(scope="module")

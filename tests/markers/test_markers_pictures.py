@@ -36,6 +36,15 @@ def read(path: Path) -> np.ndarray:
     return picture
 
 
+def place(picture: np.ndarray, x_px: float, y_px: float) -> tuple[int, int]:
+    """Return the row and column of a place of the frame of 320 × 240, which is drawn three times as large."""
+    # The frame's border is black, over nearly its whole height and width.
+    black = (picture < 40).all(axis=-1)
+    top = int(np.argmax(black.sum(axis=1) > 900))
+    left = int(np.argmax(black.sum(axis=0) > 650))
+    return int(top + 3 * (y_px + 0.5)), int(left + 3 * (x_px + 0.5))
+
+
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tracked")
@@ -94,12 +103,11 @@ def test_positions_without_a_dot_are_drawn_as_given(tracked: Path, tmp_path: Pat
     given = {"base": [[30, 30], [60, 30]], "moving": [[30, 200], [290, 200]]}
     with pytest.raises(NoResultError, match="no round dot"):
         track_to_folder(tracked / "film.mkv", markers=given, out=tmp_path)
-    # The frame of 320 × 240 is drawn three times as large, with its corner at (60, 50).
     picture = read(tmp_path / "track.png")
     yellow = coloured(picture, (240, 228, 66))
     for x, y in given["base"] + given["moving"]:
-        row, column = 50 + 3 * (y + 0.5), 60 + 3 * (x + 0.5)
-        assert yellow[int(row) - 11 : int(row) + 12, int(column) - 11 : int(column) + 12].sum() > 30
+        row, column = place(picture, x, y)
+        assert yellow[row - 11 : row + 12, column - 11 : column + 12].sum() > 30
 
 
 def test_the_preview_shows_the_markers_where_they_are(tracked: Path, tmp_path: Path) -> None:
@@ -109,7 +117,7 @@ def test_the_preview_shows_the_markers_where_they_are(tracked: Path, tmp_path: P
     np.testing.assert_allclose(read_markers(out).position_px, truth, atol=0.05)
     picture = read(tmp_path / "seen.png")
     for (x, y), colour in zip(truth, [BASE_COLOUR] * 2 + [MOVING_COLOUR] * 2, strict=True):
-        row, column = int(50 + 3 * (y + 0.5)), int(60 + 3 * (x + 0.5))
+        row, column = place(picture, x, y)
         ring = coloured(picture, colour)[row - 11 : row + 12, column - 11 : column + 12]
         rows, columns = np.nonzero(ring)
         assert len(rows) > 30

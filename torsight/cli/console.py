@@ -8,9 +8,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from types import FrameType
 from typing import Final
 
+from torsight.cli.ends import runs_within
 from torsight.core.progress import ATTENTION_S, Progress
 
 PATIENCE_S: Final = ATTENTION_S
@@ -55,7 +55,9 @@ def _compiling_told() -> Iterator[None]:
 
     def watch() -> None:
         while not ended.wait(PATIENCE_S):
-            if any(map(_compiles, sys._current_frames().values())):  # noqa: SLF001 - the documented way to see threads
+            # numba itself has frames, the functions that it has compiled have none.
+            frames = sys._current_frames().values()  # noqa: SLF001 - the documented way to see threads
+            if any(runs_within(frame, "numba.") for frame in frames):
                 say("compiling: the first start after an installation takes one or two minutes more than others")
                 return
 
@@ -64,13 +66,6 @@ def _compiling_told() -> Iterator[None]:
         yield
     finally:
         ended.set()
-
-
-def _compiles(frame: FrameType | None) -> bool:
-    """Return whether numba is at work in a frame or a caller of it: compiled functions themselves have no frame."""
-    while frame is not None and not frame.f_globals.get("__name__", "").startswith("numba."):
-        frame = frame.f_back
-    return frame is not None
 
 
 def command(*words: object) -> str:

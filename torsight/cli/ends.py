@@ -53,7 +53,7 @@ def asked_to_end() -> Iterator[None]:
     """Let a request to end unwind the command as an exception, so that no half-written file remains.
 
     An exception that is raised while compiled code calls back into Python is lost there, and the code may continue with
-    a null result: the compiler is therefore not interrupted (:func:`_compiling`), and the request is repeated until it
+    a null result: the compiler is therefore not interrupted, and the request is repeated until it
     arrives. While the process unwinds, further requests are ignored. Incomplete objects may fail when they are deleted;
     these errors only follow from the request, so the objects are deleted here and the errors are not reported.
     """
@@ -67,7 +67,8 @@ def asked_to_end() -> Iterator[None]:
         if _unwinding(sys.exception()):
             return
         _ask_again(number, asking, ended)
-        if not _compiling(frame):
+        # The compiler calls back into Python to cache code and to load it.
+        if not runs_within(frame, "llvmlite."):
             raise Ended(number)
 
     def tell_unless_ended(lost: sys.UnraisableHookArgs, /) -> None:
@@ -125,10 +126,8 @@ def _unwinding(error: BaseException | None) -> bool:
     return error is not None
 
 
-def _compiling(frame: FrameType | None) -> bool:
-    """Return whether the compiler is running below a frame; it calls back into Python to cache code and to load it."""
-    while frame is not None:
-        if frame.f_globals.get("__name__", "").startswith("llvmlite."):
-            return True
+def runs_within(frame: FrameType | None, package: str) -> bool:
+    """Return whether a frame, or a caller of it, is code of a module whose name begins with ``package``."""
+    while frame is not None and not frame.f_globals.get("__name__", "").startswith(package):
         frame = frame.f_back
-    return False
+    return frame is not None

@@ -205,10 +205,12 @@ def _write_nothing(out: Path, source: Source, why: str) -> None:
 
     time_s = read_timestamps(source).time_s
     count = len(time_s)
-    frame, unknown, unseen = np.arange(count), np.full(count, np.nan), np.zeros((count, 4), np.bool_)
-    position, covariance = np.full((count, 4, 2), np.nan), np.full((count, 4, 2, 2), np.nan)
-    tracks = MarkerTracks(frame, time_s, position, covariance, unseen, source.size_px)
+    tracks, unknown, never = (
+        MarkerTracks.unseen(time_s, source.size_px),
+        np.full(count, np.nan),
+        np.zeros(count, np.bool_),
+    )
     write_table(out / "markers.csv", marker_columns(tracks))
-    write_angles(out / "angle.csv", StickAngles(frame, time_s, unknown, unknown, unseen[:, 0], ~unseen[:, 0]))
+    write_angles(out / "angle.csv", StickAngles(tracks.frame, time_s, unknown, unknown, never, ~never))
     frames = {"total": count, "with_angle": 0, "without_angle": count}
     write_json(out / "track.json", {"source": source.describe(), "frames": frames, "advice": [why], "events": []})

@@ -70,6 +70,13 @@ class MarkerTracks(Shown):
                 msg = f"{name} has shape {shape}, expected {expected}"
                 raise ValueError(msg)
 
+    @classmethod
+    def unseen(cls, time_s: Floats, size_px: tuple[int, int]) -> MarkerTracks:
+        """Return the tracks of a film in which no marker is seen, from the times of its frames."""
+        n = len(time_s)
+        position, covariance = np.full((n, 4, 2), np.nan), np.full((n, 4, 2, 2), np.nan)
+        return cls(np.arange(n), time_s, position, covariance, np.zeros((n, 4), np.bool_), size_px)
+
     def __len__(self) -> int:
         return len(self.frame)
 

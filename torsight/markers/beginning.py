@@ -13,7 +13,6 @@ from torsight.core.files.small_pictures import encoded, shrunk
 from torsight.core.tracks import MARKERS, USUAL_SHARE, MarkerTracks
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import counted, listed
-from torsight.markers.drawing import SHOWN_PX
 from tracker.detect.marker_file import MarkerHints, read_markers
 
 if TYPE_CHECKING:
@@ -21,6 +20,8 @@ if TYPE_CHECKING:
 
 MOST_FRAMES: Final = 1000
 """Largest number of frames of a check: a film of 1000 frames a second is followed for a second, not for minutes."""
+SHOWN_PX: Final = 960
+"""Longer side of a frame in the page or in a picture: smaller ones are enlarged, larger ones shrunk."""
 _SHOWN: Final = 61
 """Frames of a check that the page plays; the points are followed in all frames."""
 

@@ -3,49 +3,29 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import cv2
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from torsight.core.files.figure_file import write_figure
+from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
-from torsight.core.words.colours import GIVEN_COLOUR
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR
 from torsight.core.words.wording import capital
-from torsight.markers.drawing import (
-    DOT,
-    PLAIN,
-    REFUSED,
-    SHOWN_PX,
-    TEXT_PX,
-    WHITE,
-    Canvas,
-    FrameView,
-    draw_grid,
-    marker_colours,
-    marker_names,
-    round_numbers,
-    show_candidates,
-    show_frame,
-    show_named,
-)
+from torsight.markers.beginning import SHOWN_PX
+from torsight.markers.drawing import TEXT, show_frame, show_label, show_named, show_ring
 
 if TYPE_CHECKING:
-    from torsight.core.words.colours import Colour
     from tracker.detect.candidates import Sighting
 
-_CORNER_PX: Final = (60.0, 50.0)
-"""Position of the frame's upper left corner in the picture."""
 _LINE_CHARACTERS: Final = 98
-_LIST_PX: Final = 0.53 * TEXT_PX * _LINE_CHARACTERS
-_LINE_PX: Final = 1.25 * TEXT_PX
-"""The list beside the frame: a letter is about half as wide as it is tall, a line a quarter taller than its letters."""
-_GRID_LINES: Final = 16
-"""Most lines of the grid along the frame's longer side."""
-_GRID_SHARE: Final = 0.28
-"""Share of white in the grid's lines: dots below them stay visible."""
+"""Longest line of the list beside the frame."""
+_DOT: Final = LIGHT["held"]
+_REFUSED: Final = "#cc79a7"
+"""A dot that was not taken; a candidate that is no dot."""
 
 
 def write_preview(
@@ -63,40 +43,46 @@ def write_preview(
     ``message`` is the reason of a failure. Positions (4, 2) are in the order of :data:`torsight.core.tracks.MARKERS`:
     ``given_px`` by a person, ``named_px`` found automatically (only where it is known which stick moves).
     """
-    height, width = luma.shape
-    scale = SHOWN_PX / max(width, height)
-    lines = _lines(seen, message=message or _found_words(seen, named_px), given=given_px is not None)
-    tall = max(scale * height, _LINE_PX * (len(lines) + 1))
-    canvas = Canvas.blank((70.0 + scale * width + 20.0 + _LIST_PX, 60.0 + tall + 50.0))
-    canvas.text((12, 24), title, size_px=16, bold=True)
-    view = show_frame(canvas.part((*_CORNER_PX, scale * width, scale * height)), luma)
-    _grid(canvas, view, (width, height))
-    show_candidates(view, seen.candidates)
+    scale = SHOWN_PX / max(luma.shape)
+    figure = Figure((scale * luma.shape[1] / 100.0, scale * luma.shape[0] / 100.0), dpi=100.0)
+    # The file is as much larger than the frame as the words around it need.
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_title(title, loc="left", fontweight="bold")
+    show_frame(axes, luma)
+    axes.locator_params(nbins=16)
+    axes.tick_params(labelsize="small")
+    axes.grid(color="white", alpha=0.28)
+    axes.set(xlabel="x (px)", ylabel="y (px)")
+    listed = []
+    for one in seen.candidates:
+        colour = _DOT if one.is_dot else _REFUSED
+        if not one.taken:
+            reach = max(1.5 * one.radius_px, 4.0)
+            show_ring(axes, (one.x_px, one.y_px), reach, color=colour, linestyle="-" if one.is_dot else ":")
+            show_label(axes, (one.x_px + 0.8 * reach, one.y_px - 0.8 * reach), str(one.number), colour)
+        text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
+        label = textwrap.fill(text, _LINE_CHARACTERS, subsequent_indent=" " * 6)
+        # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
+        listed += axes.plot([], [], "s", color="none" if one.taken else colour, label=label)
+    colours = [BASE_COLOUR, BASE_COLOUR, MOVING_COLOUR, MOVING_COLOUR]
+    names = [name.replace("_", " ") for name in MARKERS]
     if named_px is not None:
-        show_named(view, named_px, marker_names(), marker_colours())
+        show_named(axes, named_px, names, colours)
     elif seen.sticks_px is not None:
-        names = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
-        show_named(view, seen.sticks_px.reshape(4, 2), names, marker_colours())
+        sticks = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
+        show_named(axes, seen.sticks_px.reshape(4, 2), sticks, colours)
+    said = [textwrap.fill(capital(message or _found_words(seen, named_px)), _LINE_CHARACTERS)]
     if given_px is not None:
-        show_named(view, given_px, [f"{name}, given" for name in marker_names()], [GIVEN_COLOUR] * 4)
-    _write_list(canvas.part((60.0 + scale * width + 20.0, _CORNER_PX[1], _LIST_PX, tall)), lines)
-    canvas.save(path)
-
-
-def _grid(canvas: Canvas, view: FrameView, size_px: tuple[int, int]) -> None:
-    """Draw lines at round numbers of pixels, labelled at the border."""
-    left, top = _CORNER_PX
-    width, height = view.canvas.size_px
-    lines = round_numbers(0.0, float(max(size_px)), most=_GRID_LINES)
-    places = view.at(np.column_stack([lines, lines]))
-    inside = [lines < size for size in size_px]
-    ticks = [zip(places[some, axis], lines[some], strict=True) for axis, some in enumerate(inside)]
-    over = Canvas(view.canvas.pixels.copy())
-    draw_grid(canvas, over, (left, top, width, height), *ticks, colour=WHITE)
-    view.canvas.pixels[:] = cv2.addWeighted(over.pixels, _GRID_SHARE, view.canvas.pixels, 1.0 - _GRID_SHARE, 0.0)
-    view.canvas.frame_round()
-    canvas.text((left + width / 2, top + height + 34), "x (px)", align="center")
-    canvas.text_upwards((16, top + height / 2), "y (px)")
+        show_named(axes, given_px, [f"{name}, given" for name in names], [GIVEN_COLOUR] * 4)
+        said.append("Rings in yellow: the positions that were given.")
+    if not seen.candidates:
+        said.append("no place looks like a dot")
+    beside = axes.legend(
+        handles=listed, title="\n".join(said), title_fontsize="small", alignment="left", frameon=False, **TEXT
+    )
+    beside.set_loc("upper left")
+    beside.set_bbox_to_anchor((1.0, 1.0), axes.transAxes)
+    write_figure(path, figure, bbox_inches="tight")
 
 
 def _found_words(seen: Sighting, named_px: Floats | None) -> str:
@@ -105,29 +91,3 @@ def _found_words(seen: Sighting, named_px: Floats | None) -> str:
     if named_px is None:
         return "Four markers were found; which stick moves is not seen in the first seconds."
     return "Four markers were found."
-
-
-def _lines(seen: Sighting, *, message: str, given: bool) -> list[tuple[str, Colour]]:
-    """Return the lines of the list beside the picture, each with its colour."""
-    said = textwrap.wrap(capital(message), _LINE_CHARACTERS)
-    lines = [(line, PLAIN) for line in said or [""]]
-    if given:
-        lines.append(("Rings in yellow: the positions that were given.", PLAIN))
-    lines.append(("", PLAIN))
-    for one in seen.candidates:
-        colour = PLAIN if one.taken else DOT if one.is_dot else REFUSED
-        text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
-        first, *more = textwrap.wrap(text, _LINE_CHARACTERS)
-        lines += [(first, colour), *((f"      {line}", colour) for line in more)]
-    if not seen.candidates:
-        lines.append(("no place looks like a dot", PLAIN))
-    return lines
-
-
-def _write_list(canvas: Canvas, lines: Sequence[tuple[str, Colour]]) -> None:
-    for number, (text, colour) in enumerate(lines):
-        # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
-        y = round(_LINE_PX * number) + TEXT_PX
-        canvas.text((14, y), text)
-        if colour != PLAIN and not text.startswith("      "):
-            canvas.pixels[y - 9 : y, 1:10] = colour[::-1]

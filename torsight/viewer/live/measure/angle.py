@@ -10,6 +10,7 @@ import numpy as np
 from torsight.core.optics.camera import Camera
 from torsight.core.optics.geometry import carried, on_plane
 from torsight.core.units import Floats
+from tracker.stick_direction import stick_direction
 
 _BASE_WEIGHT = 0.05
 """Share w of a new frame in the base stick's running direction: its variance is w / (2 − w) = 1/39 of a frame's, and it
@@ -44,8 +45,8 @@ class LiveAngle:
         points = np.concatenate([position for position, _ in plane])
         slopes = np.concatenate([slope for _, slope in plane])
         spread = carried(covariance_px2, slopes)
-        base_rad, base_variance = _direction(points[0], points[1], spread[0], spread[1])
-        moving_rad, variance = _direction(points[2], points[3], spread[2], spread[3])
+        inner, outer = (points[::2], spread[::2]), (points[1::2], spread[1::2])
+        (base_rad, moving_rad), (base_variance, variance) = (each.tolist() for each in stick_direction(inner, outer))
         self._learn_base(base_rad)
         position_mm = self._in_space(points)
         if self._base_rad is None or not math.isfinite(moving_rad):
@@ -101,12 +102,3 @@ def _maps(camera: Camera | None, pixel_aspect: float) -> tuple[_Map, _Map]:
         return met
 
     return onto(pose.base_z_mm), onto(pose.moving_z_mm)
-
-
-def _direction(inner: Floats, outer: Floats, inner_cov: Floats, outer_cov: Floats) -> tuple[float, float]:
-    dx, dy = (outer - inner).tolist()
-    square = dx * dx + dy * dy
-    if not math.isfinite(square) or square == 0.0:
-        return math.nan, math.nan
-    across = np.array([-dy, dx])
-    return math.atan2(dy, dx), float(across @ (inner_cov + outer_cov) @ across) / square**2

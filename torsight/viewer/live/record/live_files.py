@@ -90,15 +90,9 @@ class Recorder:
         for name in ("angle.csv", "markers.csv", "temps.csv", "events.csv"):
             if (folder / name).exists():
                 raise _exists(folder / name)
-        none = MarkerTracks(
-            np.empty(0, np.int64),
-            np.empty(0),
-            np.empty((0, 4, 2)),
-            np.empty((0, 4, 2, 2)),
-            np.empty((0, 4), bool),
-            (0, 0),
+        columns = list(
+            marker_columns(MarkerTracks.unseen(np.empty(0), (0, 0)), np.empty((0, 4, 3)) if in_space else None)
         )
-        columns = list(marker_columns(none, np.empty((0, 4, 3)) if in_space else None))
         self._in_space = in_space
         self._angle = LineFile(folder / "angle.csv", ANGLE)
         self._markers = LineFile(folder / "markers.csv", columns)
