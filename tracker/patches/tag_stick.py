@@ -66,12 +66,12 @@ class TagStick(Kept):
             self.miss(time_s)
             return nothing(CODE[why or "lost"])
         tag, track = self._found
-        track.take(luma, time_s, fit)
+        track.take(time_s, fit)
         readings = _of_plane(fit, track.patch, tag.ends())
         size = size_of(track.warp)
         if not 1.0 / _GREW < size < _GREW:
             tag = Tag(self.family, self.number, tag.side_px * size, tag.soft)
-            track.replace(tag.patch(), tag.corners(), size)
+            track.replace(tag.patch(), size)
             self._found = tag, track
         return readings
 
@@ -93,7 +93,7 @@ class TagStick(Kept):
             return None, ""
         if self._found is None:
             tag = Tag.of(self.family, found[0], luma)
-            self._found = tag, PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found[0]))
+            self._found = tag, PatchTrack(tag.patch(), tag.warp_of(found[0]))
         tag, track = self._found
         last_px = place(track.warp)
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
@@ -101,7 +101,7 @@ class TagStick(Kept):
         if fit is None:
             # The sharpness of the picture has changed since the template was rendered.
             sharp = Tag.of(self.family, found[0], luma)
-            track.replace(sharp.patch(), sharp.corners(), sharp.side_px / tag.side_px)
+            track.replace(sharp.patch(), sharp.side_px / tag.side_px)
             self._found = sharp, track
             fit = track.patch.align(luma, sharp.warp_of(found[0]), track.learnt)
         why = "outside" if fit is None else self._judge(fit)
@@ -119,7 +119,7 @@ class TagStick(Kept):
         self._found = None
         if state:
             tag = Tag(self.family, self.number, float(state["side_px"]), float(state["soft"]))
-            self._found = tag, PatchTrack(tag.patch(), tag.corners(), np.eye(3))
+            self._found = tag, PatchTrack(tag.patch(), np.eye(3))
             self._found[1].restore(state["track"])
 
 

@@ -53,11 +53,7 @@ class TextureStick(Kept):
     def __init__(
         self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
     ) -> None:
-        reach = 0.6 * patches[0].half_px
-        corners = np.array([[0.0, 0.0], [reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]])
-        self._tracks = [
-            PatchTrack(patch, corners, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)
-        ]
+        self._tracks = [PatchTrack(patch, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)]
         self._search = search
         self._points = list(points_px)
         (x1, y1), (x2, y2) = points_px
@@ -105,7 +101,7 @@ class TextureStick(Kept):
             if whys[index] or fit is None:
                 track.miss()
             else:
-                track.take(luma, time_s, fit)
+                track.take(time_s, fit)
                 slope = track.patch.slope(fit.warp, (0.0, 0.0))
                 covariance = slope @ fit.covariance @ slope.T
                 put(readings, index, fit, place(fit.warp), covariance, spread=track.patch.spread)
