@@ -22,9 +22,7 @@ from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15
 """Mean deviation of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07,
-and no noise is white; the worst sector has twice as much."""
-_MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
-"""Mean square errors of the predictors at the start: constant speed is used until another one has proved better."""
+and no noise is white."""
 
 
 class Marker:
@@ -42,7 +40,6 @@ class Marker:
         own["contrast"], own["strip"], own["window"] = dot.contrast, strip_px, dot.window_px
         own["edges"] = edges_px
         self.record["first_radius"] = dot.radius_px
-        self.record["miss"] = _MISSES_PX2
         pixels = window_pixels(dot.window_px)
         slots = PHASES * PHASES
         self.look: Look = (pixels, np.empty((slots, COLUMNS + 2, pixels.shape[1])), np.zeros(slots, SYSTEM))
@@ -68,8 +65,7 @@ class Marker:
         for name in ("x", "y", "light"):
             self.record[name] = reading[name]
         self.record["step"] = abs(reading["step"])
-        for name, spread in (("residual", _FIT_SPREAD), ("patch", 2.0 * _FIT_SPREAD)):
-            self.record[name] = (share_of_step(float(reading[name]), float(reading["step"])), spread)
+        self.record["residual"] = share_of_step(float(reading["residual"]), float(reading["step"])), _FIT_SPREAD
 
     @property
     def x_px(self) -> float:
