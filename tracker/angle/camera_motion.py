@@ -147,8 +147,8 @@ def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple
 
 def _lengths(position: Floats, covariance: Floats, first: int) -> LengthWitness:
     """Return the statistics of the length of the stick whose inner marker is ``first``, all frames as in motion."""
-    inner, outer = ((position[:, marker], covariance[:, marker]) for marker in (first, first + 1))
-    return witness(inner[0], outer[0], inner[1], outer[1], moves=np.ones(len(position), np.bool_), turns=first > 0)
+    stick = [(position[:, marker], covariance[:, marker]) for marker in (first, first + 1)]
+    return witness(stick, moves=np.ones(len(position), np.bool_), turns=first > 0)
 
 
 def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:

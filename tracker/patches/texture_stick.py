@@ -46,8 +46,6 @@ class TextureStick(Kept):
     """
 
     drawn = False
-    shutter_share, shutter_limits = None, (0.0, 1.0)
-    """Not estimated from texture."""
     kept = ("_own", "_tracks")
 
     def __init__(
