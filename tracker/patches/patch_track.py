@@ -20,7 +20,7 @@ from tracker.patches.warps import place, similarity, turn_of
 from tracker.rows import SEEN
 
 AS_USUAL: Final = 0.05
-"""A correlation less than this below the usual one is as good, and needs no second starting point."""
+"""A correlation less than this below the usual one is as good."""
 _GOOD: Final = 1.0 - (1.0 - AS_USUAL) ** 2
 """Residual variance, over the template's, of a fit whose correlation is ``AS_USUAL`` below one."""
 KEPT: Final = 0.7
@@ -61,23 +61,12 @@ class PatchTrack(Kept):
         return moved @ back @ last
 
     def follow(self, luma: NDArray[np.uint8], time_s: float, judge: Judge) -> tuple[Fit | None, str]:
-        """Return the patch's fit in the next frame, and the reason for rejecting it (empty where it is accepted).
-
-        The fit starts from the predicted warp, then from the last one.
-        """
-        best: Fit | None = None
+        """Return the patch's fit in the next frame, from the predicted warp, and why it is rejected (empty if not)."""
         ahead = self.predict(time_s)
-        why = "lost" if self.patch.in_picture(ahead, luma) else "outside"
-        for guess in (ahead, self.warp) if len(self._history) > 1 else (ahead,):
-            fit = self.patch.align(luma, guess, self.learnt, self.doubt)
-            if fit is None:
-                continue
-            reason = judge(fit)
-            if best is None or (why and not reason) or (reason == why and fit.likeness > best.likeness):
-                best, why = fit, reason
-            if not why and best.likeness > self.usual - AS_USUAL:
-                break
-        return best, why
+        fit = self.patch.align(luma, ahead, self.learnt, self.doubt)
+        if fit is None:
+            return None, "lost" if self.patch.in_picture(ahead, luma) else "outside"
+        return fit, judge(fit)
 
     def take(self, time_s: float, fit: Fit) -> None:
         """Accept a fit: update warp, usual correlation and residuals."""

@@ -13,6 +13,7 @@ import numpy as np
 from torsight.core.units import Floats
 from tracker.angle.row_time import SHARE_PRIOR
 from tracker.angle.tilt.paths import CIRCLES, PACES
+from tracker.innovation import SIGMAS
 
 LAG: Final = 10.0
 """Prior: lag behind the motion over the usual size of a marker's errors. A camera that averages noise over frames makes
@@ -21,7 +22,7 @@ which is a competing prior."""
 KNOWN: Final = np.deg2rad(0.2)
 """Standard deviation of the angle, by the tilt's uncertainty, up to which the estimated tilt is corrected in full, even
 if it is zero. A known plane may be wrong by as much: were it taken as exact, its error would look like a read-out."""
-_SHOWN: Final = (4.0, 9.0)
+_SHOWN: Final = (4.0, SIGMAS**2)
 """χ² of the stretch against zero above which part of it, and all of it, is corrected: two and three standard
 deviations."""
 _BELIEVED: Final = math.erf(math.sqrt(0.5 * _SHOWN[0]))
