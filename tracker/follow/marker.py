@@ -13,12 +13,9 @@ from torsight.core.errors import NoResultError
 from tracker.appearance.disc import COLUMNS, window_pixels
 from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, Look, read_dot
-from tracker.detect.given_positions import given_dots
-from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick, edges_beside, half_width
 from tracker.follow.reading import Looks, share_of_step
 from tracker.follow.state import MARKER
-from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15
 """Mean deviation of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07,
@@ -115,9 +112,3 @@ def _marker(luma: NDArray[np.uint8], dot: Dot, marker: Marker) -> Marker:
         )
     marker.begin(reading)
     return marker
-
-
-def given_markers(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
-    """Return the markers, two of each stick, found near the positions that were given."""
-    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
-    return markers_on(frame.luma, *given_dots(frame, hints, sticks=sticks))

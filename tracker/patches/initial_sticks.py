@@ -15,11 +15,11 @@ from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
 from tracker.detect.fiducials import UNMIRROR, USUAL, TagsSeen, find_tags, in_words, numbered
-from tracker.detect.given_positions import LOOKED_AT, looked_at
+from tracker.detect.given_positions import LOOKED_AT, given_dots, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Stick
-from tracker.follow.marker import given_markers
+from tracker.follow.marker import markers_on
 from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.tag_stick import TagStick
@@ -56,7 +56,8 @@ def _stick(first: Frame | None, hints: MarkerHints, stick: int) -> Stick:
         return TagStick(hints.family, number)
     assert first is not None  # noqa: S101 - for the type checker: kept wherever a stick has no tag
     if kind == "dot":
-        return DotState(given_markers(first, hints, sticks=(stick,)), still=stick == 0)
+        assert first.luma is not None  # noqa: S101 - for the type checker: a first frame has a picture
+        return DotState(markers_on(first.luma, *given_dots(first, hints, sticks=(stick,))), still=stick == 0)
     return _texture_stick(first, hints, stick)
 
 

@@ -229,10 +229,8 @@ class TextureStick(Kept):
         """Return the fits of both patches at all positions that match the stick, in the order of coarse correlation."""
         height, width = luma.shape
         found: list[tuple[Fit, Fit]] = []
-        for candidate in self._search.find(luma, expected.region(0, (width, height))):
-            one = self._tracks[0].patch.align(
-                luma, similarity(candidate.x_px, candidate.y_px, turn_rad=candidate.turn_rad)
-            )
+        for warp in self._search.find(luma, expected.region(0, (width, height))):
+            one = self._tracks[0].patch.align(luma, warp)
             if one is None or self._judge(one):
                 continue
             two, why = self._beside(luma, 1, one, "lost")
