@@ -28,13 +28,14 @@ from tracker.detect.moving_part import SHARPER, motion_blur
 from tracker.follow.judgement import MOVED_RAD
 from tracker.frames.frame import REPORT_EVERY, FrameSource
 from tracker.initialise import Start, find_start
+from tracker.innovation import SIGMAS
 from tracker.rows import CODE
 from tracker.stick_direction import square
 
 if TYPE_CHECKING:
     from tracker.follow.follower import Follower
 
-_DOUBTFUL_RAD = math.radians(3.0)
+_DOUBTFUL_RAD = SIGMAS * MOVED_RAD
 """Range of the direction, over nine tenths of the frames, above which faint dots are accepted as markers."""
 
 

@@ -23,7 +23,6 @@ from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import LEAST_FRAMES, LengthWitness, by_direction, witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
 from tracker.follow.camera_state import SHAKE_PX
-from tracker.innovation import SIGMAS
 
 _MOVED: Final = 1.5
 """Smallest motion (rms over the film) that is removed, over the noise of one frame."""
@@ -148,8 +147,8 @@ def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple
 
 def _lengths(position: Floats, covariance: Floats, first: int) -> LengthWitness:
     """Return the statistics of the length of the stick whose inner marker is ``first``, all frames as in motion."""
-    inner, outer = ((position[:, marker], covariance[:, marker]) for marker in (first, first + 1))
-    return witness(inner[0], outer[0], inner[1], outer[1], moves=np.ones(len(position), np.bool_), turns=first > 0)
+    stick = [(position[:, marker], covariance[:, marker]) for marker in (first, first + 1)]
+    return witness(stick, moves=np.ones(len(position), np.bool_), turns=first > 0)
 
 
 def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:
@@ -163,7 +162,7 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
     if not known.any():
         return None
     noise = _noise(base, covariance) * max(_lengths(base, covariance, 0).scale, 1.0) ** 2
-    start = _at_the_start(place[known])
+    start = np.median(place[known][: max(1, round(_START * known.sum()))], axis=0)
     step, variance = np.zeros_like(place), np.zeros(len(place))
     for axis in range(2):
         away = place[:, axis] - start[axis]
@@ -230,21 +229,6 @@ def _middle(base: Floats) -> Floats:
     half = 0.5 * np.stack([bridged(part) for part in offset.T], axis=1)
     one = np.where(np.isfinite(base[:, 0]), base[:, 0] + half, base[:, 1] - half)
     return np.where(both[:, None], base.mean(axis=1), one)
-
-
-def _at_the_start(place: Floats) -> Floats:
-    """Return the position (2,) of the stick before the camera moves, from its positions (n, 2).
-
-    The median is over the first tenth of the film, doubled as long as the mean stays the same: over all of the time in
-    which the camera only shakes, but not beyond a bump or while it sags.
-    """
-    count = max(1, round(_START * len(place)))
-    while 2 * count <= len(place):
-        apart = np.abs(place[count : 2 * count].mean(axis=0) - place[:count].mean(axis=0))
-        if (apart > SIGMAS * np.sqrt(2.0 * np.var(place[: 2 * count], axis=0) / count)).any():
-            break
-        count *= 2
-    return np.asarray(np.median(place[:count], axis=0))
 
 
 def _noise(base: Floats, covariance: Floats) -> Floats:

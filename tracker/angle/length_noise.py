@@ -10,6 +10,7 @@ large its error. So the errors of motion are estimated from frames in motion, an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
+from tracker.stick_direction import Points
 
 LEAST_FRAMES: Final = 30
 """Frames in motion, or at rest, from which the size of their errors is estimated: to an eighth."""
@@ -71,26 +73,18 @@ def in_motion(position_px: Floats) -> Flags:
     return np.asarray(around[_EDGE_FRAMES : _EDGE_FRAMES + n] > 0.0)
 
 
-def witness(
-    inner: Floats,
-    outer: Floats,
-    covariance_inner: Floats,
-    covariance_outer: Floats,
-    *,
-    moves: Flags,
-    turns: bool = True,
-    pixel: float = 0.0,
-) -> LengthWitness:
-    """Compare the scatter of a stick's length over the film with that predicted by its markers' covariances (n, 2, 2).
+def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True, pixel: float = 0.0) -> LengthWitness:
+    """Compare the scatter of a stick's length over the film with that predicted by its markers' covariances.
 
-    The markers (n, 2) are in one plane, any unit, NaN where not known; ``moves`` (n,) is as in :func:`in_motion`, and
-    ``pixel`` the size of a pixel in that unit. ``turns`` is false for the base: a rolling camera turns it in the
-    picture without a change of its length, so no dependence of the length on the direction is fitted.
+    ``stick`` are its inner and outer marker in one plane, any unit, NaN where not known; ``moves`` (n,) is as in
+    :func:`in_motion`, and ``pixel`` the size of a pixel in that unit. ``turns`` is false for the base: a rolling camera
+    turns it in the picture without a change of its length, so no dependence of the length on the direction is fitted.
     """
+    (inner, inner_covariance), (outer, outer_covariance) = stick
     offset = outer - inner
     length = np.hypot(offset[:, 0], offset[:, 1])
     unit = offset / length[:, None]
-    variance = np.einsum("ni,nij,nj->n", unit, covariance_inner + covariance_outer, unit)
+    variance = np.einsum("ni,nij,nj->n", unit, inner_covariance + outer_covariance, unit)
     known = np.isfinite(length) & np.isfinite(variance) & (variance > 0)
     residual = np.full(len(length), np.nan)
     outlier = np.zeros(len(length), bool)

@@ -21,7 +21,7 @@ from tracker.angle.plane import Orientation, from_plane, scaled, stick_witness, 
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt.estimate import fit_tilt
 from tracker.angle.tilt.models import KNOWN, Tilt
-from tracker.angle.tilt.plane_map import rectify
+from tracker.angle.tilt.paths import rectify
 from tracker.stick_direction import Points
 
 
@@ -45,46 +45,42 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     ConfigError
         When the camera file is for another picture size.
     """
+    readout = Readout.of(tracks)
     if camera is None:
-        return _without_camera(unmoved(tracks, pixel_aspect=pixel_aspect), Readout.of(tracks), pixel_aspect)
+        return _without_camera(unmoved(tracks, pixel_aspect=pixel_aspect), readout, pixel_aspect)
     require_size(camera, tracks.size_px, film="the film")
-    if camera.pose is not None:
-        readout = Readout.of(tracks)
-        tracks = unmoved(tracks, camera.intrinsics).tracks
-        plane, position_mm = in_planes(tracks, camera.intrinsics, camera.pose)
-        plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
+    still, pose = unmoved(tracks, camera.intrinsics), camera.pose
+    tracks, open_rad2 = still.tracks, np.zeros(len(tracks))
+    if pose is not None:
         method = "camera file: rays met with each stick's plane"
-        found = from_plane(
-            tracks,
-            plane,
-            position_mm=position_mm,
-            method=method,
-            across=rolling.across,
-            systematic_rad2=rolling.variance,
-        )
-        tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(camera.pose)}
-        return found.with_report(tilt=tilt, rolling_shutter=rolling.report)
-    still = unmoved(tracks, camera.intrinsics)
-    readout, tracks = Readout.of(tracks), still.tracks
-    try:
-        axis = axis_in_picture(still.paths.position_px[:, 2:], still.paths.covariance_px2[:, 2:], camera.intrinsics)
-    except NoResultError:
-        # Too little motion to determine the axis: the lens is corrected, the tilt stays unknown.
-        return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)
-    plane, _ = in_planes(tracks, camera.intrinsics, pose_from_axis(axis))
+        tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(pose)}
+    else:
+        paths = still.paths
+        try:
+            axis = axis_in_picture(paths.position_px[:, 2:], paths.covariance_px2[:, 2:], camera.intrinsics)
+        except NoResultError:
+            # Too little motion to determine the axis: the lens is corrected, the tilt stays unknown.
+            return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)
+        method = "lens file, axis from the markers' own ellipses"
+        pose, open_rad2 = pose_from_axis(axis), _axis_variance(tracks, camera.intrinsics, axis)
+        tilt = _tilt_by_lens(axis, open_rad2)
+    plane, position_mm = in_planes(tracks, camera.intrinsics, pose)
     plane, rolling = read_at_once(plane, readout, in_motion(tracks.position_px[:, 2:]))
-    open_rad2 = _axis_variance(tracks, camera.intrinsics, axis)
-    method = "lens file, axis from the markers' own ellipses"
     found = from_plane(
         tracks,
         plane,
-        position_mm=None,
+        position_mm=None if camera.pose is None else position_mm,
         method=method,
         across=rolling.across,
         systematic_rad2=open_rad2 + rolling.variance,
     )
+    return found.with_report(tilt=tilt, rolling_shutter=rolling.report)
+
+
+def _tilt_by_lens(axis: Axis, open_rad2: Floats) -> dict[str, Any]:
+    """Return the entry of ``track.json`` on a tilt from the lens; ``open_rad2`` (n,) is its variance of the angle."""
     error = float(np.sqrt(np.nanmean(open_rad2))) if np.isfinite(open_rad2).any() else np.nan
-    tilt = {
+    return {
         "known": error < KNOWN,
         "from": "the markers' own ellipses and the lens",
         "tilt_deg": float(np.rad2deg(axis.tilt_rad)),
@@ -92,7 +88,6 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
         "arc_deg": float(np.rad2deg(axis.arc_rad)),
         "error_it_can_make_deg": float(np.rad2deg(error)),
     }
-    return found.with_report(tilt=tilt, rolling_shutter=rolling.report)
 
 
 def _axis_variance(tracks: MarkerTracks, intrinsics: Intrinsics, axis: Axis) -> Floats:

@@ -243,7 +243,7 @@ def stick_witness(stick: list[Points], moves: Flags, *, seen_px: Floats | None =
     offset_px = np.empty((0, 2)) if seen_px is None else seen_px[:, 1] - seen_px[:, 0]
     long_px = known_median(np.hypot(*offset_px.T))
     pixel = known_median(np.hypot(*(outer[0] - inner[0]).T)) / long_px if long_px > 0.0 else 0.0
-    return witness(inner[0], outer[0], inner[1], outer[1], moves=moves, pixel=pixel)
+    return witness(stick, moves=moves, pixel=pixel)
 
 
 def scaled(points: Points, scale: float | Floats) -> Points:

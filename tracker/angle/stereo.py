@@ -9,6 +9,7 @@ from all markers that either film shows.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -40,13 +41,12 @@ from tracker.angle.reference_direction import steady_direction
 from tracker.angle.row_time import Readout
 from tracker.angle.stereo_films import MISREAD, Film, films_of, fused, same_points, triangulated
 from tracker.detect.sticks import PARALLEL
+from tracker.innovation import passes
 from tracker.stick_direction import Points, stick_direction
 
-_SLOPES: Final = np.deg2rad([0.03, 0.3, 3.0])
-_BELIEF: Final = (0.8, 0.15, 0.05)
-"""Slopes of a stick's line of markers against the plane across the axis: standard deviations of three priors, and the
-prior probability of each. Sticks are flat to a hundredth of a millimetre over 20, unless the film shows otherwise; one
-camera with known planes takes them as flat in any case."""
+_FLAT: Final = np.deg2rad(0.03)
+"""Prior standard deviation of the slope of the base's line of markers against the plane across the axis: a hundredth of
+a millimetre over 20. One camera with known planes takes it as zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,34 +229,14 @@ def _with_base(rig: _Rig, in_frame: Floats, covariance: Floats) -> _Rig:
     if rig.circles is None:
         return replace(rig, height_mm=np.array([middle, middle, 0.0, 0.0]))
     length = float(np.nanmedian(np.linalg.norm(base[:, 1] - base[:, 0], axis=1)))
-    rise, variance = steady_direction(base[:, 1, 2] - base[:, 0, 2], covariance[:, :2, 2, 2].sum(axis=1))
-    values, radii = rig.circles, rig.circles.radii
-    own = float(np.hypot(*_stick(radii, values.between_rad)))
-    lean, sigma = _leaning(
-        (known_median(rise) / length, known_median(variance) / length**2),
-        (values.rise / own, float(values.covariance[-1, -1]) / own**2),
-    )
-    half = 0.5 * lean * length
+    rises, variances = steady_direction(base[:, 1, 2] - base[:, 0, 2], covariance[:, :2, 2, 2].sum(axis=1))
+    rise, variance, flat = known_median(rises), known_median(variances), (_FLAT * length) ** 2
+    if passes(rise**2 / (flat + variance), 1):
+        # Otherwise the film shows that the base is not as flat as sticks usually are.
+        rise, variance = (flat / (flat + variance) * one for one in (rise, variance))
+    half = 0.5 * rise
     height = np.array([middle - half, middle + half, *rig.height_mm[2:]])
-    return replace(rig, height_mm=height, rise_sigma_mm=sigma * length)
-
-
-def _leaning(base: tuple[float, float], moving: tuple[float, float]) -> tuple[float, float]:
-    """Return the slope of the base against the plane across the axis, and its standard deviation.
-
-    ``base`` and ``moving`` are the measured slopes of both sticks, with variances. The sticks of one rig are made in
-    the same way, so both inform the size of such slopes; the priors ``_SLOPES`` compete by how well they explain both.
-    """
-    size = np.square(_SLOPES)
-    score = np.log(_BELIEF)
-    for slope, variance in (base, moving):
-        score = score - 0.5 * np.log(size + variance) - 0.5 * slope**2 / (size + variance)
-    weight = np.exp(score - score.max())
-    weight /= weight.sum()
-    slope, variance = base
-    each, spread = slope * size / (size + variance), variance * size / (size + variance)
-    mean = float(weight @ each)
-    return mean, float(np.sqrt(weight @ (spread + (each - mean) ** 2)))
+    return replace(rig, height_mm=height, rise_sigma_mm=math.sqrt(variance))
 
 
 def _stick(radii: Floats, between_rad: float) -> Floats:

@@ -2,8 +2,8 @@
 
 A pixel integrates the light over its square, which differs from a wider blur: evaluated at the pixel's middle alone, a
 sharp rim would shift the dot by up to 0.015 px, depending on its position between the pixels. Near the rim the mean
-over the square is computed by Gauss–Legendre quadrature. ``pixels`` (3, n) int64 are a window's offsets x and y from
-its middle, and the sector.
+over the square is computed by Gauss–Legendre quadrature. ``pixels`` (2, n) int64 are a window's offsets x and y from
+its middle.
 """
 
 from __future__ import annotations
@@ -39,8 +39,6 @@ present position; radius of the window that is compared."""
 
 MOST_STRETCH: Final = 0.45
 """Largest stretch of a dot: that of a plane seen at 67 degrees from its normal."""
-SECTORS: Final = 8
-"""Sectors of a window over which residuals are averaged: a wire over a dot fills most of one or two."""
 COLUMNS: Final = 7
 """Unknowns of a dot without motion blur: light, step, position (2), radius, stretch (2)."""
 
@@ -136,16 +134,14 @@ def smear_count(length: float, edge: float) -> int:
 
 @compiled
 def window_pixels(radius_px: float) -> Ints:
-    """Return the pixels (3, n) in a disc around the middle of a window, row by row: offsets x, y, and sector."""
+    """Return the pixels (2, n) in a disc around the middle of a window, row by row: offsets x and y."""
     half = math.ceil(radius_px)
-    pixels = np.empty((3, (2 * half + 1) ** 2), np.int64)
+    pixels = np.empty((2, (2 * half + 1) ** 2), np.int64)
     count = 0
     for y in range(-half, half + 1):
         for x in range(-half, half + 1):
             if x * x + y * y <= radius_px * radius_px:
-                turn = math.atan2(float(y), float(x)) / (2.0 * math.pi)
                 pixels[0, count], pixels[1, count] = x, y
-                pixels[2, count] = min(int((turn % 1.0) * SECTORS), SECTORS - 1)
                 count += 1
     return pixels[:, :count].copy()
 

@@ -8,7 +8,7 @@ every eighth of a pixel and cached, a step is the products of its columns with t
 shift, is composed by addition. The residuals follow from the same products. The model of a dot with motion blur is
 computed as needed. The cache depends on the shape alone, so it never changes a result.
 
-A ``look`` is the cache of one marker: ``pixels`` (3, n), see :mod:`tracker.appearance.disc`; ``models`` (64, 9, n): the
+A ``look`` is the cache of one marker: ``pixels`` (2, n), see :mod:`tracker.appearance.disc`; ``models`` (64, 9, n): the
 columns (7) and the gradient of the light (2); ``systems`` (64,), records of SYSTEM.
 """
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from torsight.core.compiled import compiled, internal, lending
 from torsight.core.units import Floats, Ints
-from tracker.appearance.disc import COLUMNS, SECTORS, Record, fill_columns, window_pixels
+from tracker.appearance.disc import COLUMNS, Record, fill_columns, window_pixels
 
 Luma = NDArray[np.uint8]
 Point = tuple[float, float]
@@ -38,7 +38,6 @@ READING: Final = np.dtype(
         ("step", "f8"),
         ("contrast", "f8"),
         ("residual", "f8"),
-        ("patch", "f8"),
         ("change", "f8", (3,)),
         ("slope", "f8", (2,)),
         ("converged", "i8"),
@@ -49,10 +48,9 @@ READING: Final = np.dtype(
 )
 """A marker as read in one picture. x, y: px. covariance: xx, xy, yy for white noise of the size of ``residual``, px².
 light: brightness around the dot (mean brightness for texture), step: of the dot, residual: rms residual of the model,
-patch: the largest mean residual over a sector of the window (occluded if large), all in grey levels. contrast: step
-over the template's (gain for texture). change: radius (px) and stretch minus the template's. slope: gradient of the
-light in this frame alone, relative change per pixel. predicted: expected position, path: expected motion since the last
-frame, px. state: see :data:`tracker.rows.STATES`."""
+all in grey levels. contrast: step over the template's (gain for texture). change: radius (px) and stretch minus the
+template's. slope: gradient of the light in this frame alone, relative change per pixel. predicted: expected position,
+path: expected motion since the last frame, px. state: see :data:`tracker.rows.STATES`."""
 
 PHASES: Final = 8
 """Steps per pixel at which models are cached; at half a step's distance the cubic term is below 1e-4 px."""
@@ -63,12 +61,10 @@ SYSTEM: Final = np.dtype(
         ("filled", "i8"),
         ("products", "f8", (_MOST, _MOST)),
         ("inverse", "f8", (_MOST, _MOST)),
-        ("sums", "f8", (SECTORS, _MOST)),
     ]
 )
 """What a model's m rows determine. filled: whether they are computed. products: inner products of the rows (m, m).
-inverse: the inverse of those of the columns, and below it the rows of the whole inverse that belong to the gradient.
-sums: sums of the rows over each sector."""
+inverse: the inverse of those of the columns, and below it the rows of the whole inverse that belong to the gradient."""
 _ROUNDS: Final = 4
 """Most steps: each is at most half a radius, so together they reach two radii."""
 RATE: Final = 0.1
@@ -181,13 +177,10 @@ def fill_model(model: Floats, system: Record, columns: int, pixels: Ints, shape:
         model[columns, i], model[columns + 1, i] = pixels[0, i] * lit, pixels[1, i] * lit
     both = products(model, used)
     inverse, wide = invert(both[:columns, :columns].copy()), invert(both)
-    system.sums[:] = 0.0
     for k in range(used):
         for m in range(used):
             system.products[k, m] = both[k, m]
             system.inverse[k, m] = wide[k, m] if k >= columns else (inverse[k, m] if m < columns else 0.0)
-        for i in range(pixels.shape[1]):
-            system.sums[pixels[2, i], k] += model[k, i]
 
 
 @lending
@@ -195,20 +188,6 @@ def take_away(values: Floats, row: Floats, weight: float) -> None:
     """Subtract a weighted row from values, in place."""
     for i in range(values.shape[0]):
         values[i] -= weight * row[i]
-
-
-@internal
-def worst_sector(values: Floats, found: Floats, system: Record, pixels: Ints) -> float:
-    """Return the largest absolute mean of the residuals of a window's values (n,) over a sector."""
-    worst, sums = 0.0, np.zeros(SECTORS)
-    for i in range(len(values)):
-        sums[pixels[2, i]] += values[i]
-    for k in range(SECTORS):
-        for m in range(len(found)):
-            sums[k] -= found[m] * system.sums[k, m]
-        # The first column is 1 everywhere: its sum is the number of pixels.
-        worst = max(worst, abs(sums[k]) / max(system.sums[k, 0], 1.0))
-    return worst
 
 
 @lending
@@ -231,9 +210,7 @@ def solve_model(seen: Floats, system: Record, marker: Record, found: Floats) -> 
 
 
 @internal
-def take_reading(
-    values: Floats, seen: Floats, found: Floats, system: Record, pixels: Ints, marker: Record, out: Record
-) -> None:
+def take_reading(values: Floats, seen: Floats, found: Floats, system: Record, marker: Record, out: Record) -> None:
     """Fill in all of a reading but the position, from the coefficients (m,) and the products ``seen`` (m,)."""
     columns = len(found) - 2
     light, step = found[0], found[1]
@@ -251,7 +228,6 @@ def take_reading(
     for k in range(3):
         out.covariance[k] = variance / (step * step) * system.inverse[2 + k // 2, 2 + (k + 1) // 2]
         out.change[k] = found[4 + k] / step
-    out.patch = worst_sector(values, found, system, pixels)
     out.light, out.step, out.residual = light, step, math.sqrt(variance)
     out.contrast = step / (light * marker.shape.contrast) if light > 1.0 else 0.0
 
@@ -321,7 +297,7 @@ def read_dot(luma: Luma, x_px: float, y_px: float, marker: Record, look: Look, s
         near = abs(dx) <= _NEAR_PX and abs(dy) <= _NEAR_PX
         if near or round_ == _ROUNDS - 1 or not math.isfinite(out.x) or not math.isfinite(out.y):
             out.converged = near
-            take_reading(values, seen, found, systems[slot], pixels, marker, out)
+            take_reading(values, seen, found, systems[slot], marker, out)
             break
         limit = 0.5 * shape.radius
         x_px += min(max(out.x - x_px, -limit), limit)

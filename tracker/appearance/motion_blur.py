@@ -37,9 +37,6 @@ _CLEAR: Final = 0.15
 moving dots, which looks a little like motion blur."""
 _LEARNED: Final = 12
 """Fast readings after which the exposure counts as known: by then the first comparison has a weight below 0.15."""
-_OFTEN, _SELDOM = 4, 200
-"""Intervals, in fast readings, between comparisons once the exposure is known, and well known: a comparison costs as
-much as several frames, and the exposure seldom changes."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
 """Allowance for motion blur before and after the exposure is known: share of the brightness step, per root of the
@@ -70,9 +67,13 @@ def smear_slack(rig: Record, length: float) -> float:
 
 @internal
 def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
-    """Count a fast reading, and at intervals update the exposure by the fits of motion blurs of several lengths."""
+    """Count a fast reading, and at intervals update the exposure by the fits of motion blurs of several lengths.
+
+    A comparison costs as much as several frames, and the exposure seldom changes: the intervals grow with the number of
+    readings, from one once it is known.
+    """
     rig.fast += 1
-    every = 1 if rig.fast <= 2 * _LEARNED else (_OFTEN if rig.fast <= 8 * _LEARNED else _SELDOM)
+    every = 1 + rig.fast // (2 * _LEARNED)
     costs = np.empty(len(SHARES))
     if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
         return

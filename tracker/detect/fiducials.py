@@ -135,15 +135,20 @@ class TagsSeen:
         """The first family of which two tags or more are seen, and their numbers; "" and no numbers without one."""
         return next(((family, numbers) for family, numbers in self._seen_of(self._shown) if len(numbers) > 1), ("", []))
 
+    @property
+    def single(self) -> list[tuple[str, list[int]]]:
+        """The families of which at least one tag is seen, and their numbers."""
+        return self._seen_of(self._shown, least=1)
+
     def fault(self) -> tuple[str, str, str] | None:
         """Return what is wrong with the tags seen, their numbers, and what to do; None where no tag is seen."""
-        twins, single, flipped = self._seen_of(self._twins), self._seen_of(self._shown, least=1), TagsSeen()
+        twins, single, flipped = self._seen_of(self._twins), self.single, TagsSeen()
         if twins:
             do = "put tags of different numbers on the sticks; 'torsight board --tags' prints such a pair"
             return "two tags have the same number", numbered(*twins[0]), do
         if self._last is not None:
             flipped.take(np.ascontiguousarray(self._last[:, ::-1]))
-        mirrored = flipped._seen_of(flipped._shown, least=1)
+        mirrored = flipped.single
         # Turned over, a tag may by chance be one of a family with many codes.
         if mirrored and not (single and _share_of(single[0][0]) < _share_of(mirrored[0][0])):
             return "tags are seen mirrored", f"{numbered(*mirrored[0])} in the picture turned over", UNMIRROR

@@ -7,6 +7,7 @@ from typing import Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tracker.appearance.lucas_kanade import Luma
 from tracker.detect.dots import FAINTEST, SMALLEST_PX
@@ -17,8 +18,8 @@ MOVED_GREY: Final = 25
 """Smallest change of a pixel that is motion and not noise (of 2 to 8 grey levels)."""
 MOVED_PX: Final = 60
 """Fewest moved pixels from which motion blur or interlacing is judged: a few dots' area."""
-_LOOKED_AT: Final = 5
-"""Number of frames that are examined, each with the next one."""
+LOOKED_AT: Final = 5
+"""Number of frames that are examined, each with the next one, and of frames with which they are compared."""
 _WINDOW: Final = np.ones((9, 9), np.uint8)
 _SMEARED: Final = 1.25
 """Width of the edges of what moves, over that of edges at rest, above which motion blur hides dots. On drawn films with
@@ -40,7 +41,7 @@ def motion_blur(source: Iterable[Frame], first: int, last: int) -> str | None:
 
     None where nothing moves.
     """
-    looked = np.unique(np.linspace(first, last - 1, _LOOKED_AT).astype(int))
+    looked = np.unique(np.linspace(first, last - 1, LOOKED_AT).astype(int))
     found = pictures_of(source, {*looked.tolist(), *(looked + 1).tolist()})
     pairs = [(found[index], found[index + 1]) for index in looked.tolist() if {index, index + 1} <= set(found)]
     widths = [width for pair in pairs if (width := _width_of_moving(*pair)) is not None]
@@ -58,8 +59,14 @@ def _width_of_moving(picture: Luma, after: Luma) -> float | None:
     moved = cv2.absdiff(picture, after) > MOVED_GREY
     if moved.sum() < MOVED_PX:
         return None
-    gradient = np.hypot(*(cv2.Sobel(picture, cv2.CV_32F, *order, ksize=3) / 8.0 for order in ((1, 0), (0, 1))))
-    change = cv2.dilate(picture, _WINDOW).astype(np.float32) - cv2.erode(picture, _WINDOW)
+    gradient, change = edges_in(picture)
     width, edges = change / np.maximum(cv2.dilate(gradient, _WINDOW), 1.0), change > MOVED_GREY
     parts = [width[edges & part] for part in (moved, ~moved)]
     return float(np.median(parts[0]) / np.median(parts[1])) if all(map(len, parts)) else None
+
+
+def edges_in(picture: Luma) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the gradient of a picture (h, w), grey levels per px, and the change of brightness around every pixel."""
+    gradient = np.hypot(*(cv2.Sobel(picture, cv2.CV_32F, *order, ksize=3) / 8.0 for order in ((1, 0), (0, 1))))
+    change = cv2.dilate(picture, _WINDOW).astype(np.float32) - cv2.erode(picture, _WINDOW)
+    return gradient.astype(np.float32, copy=False), change

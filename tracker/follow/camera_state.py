@@ -104,7 +104,7 @@ def find_shift(scene: Scene) -> bool:
     off = np.empty((2, 2))
     # Unless the moving stick is known to lie above the base, its readings may be of the base's own dots.
     if rig.offset_known and rig.above >= KNOWN and circles_off(scene, off):
-        x, y = 0.5 * (off[0, 0] + off[1, 0]) - rig.offset[0], 0.5 * (off[0, 1] + off[1, 1]) - rig.offset[1]
+        x, y = middle_of(off[:, 0]) - rig.offset[0], middle_of(off[:, 1]) - rig.offset[1]
         away = (x - rig.shift[0]) ** 2 + (y - rig.shift[1]) ** 2
         if passes(away / (_STEP_PX2 * (2 + rig.unknown)), 2):
             rig.shift_now[0], rig.shift_now[1] = x, y

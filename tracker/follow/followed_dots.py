@@ -62,14 +62,10 @@ class DotState(Kept):
         return float(np.median(self.scene.sticks["length"]))
 
     @property
-    def shutter_share(self) -> float | None:
-        """Exposure as a share of the frame interval; None where no motion blur is certain."""
-        return min(float(self.scene.rig["shutter_share"][0]), 1.0) or None
-
-    @property
-    def shutter_limits(self) -> tuple[float, float]:
-        """Lower and upper bound of the exposure's share of the frame interval."""
-        return shutter_limits(self.scene.rig["shutter_cost"][0])
+    def shutter(self) -> tuple[float | None, tuple[float, float]]:
+        """Exposure as a share of the frame interval, None where no motion blur is certain, and its bounds."""
+        rig = self.scene.rig[0]
+        return min(float(rig["shutter_share"]), 1.0) or None, shutter_limits(rig["shutter_cost"])
 
     @property
     def starts_rad(self) -> list[float]:

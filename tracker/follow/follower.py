@@ -50,14 +50,6 @@ class Stick(Protocol):
     def length_px(self) -> float:
         """Distance between both markers, px."""
 
-    @property
-    def shutter_share(self) -> float | None:
-        """Exposure as a share of the frame interval; None where the markers do not show it."""
-
-    @property
-    def shutter_limits(self) -> tuple[float, float]:
-        """Lower and upper bound of the exposure's share of the frame interval."""
-
     def to_state(self) -> dict[str, Any]:
         """Return the state that :meth:`restore` needs."""
 
@@ -189,10 +181,11 @@ class Follower(Kept):
 
     def report(self) -> dict[str, Any]:
         """Return figures for ``track.json``: sizes of markers and sticks, and the exposure, which only dots show."""
-        surest = min(self.sticks, key=lambda stick: stick.shutter_limits[1] - stick.shutter_limits[0])
+        dots = (stick.shutter for stick in self.sticks if isinstance(stick, DotState))
+        share, limits = min(dots, key=lambda one: one[1][1] - one[1][0], default=(None, (0.0, 1.0)))
         return {
             "radius_px": float(np.nanmedian([stick.radius_px for stick in self.sticks])),
             "stick_length_px": float(np.nanmedian([stick.length_px for stick in self.sticks])),
-            "shutter_share_of_frame": surest.shutter_share,
-            "shutter_share_limits": surest.shutter_limits,
+            "shutter_share_of_frame": share,
+            "shutter_share_limits": limits,
         }

@@ -31,7 +31,7 @@ from tracker.follow.camera_state import (
 )
 from tracker.follow.motion_model import STALE, is_base
 from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, turned
-from tracker.follow.state import KEPT, Scene
+from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
 
@@ -53,8 +53,9 @@ MOVED_RAD: Final = math.radians(1.0)
 stick that point away by more from the base's last direction are not the base's."""
 MOST_VOTES: Final = 20
 """Limit of the sum of votes, in either direction."""
-SOON: Final = KEPT - 1
-"""Frames after which a lost marker is no longer assumed to be near its prediction: its history is no longer."""
+SOON: Final = 3
+"""Frames after which a lost marker is no longer assumed to be near its prediction, and its last reading gives no speed:
+by then :func:`tracker.follow.motion_model.jump_px` exceeds the stick's length."""
 _ALONE, _TWO, _OWN = range(3)
 """One dot of the moving stick is seen; two are; both are known to be its own."""
 BEYOND: Final = 0.6

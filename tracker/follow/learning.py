@@ -17,12 +17,12 @@ from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
-from tracker.follow.camera_state import TURN_RAD, at, circles_off, roll_of, seen, take_roll
+from tracker.follow.camera_state import TURN_RAD, at, circles_off, middle_of, roll_of, seen, take_roll
 from tracker.follow.judgement import SOON
-from tracker.follow.motion_model import STALE, is_base, predict, ways
+from tracker.follow.motion_model import STALE, is_base, predict
 from tracker.follow.reading import share_of_step
 from tracker.follow.rotation_axis import learn_axis
-from tracker.follow.state import KEPT, Scene
+from tracker.follow.state import Scene
 from tracker.rows import SEEN
 
 _CHANGE_PX: Final = 1.0 / PHASES
@@ -38,10 +38,9 @@ SIZES: Final = (0.7, 1.4)
 @internal
 def learn_look(marker: Record, systems: Record, reading: Record) -> None:
     """Update a marker's statistics of fit from a sharp reading, and follow slow changes of shape and light."""
-    for kept, value in ((marker.residual, reading.residual), (marker.patch, reading.patch)):
-        off = share_of_step(value, reading.step) - kept[0]
-        kept[0] += RATE * off
-        kept[1] += RATE * (abs(off) - kept[1])
+    off = share_of_step(reading.residual, reading.step) - marker.residual[0]
+    marker.residual[0] += RATE * off
+    marker.residual[1] += RATE * (abs(off) - marker.residual[1])
     _follow(marker.change, reading.change)
     _follow(marker.slope, reading.slope)
     shape = marker.shape
@@ -67,24 +66,14 @@ def _follow(mean: Floats, values: Floats) -> None:
 
 @internal
 def take(marker: Record, time_s: float, reading: Record, shift: Floats) -> None:
-    """Add a reading to a marker's history, and update the predictors' errors."""
-    x, y, h = reading.x - shift[0], reading.y - shift[1], marker.history
-    count = marker.count
-    if marker.lost > 0:
-        # Only readings close in time give a velocity.
-        kept = min(count, 1) if marker.lost <= SOON else 0
-        if kept:
-            copy_to(h[0], h[count - 1])
-        count = kept
-    elif count == KEPT:
-        guesses = ways(marker, time_s)
-        for way in range(len(guesses)):
-            miss = (x - guesses[way, 0]) ** 2 + (y - guesses[way, 1]) ** 2
-            marker.miss[way] += RATE * (miss - marker.miss[way])
-        for k in range(KEPT - 1):
-            copy_to(h[k], h[k + 1])
-        count = KEPT - 1
-    h[count, 0], h[count, 1], h[count, 2] = time_s, x, y
+    """Add a reading to a marker's history."""
+    h, count = marker.history, min(marker.count, 1)
+    if marker.lost > SOON:
+        # Only readings close in time give a speed.
+        count = 0
+    if count:
+        copy_to(h[0], h[marker.count - 1])
+    h[count, 0], h[count, 1], h[count, 2] = time_s, reading.x - shift[0], reading.y - shift[1]
     marker.count = count + 1
     marker.x, marker.y, marker.lost = reading.x, reading.y, 0
 
@@ -165,7 +154,7 @@ def _note_stick(scene: Scene, stick: int) -> None:
     off = np.empty((2, 2))
     if rig.moving >= 0 and circles_off(scene, off):
         rig.offset_known = 1
-        rig.offset[0], rig.offset[1] = 0.5 * (off[0, 0] + off[1, 0]) - dx, 0.5 * (off[0, 1] + off[1, 1]) - dy
+        rig.offset[0], rig.offset[1] = middle_of(off[:, 0]) - dx, middle_of(off[:, 1]) - dy
 
 
 @shared

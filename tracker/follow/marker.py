@@ -13,18 +13,13 @@ from torsight.core.errors import NoResultError
 from tracker.appearance.disc import COLUMNS, window_pixels
 from tracker.appearance.dot_fit import Dot
 from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, Look, read_dot
-from tracker.detect.given_positions import given_dots
-from tracker.detect.marker_file import MarkerHints
 from tracker.detect.sticks import Stick, edges_beside, half_width
 from tracker.follow.reading import Looks, share_of_step
 from tracker.follow.state import MARKER
-from tracker.frames.frame import Frame
 
 _FIT_SPREAD: Final = 0.15
 """Mean deviation of the residual's logarithm at the start, until it is learned: white noise over 100 pixels has 0.07,
-and no noise is white; the worst sector has twice as much."""
-_MISSES_PX2: Final = (1.0, 0.0, 1.0, 1.0)
-"""Mean square errors of the predictors at the start: constant speed is used until another one has proved better."""
+and no noise is white."""
 
 
 class Marker:
@@ -42,7 +37,6 @@ class Marker:
         own["contrast"], own["strip"], own["window"] = dot.contrast, strip_px, dot.window_px
         own["edges"] = edges_px
         self.record["first_radius"] = dot.radius_px
-        self.record["miss"] = _MISSES_PX2
         pixels = window_pixels(dot.window_px)
         slots = PHASES * PHASES
         self.look: Look = (pixels, np.empty((slots, COLUMNS + 2, pixels.shape[1])), np.zeros(slots, SYSTEM))
@@ -68,8 +62,7 @@ class Marker:
         for name in ("x", "y", "light"):
             self.record[name] = reading[name]
         self.record["step"] = abs(reading["step"])
-        for name, spread in (("residual", _FIT_SPREAD), ("patch", 2.0 * _FIT_SPREAD)):
-            self.record[name] = (share_of_step(float(reading[name]), float(reading["step"])), spread)
+        self.record["residual"] = share_of_step(float(reading["residual"]), float(reading["step"])), _FIT_SPREAD
 
     @property
     def x_px(self) -> float:
@@ -119,9 +112,3 @@ def _marker(luma: NDArray[np.uint8], dot: Dot, marker: Marker) -> Marker:
         )
     marker.begin(reading)
     return marker
-
-
-def given_markers(frame: Frame, hints: MarkerHints, *, sticks: Sequence[int]) -> list[Marker]:
-    """Return the markers, two of each stick, found near the positions that were given."""
-    assert frame.luma is not None  # noqa: S101 - for the type checker: such frames are passed over
-    return markers_on(frame.luma, *given_dots(frame, hints, sticks=sticks))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Final
 
-import numpy as np
-
 from torsight.core.compiled import compiled, internal, lending, shared
-from torsight.core.units import Floats
 from tracker.appearance.disc import Record
-from tracker.appearance.lucas_kanade import least
-from tracker.follow.rotation_axis import STANDS_PX, arm_px, direction_from, folded, on_circle
+from tracker.follow.rotation_axis import STANDS_PX, arm_px, direction_from, on_circle
 from tracker.follow.state import Scene
 
 STALE: Final = 15
@@ -22,8 +19,6 @@ stick that starts abruptly, a camera that is bumped."""
 _GROWTH: Final = 2.5
 """Exponent with which that standard deviation grows with the frames since the stick was seen: a motion whose
 acceleration is a random walk (Bar-Shalom and others, as in :mod:`tracker.innovation`, section 6.2.3)."""
-REST, STEADY, AVERAGED, CURVED = range(4)
-"""The predictors: at rest, constant speed, speed averaged over three steps, parabola."""
 
 
 @shared
@@ -33,32 +28,25 @@ def is_base(rig: Record, stick: int) -> bool:
 
 
 @compiled
-def ways(marker: Record, time_s: float) -> Floats:
-    """Return the positions (4, 2) of a marker at a time that each predictor extrapolates from the last readings.
+def extrapolated(marker: Record, axis: Record, time_s: float) -> complex:
+    """Return the position of a marker at a time, without the picture's shift: it turns on as in its last step.
 
-    The parabola suits a smooth fast motion, the averaged speed a shaking camera.
+    Its last step is repeated, turned by the angle at which it appears from the axis: an axis that is wrong by some
+    pixels bends the path a little too much or too little, but does not change its direction. The path is straight while
+    the axis is not known, and the marker at rest where one reading is known.
     """
-    out = np.empty((4, 2))
     count, h = marker.count, marker.history
-    for axis in (1, 2):
-        out[:, axis - 1] = h[count - 1, axis]
+    now = complex(h[count - 1, 1], h[count - 1, 2])
     if count < 2:
-        return out
-    t1, t2, t0 = h[count - 1, 0], h[count - 2, 0], h[0, 0]
-    for axis in (1, 2):
-        step = h[count - 1, axis] - h[count - 2, axis]
-        out[STEADY:, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t2) * step
-    if count < 3:
-        return out
-    t3 = h[count - 3, 0]
-    # Lagrange's parabola through the last three readings, whatever their spacing.
-    a = (time_s - t2) * (time_s - t3) / ((t1 - t2) * (t1 - t3))
-    b = (time_s - t1) * (time_s - t3) / ((t2 - t1) * (t2 - t3))
-    c = (time_s - t1) * (time_s - t2) / ((t3 - t1) * (t3 - t2))
-    for axis in (1, 2):
-        out[AVERAGED, axis - 1] = h[count - 1, axis] + (time_s - t1) / (t1 - t0) * (h[count - 1, axis] - h[0, axis])
-        out[CURVED, axis - 1] = a * h[count - 1, axis] + b * h[count - 2, axis] + c * h[count - 3, axis]
-    return out
+        return now
+    before = complex(h[0, 1], h[0, 2])
+    ahead, half = (time_s - h[1, 0]) / (h[1, 0] - h[0, 0]), 0.0
+    if axis.known:
+        centre = complex(axis.centre[0], axis.centre[1])
+        half = 0.5 * cmath.phase((now - centre) * (before - centre).conjugate())
+    # The ratio of two chords of a circle.
+    longer = math.sin(ahead * half) / math.sin(half) if half != 0.0 else ahead
+    return now + longer * (now - before) * cmath.exp(1j * half * (1.0 + ahead))
 
 
 @shared
@@ -86,14 +74,13 @@ def predict(scene: Scene, time_s: float) -> None:
         reading.predicted[0], reading.predicted[1] = marker.x, marker.y
         reading.path[:] = 0.0
         if not is_base(rig, index // 2) and marker.count > 0:
-            way = STEADY if marker.lost > 0 else least(marker.miss)
-            place = ways(marker, time_s)[way]
-            reading.predicted[0], reading.predicted[1] = place[0] + rig.shift[0], place[1] + rig.shift[1]
+            place = extrapolated(marker, scene.sticks[index // 2].axis, time_s)
+            reading.predicted[0], reading.predicted[1] = place.real + rig.shift[0], place.imag + rig.shift[1]
     for stick in range(len(scene.sticks)):
         if is_base(rig, stick):
             continue
         if scene.sticks[stick].axis.known:
-            _carry_lost(scene, stick, time_s)
+            _carry_lost(scene, stick)
         for index in (2 * stick, 2 * stick + 1):
             marker, reading = scene.markers[index], scene.readings[index]
             if marker.count > 0 and marker.lost > 0:
@@ -104,43 +91,14 @@ def predict(scene: Scene, time_s: float) -> None:
 
 
 @lending
-def _carry_lost(scene: Scene, stick: int, time_s: float) -> None:
-    """Predict lost markers on their circles: from the other marker where it is more precise, or from the last turn."""
+def _carry_lost(scene: Scene, stick: int) -> None:
+    """Predict lost markers on their circles from the other marker, where that is more precise than their own motion."""
     shift, own = scene.rig[0].shift, scene.sticks[stick]
-    axis = own.axis
-    last_known, last = _last_turning(scene, stick, time_s)
     for end in range(2):
         marker, other = scene.markers[2 * stick + end], 2 * stick + 1 - end
-        if marker.lost == 0:
-            continue
-        known, direction = last_known, last
-        if scene.markers[other].lost == 0 and by_other_px(own, end) < jump_px(own.length, 1 + marker.lost):
-            at = scene.readings[other].predicted
-            known, direction = True, direction_from(axis, at[0] - shift[0], at[1] - shift[1], 1 - end)
-        if known:
-            x, y = on_circle(axis, direction, end)
-            predicted = scene.readings[2 * stick + end].predicted
+        more_precise = by_other_px(own, end) < jump_px(own.length, 1 + marker.lost)
+        if marker.lost > 0 and scene.markers[other].lost == 0 and more_precise:
+            at, predicted = scene.readings[other].predicted, scene.readings[2 * stick + end].predicted
+            direction = direction_from(own.axis, at[0] - shift[0], at[1] - shift[1], 1 - end)
+            x, y = on_circle(own.axis, direction, end)
             predicted[0], predicted[1] = x + shift[0], y + shift[1]
-
-
-@lending
-def _last_turning(scene: Scene, stick: int, time_s: float) -> tuple[bool, float]:
-    """Return whether the last turn of a stick is known, and the direction extrapolated from it.
-
-    That is the mean of both markers' directions, weighted by the squares of their arms.
-    """
-    axis, first, off, weight = scene.sticks[stick].axis, 0.0, 0.0, 0.0
-    if scene.markers[2 * stick].lost + scene.markers[2 * stick + 1].lost > 2 * STALE:
-        return False, 0.0
-    for end in range(2):
-        marker = scene.markers[2 * stick + end]
-        if marker.count < 2:
-            continue
-        h = marker.history[marker.count - 2 : marker.count]
-        before, now = direction_from(axis, h[0, 1], h[0, 2], end), direction_from(axis, h[1, 1], h[1, 2], end)
-        rate = folded(now - before) / (h[1, 0] - h[0, 0])
-        last = now + rate * (time_s - h[1, 0])
-        first = last if weight == 0.0 else first
-        off += arm_px(axis, end) ** 2 * folded(last - first)
-        weight += arm_px(axis, end) ** 2
-    return weight > 0.0, first + off / max(weight, 1e-9)

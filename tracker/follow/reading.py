@@ -1,7 +1,7 @@
 """Reading of one marker, and tests of that reading alone: near its prediction, and as good a fit as usual (compiled).
 
-The fit is compared with the marker's earlier ones: residual and worst sector, as logarithms of their share of the step,
-may be five mean deviations above their means (four standard deviations of a normal variable).
+The fit is compared with the marker's earlier ones: the residual, as the logarithm of its share of the step, may be five
+mean deviations above its mean (four standard deviations of a normal variable).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ LEAST_STEP: Final = 4.0
 _CONTRAST: Final = (0.45, 1.8)
 """Range of the contrast over the template's in which it is the same dot: about a factor of two."""
 _DEVIATIONS: Final = 5.0
-_LEAST_SPREAD: Final = (0.35, 0.7)
-"""Smallest allowance for residual and worst sector, logarithms: factors of 1.4 and 2."""
+_LEAST_SPREAD: Final = 0.35
+"""Smallest allowance for the residual, a logarithm: a factor of 1.4."""
 _NEVER: Final = 0.3
 """Residual in excess of the marker's usual noise, in quadrature, as a share of the step, above which it is no dot."""
 _ALWAYS: Final = 0.015
@@ -55,14 +55,12 @@ def fits(marker: Record, reading: Record, slack: float) -> bool:
         return False
     if not _CONTRAST[0] < reading.contrast < _CONTRAST[1]:
         return False
-    limit = math.exp(marker.residual[0] + max(_DEVIATIONS * marker.residual[1], _LEAST_SPREAD[0])) + slack
-    patch_limit = math.exp(marker.patch[0] + max(_DEVIATIONS * marker.patch[1], _LEAST_SPREAD[1])) + slack
-    share, patch = reading.residual / step, reading.patch / step
+    limit = math.exp(marker.residual[0] + max(_DEVIATIONS * marker.residual[1], _LEAST_SPREAD)) + slack
     # In dim light the noise alone may be a quarter of the step.
     noise = math.exp(marker.residual[0]) * marker.step
     if reading.residual**2 > noise**2 + (_NEVER * step) ** 2:
         return False
-    return bool(share <= max(limit, _ALWAYS) and patch <= max(patch_limit, _ALWAYS))
+    return bool(reading.residual <= max(limit, _ALWAYS) * step)
 
 
 @lending
@@ -111,7 +109,7 @@ def glance_at(
         out[d].state = LOST
         begin, end = first[d], first[d + 1]
         own = (
-            pixels[3 * begin : 3 * end].reshape((3, end - begin)),
+            pixels[2 * begin : 2 * end].reshape((2, end - begin)),
             models[rows * begin : rows * end].reshape((PHASES * PHASES, COLUMNS + 2, end - begin)),
             systems[d],
         )

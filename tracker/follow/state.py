@@ -12,8 +12,8 @@ from tracker.appearance.lucas_kanade import Look
 from tracker.appearance.motion_blur import SHARES
 from tracker.follow.rotation_axis import AXIS
 
-KEPT: Final = 4
-"""Readings in each marker's history: a parabola needs three, the mean speed over three steps four."""
+KEPT: Final = 2
+"""Readings in each marker's history: a speed needs two."""
 
 MARKER: Final = np.dtype(
     [
@@ -23,11 +23,9 @@ MARKER: Final = np.dtype(
         ("below", "i8"),
         ("count", "i8"),
         ("history", "f8", (KEPT, 3)),
-        ("miss", "f8", (4,)),
         ("light", "f8"),
         ("step", "f8"),
         ("residual", "f8", (2,)),
-        ("patch", "f8", (2,)),
         ("slope", "f8", (2,)),
         ("change", "f8", (3,)),
         ("first_radius", "f8"),
@@ -36,9 +34,9 @@ MARKER: Final = np.dtype(
 )
 """A marker. x, y: its position, predicted while it is not seen, px. lost: frames since it was read. below: whether it
 went below the base and has not been seen since. history: (time_s, x, y) of the last ``count`` readings minus the
-picture's shift, the newest last. miss: running mean square errors of the four predictors, px². light, step: running
-means, grey levels. residual, patch: logarithms of the fit's residual and worst sector over the step, running mean and
-mean deviation. slope: gradient of the light. change: radius and stretch minus those of ``shape``, running means."""
+picture's shift, the newest last. light, step: running means, grey levels. residual: logarithm of the fit's residual
+over the step, running mean and mean deviation. slope: gradient of the light. change: radius and stretch minus those of
+``shape``, running means."""
 
 STICK: Final = np.dtype(
     [("length", "f8"), ("shortest", "f8"), ("longest", "f8"), ("start_rad", "f8"), ("still", "i8"), ("axis", AXIS)]

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -29,26 +29,22 @@ from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
-from tracker.patches.alignment import (
-    GAIN,
-    LIGHT,
-    Part,
-    Template,
-    align_warp,
-    found_of,
-    largest_step,
-    sample,
-    step_warp,
-)
 from tracker.patches.ink import Doubt, Ink
-from tracker.patches.warps import jacobian, project
+from tracker.patches.warps import jacobian, project, similarity
 
 Look = Callable[[Floats, Floats], Floats]
 """Brightness of a template at offsets x, y (n,) from its middle, y down."""
+_LIGHT, _GAIN = 0, 3
+"""Rows of the solution: brightness at the middle, with its gradient in rows 1 and 2, and contrast over the template's;
+then other nuisance parameters, and δ times the contrast."""
 
 _ROUNDS: Final = 12
 _STOP_PX: Final = 0.01
 """Step of a point at the patch's rim below which the fit stops: a tenth of a reading's noise in an ordinary film."""
+_LEAST_SPREAD: Final = 1.0
+"""Standard deviation, grey levels, below which a patch shows nothing: that by rounding alone is a third of it."""
+_FARTHEST: Final = 0.7
+"""Largest step over the half width: beyond it, the picture there is unknown to the template."""
 _ROUNDED: Final = 1.0 / 12.0
 """Variance by the rounding of brightness: a lower bound for every picture, also that of the template."""
 _TUKEY: Final = 4.685
@@ -69,6 +65,15 @@ _BLUR: Final = 0.5
 depends on where between them a sample lies."""
 _LINEAR_PX2: Final = 1.0 / 6.0
 """Variance of the kernel of linear interpolation: mean of f (1 − f) over all positions f between two pixels."""
+
+
+class _Part(NamedTuple):
+    """Part of a picture, blurred, the position of its top left pixel, and the limits (2,) of valid positions."""
+
+    values: NDArray[np.float32]
+    corner: Floats
+    low: Floats
+    high: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +126,8 @@ class Patch:
         self.blur_px = _BLUR * spacing_px
         self._side = 2 * count + 1
         y, x = (axis.ravel() * spacing_px for axis in np.mgrid[-count : count + 1, -count : count + 1].astype(float))
-        self._grid = np.stack([x, y])
+        # From rows and columns of the grid to offsets from the middle.
+        self._offsets = np.array([[1.0, 0.0, -count], [0.0, 1.0, -count], [0.0, 0.0, 1.0 / spacing_px]])
         chosen = np.hypot(x, y) <= half_px if round_ else np.ones(len(x), bool)
         self._index = np.flatnonzero(chosen)
         x, y = x[chosen], y[chosen]
@@ -132,9 +138,6 @@ class Patch:
         self._other = _OTHER_DRAWN if soft else _OTHER_SEEN
         self._share = self._around(np.ones(len(x))) if soft else None
         self._solve_for(look, x, y, soft=soft)
-        self._template = Template(
-            np.stack([x, y]), np.ascontiguousarray(self._inverse), self.generators, self._rim, half_px, self.spread
-        )
         self._within = (np.abs(x) < within_px) & (np.abs(y) < within_px) if math.isfinite(within_px) else None
 
     def _solve_for(self, look: Look, x: Floats, y: Floats, *, soft: bool) -> None:
@@ -166,7 +169,6 @@ class Patch:
         self._inverse = np.linalg.pinv(root * self._basis, rcond=1e-9) * root.T
         self._plain = np.linalg.pinv(root * self._basis[:, :3]) * root.T
         self._noise = self._overlap(self._inverse)
-        self._template = self._template._replace(inverse=np.ascontiguousarray(self._inverse))
 
     @property
     def count(self) -> int:
@@ -194,21 +196,40 @@ class Patch:
         # A sample has 1/(4πσ²) of a pixel's noise variance; samples correlate by the overlap of their kernels.
         return np.asarray(4.0 * math.pi * kernel_px2 / self.spacing_px**2 * (seen @ seen.T), dtype=np.float64)
 
-    def cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> Part:
+    def _cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> _Part:
         """Return the part of a picture around the patch's expected position, blurred for sampling."""
         corners = project(warp, self._rim)
-        height, width = luma.shape
         low, high = corners.min(axis=1) - reach_px, corners.max(axis=1) + reach_px
-        middle = 0.5 * (low + high)
         half = math.ceil(0.5 * float((high - low).max()))
-        cx, cy = round(float(middle[0])), round(float(middle[1]))
-        part = cut_out(luma, cx, cy, half).astype(np.float32)
-        blurred = cv2.GaussianBlur(part, (0, 0), self.blur_px)
+        middle = np.rint(0.5 * (low + high))
+        part = cut_out(luma, int(middle[0]), int(middle[1]), half).astype(np.float32)
+        blurred = np.asarray(cv2.GaussianBlur(part, (0, 0), self.blur_px), dtype=np.float32)
         # Limited by both the part and the picture.
-        left, top, side = cx - half, cy - half, 2 * half + 1
-        low_px = (max(left, 0) - 1.0, max(top, 0) - 1.0)
-        high_px = (float(min(left + side, width)), float(min(top + side, height)))
-        return Part(np.asarray(blurred, dtype=np.float32), left, top, low_px, high_px)
+        corner = middle - half
+        return _Part(blurred, corner, np.maximum(corner, 0.0) - 1.0, np.minimum(middle + half + 1, luma.shape[::-1]))
+
+    def _seen(self, part: _Part, warp: Floats) -> Floats:
+        """Return the picture's brightness (m,) at all points of the grid, by linear interpolation."""
+        to_part = similarity(*-part.corner) @ warp @ self._offsets
+        how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        size = (self._side, self._side)
+        seen = cv2.warpPerspective(part.values, to_part, size, flags=how, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(seen, dtype=np.float64).ravel()
+
+    def _stepped(self, found: Floats, warp: Floats, part: _Part) -> tuple[Floats, float] | None:
+        """Return the warp after a step, W D⁻¹, and the largest step of a coordinate of the rim, px.
+
+        None for a step without contrast, a too large one, or one that leaves the part.
+        """
+        delta = found[self._first :] / found[_GAIN]
+        if abs(found[_GAIN]) * self.spread < _LEAST_SPREAD or not np.abs(delta).max() < _FARTHEST * self.half_px:
+            return None
+        after = warp @ np.linalg.inv(np.eye(3) + np.tensordot(delta, self.generators, 1))
+        after /= after[2, 2]
+        before, rim = (project(one, self._rim).T for one in (warp, after))
+        if not ((rim >= part.low) & (rim <= part.high)).all():
+            return None
+        return after, float(np.abs(rim - before).max())
 
     def align(
         self, luma: NDArray[np.uint8], warp: Floats, learnt: Ink | None = None, doubt: Doubt | None = None
@@ -218,26 +239,35 @@ class Patch:
             return None
         if doubt is not None:
             self._weigh(doubt.weight)
-        cut = self.cut(luma, warp)
+        part = self._cut(luma, warp)
         usual = np.zeros(len(self._index)) if learnt is None else learnt.left
-        good, moved, before, warp = align_warp(warp, self._template, cut, self._inverse @ usual, _ROUNDS, _STOP_PX)
-        if not good or moved > 10.0 * _STOP_PX:
+        by_usual = self._inverse @ usual
+        for _ in range(_ROUNDS):
+            seen = self._seen(part, warp)
+            values = seen[self._index]
+            found = self._inverse @ values
+            # Corrected for the template's usual residuals.
+            found -= found[_GAIN] / (1.0 + by_usual[_GAIN]) * by_usual
+            step = self._stepped(found, warp, part)
+            if step is None:
+                return None
+            warp, moved = step
+            if moved < _STOP_PX:
+                break
+        if moved > 10.0 * _STOP_PX:
             return None
-        seen = sample(cut, before, self._grid)
-        values = seen[self._index]
-        found = found_of(self._inverse @ values, self._inverse @ usual)
-        left = values - self._basis @ found - found[GAIN] * usual
+        left = values - self._basis @ found - found[_GAIN] * usual
         all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * len(left)
         # Relative to the scatter of its own residuals, any patch would seem whole, whatever covers it.
-        noise = learnt.noise * abs(float(found[GAIN])) if learnt and all_known else robust_sigma(left)
+        noise = learnt.noise * abs(float(found[_GAIN])) if learnt and all_known else robust_sigma(left)
         # Residuals at edges vary between frames, and occluders are wider: points are judged by their surroundings.
         weight = self._weights(left, self._limit(found, noise, learnt), np.zeros(len(left), np.bool_))
         seen_whole = np.count_nonzero(weight) > (1.0 - _FEW) * len(left)
         if seen_whole and (all_known or learnt is None or not learnt.known.any()):
             return self._fit(seen, usual, found, warp, self._trusted, self._inverse)
-        return self._align_in_part(cut, warp, left, found, learnt)
+        return self._align_in_part(part, warp, left, found, learnt)
 
-    def _align_in_part(self, cut: Part, warp: Floats, left: Floats, found: Floats, learnt: Ink | None) -> Fit | None:
+    def _align_in_part(self, part: _Part, warp: Floats, left: Floats, found: Floats, learnt: Ink | None) -> Fit | None:
         """Continue as a robust fit, in which points that do not show the patch lose their weight.
 
         The narrow limits of learnt ink would reject every point of a slightly misplaced template: they apply only once
@@ -248,9 +278,9 @@ class Patch:
         near = learnt is None
         weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
         for _ in range(_ROUNDS):
-            seen = sample(cut, warp, self._grid)
-            values = seen[self._index] - found[GAIN] * usual
-            trust = 1.0 if learnt is None else learnt.trust((values - self._basis @ found) / found[GAIN], weight)
+            seen = self._seen(part, warp)
+            values = seen[self._index] - found[_GAIN] * usual
+            trust = 1.0 if learnt is None else learnt.trust((values - self._basis @ found) / found[_GAIN], weight)
             weighted = (trust * weight)[:, None] * self._basis
             normal = weighted.T @ self._basis
             normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
@@ -259,10 +289,10 @@ class Patch:
             except np.linalg.LinAlgError:
                 return None
             found = inverse @ values
-            good, after = step_warp(found, warp, self._template, cut)
-            if not good:
+            step = self._stepped(found, warp, part)
+            if step is None:
                 return None
-            moved, warp = largest_step(warp, after, self._rim), after
+            warp, moved = step
             left = values - self._basis @ found
             if moved < _STOP_PX and near:
                 break
@@ -272,7 +302,7 @@ class Patch:
 
     def _limit(self, found: Floats, noise: float, learnt: Ink | None) -> Floats:
         """Return the residual (n,) above which each point counts as occluded: a narrower one where its ink is known."""
-        gain = abs(float(found[GAIN]))
+        gain = abs(float(found[_GAIN]))
         # A codec sends a tag at rest only once: its frames then differ by less than their true errors.
         noise = max(noise, math.sqrt(_ROUNDED))
         usual = np.full(len(self._index), max(_TUKEY * noise, self._other * self.spread * gain))
@@ -298,13 +328,13 @@ class Patch:
         return np.asarray(seen.ravel()[self._index], dtype=np.float64)
 
     def _fit(self, seen: Floats, usual: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
-        values, root = seen[self._index] - found[GAIN] * usual, np.sqrt(weight)
+        values, root = seen[self._index] - found[_GAIN] * usual, np.sqrt(weight)
         left = root * (values - self._basis @ found)
         plain = root * (values - self._basis[:, :3] @ (self._plain @ values))
         if inverse is not self._inverse:
             used = self._basis[:, :3] * root[:, None]
             plain = root * values - used @ np.linalg.lstsq(used, root * values, rcond=None)[0]
-        gain, total = float(found[GAIN]), float(weight.sum())
+        gain, total = float(found[_GAIN]), float(weight.sum())
         variance = max(float(left @ left) / max(total - len(found), 1.0), _ROUNDED)
         return Fit(
             warp=warp,
@@ -312,7 +342,7 @@ class Patch:
             inside=_correlation((self._basis @ found)[self._within], values[self._within])
             if self._within is not None
             else math.nan,
-            light=float(found[LIGHT]),
+            light=float(found[_LIGHT]),
             gain=gain,
             residual=math.sqrt(variance),
             kept=float(np.count_nonzero(weight > 0.0)) / len(weight),

@@ -14,12 +14,12 @@ from torsight.core.progress import Progress
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.wording import listed
-from tracker.detect.fiducials import UNMIRROR, USUAL, FoundTag, count_of, find_tags, in_words, numbered, usual_tags
-from tracker.detect.given_positions import LOOKED_AT, looked_at
+from tracker.detect.fiducials import UNMIRROR, USUAL, TagsSeen, find_tags, in_words, numbered
+from tracker.detect.given_positions import LOOKED_AT, given_dots, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Stick
-from tracker.follow.marker import given_markers
+from tracker.follow.marker import markers_on
 from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.align import Patch, cut_out
 from tracker.patches.tag_stick import TagStick
@@ -36,8 +36,6 @@ _STRUCTURE_PX: Final = 2.0
 _SLOPE: Final = 0.6
 """Smallest gradient (rms, grey levels per px) along the weakest direction: six times that of noise. Real texture has 2
 to 10, the straight edge of a pipe in a film in H.264 0.3 to 0.5. Below it in all directions there is no texture."""
-_TRIED: Final = 3
-"""Frames that are searched for tags of other families."""
 
 
 def sticks_of(first: Frame | None, hints: MarkerHints) -> tuple[Stick, Stick]:
@@ -58,7 +56,8 @@ def _stick(first: Frame | None, hints: MarkerHints, stick: int) -> Stick:
         return TagStick(hints.family, number)
     assert first is not None  # noqa: S101 - for the type checker: kept wherever a stick has no tag
     if kind == "dot":
-        return DotState(given_markers(first, hints, sticks=(stick,)), still=stick == 0)
+        assert first.luma is not None  # noqa: S101 - for the type checker: a first frame has a picture
+        return DotState(markers_on(first.luma, *given_dots(first, hints, sticks=(stick,))), still=stick == 0)
     return _texture_stick(first, hints, stick)
 
 
@@ -137,97 +136,58 @@ def look_for_tags(source: FrameSource, hints: MarkerHints, *, progress: Progress
 
     That is another family or other numbers that are seen instead, two tags of one number, or a mirrored picture.
     """
-    wanted = {number: stick for stick, number in zip(STICKS, hints.ids, strict=True) if number is not None}
-    missing = dict(wanted)
-    kept: list[NDArray[np.uint8]] = []
-    others: list[FoundTag] = []
-    last = 0
+    missing = {number: stick for stick, number in zip(STICKS, hints.ids, strict=True) if number is not None}
+    named, others, seen = dict(missing), list[int](), TagsSeen()
+    last, picture = 0, np.zeros((1, 1), np.uint8)
     for last, luma in looked_at(source, progress, what="the tags"):
         found = find_tags(luma, hints.family)
-        _refuse_twins(found, wanted, where=f"{source.name}, frame {last}")
-        for tag in found:
-            missing.pop(tag.number, None)
+        for number, stick in named.items():
+            places = [tag.corners_px.mean(axis=0) for tag in found if tag.number == number]
+            if len(places) > 1:
+                raise NoResultError(
+                    f"tag {number} of the {stick} stick is seen {len(places)} times",
+                    where=f"{source.name}, frame {last}",
+                    value=", ".join(f"[{x:.0f}, {y:.0f}]" for x, y in places),
+                    limit="one tag of each number",
+                    do="put tags of different numbers on the sticks; 'torsight board --tags' prints such a pair",
+                )
+            if places:
+                missing.pop(number, None)
         if not missing:
             break
-        others += [tag for tag in found if tag.number not in wanted]
-        if len(kept) < _TRIED:
-            kept.append(luma.copy())
+        others += [tag.number for tag in found if tag.number not in named]
+        picture = luma.copy()
+        seen.take(picture)
     progress("looking for the tags", LOOKED_AT[-1], LOOKED_AT[-1])
     if missing:
-        raise _not_found(missing, hints, kept, others, where=f"{source.name}, frames 0 to {last}")
-
-
-def _refuse_twins(found: list[FoundTag], wanted: dict[int, str], *, where: str) -> None:
-    for number, stick in wanted.items():
-        count = sum(tag.number == number for tag in found)
-        if count > 1:
-            raise NoResultError(
-                f"tag {number} of the {stick} stick is seen {count} times",
-                where=where,
-                value=", ".join(_place(tag) for tag in found if tag.number == number),
-                limit="one tag of each number",
-                do="put tags of different numbers on the sticks; 'torsight board --tags' prints such a pair",
-            )
-
-
-def _place(tag: FoundTag) -> str:
-    x, y = tag.corners_px.mean(axis=0)
-    return f"[{x:.0f}, {y:.0f}]"
+        mirrored = [tag.number for tag in find_tags(picture[:, ::-1], hints.family) if tag.number in missing]
+        words = listed([f"tag {number} of the {stick} stick" for number, stick in missing.items()])
+        what = f"{words} ({hints.family}) {'was' if len(missing) == 1 else 'were'} not found"
+        raise _not_found(what, hints.family, mirrored, others, seen, where=f"{source.name}, frames 0 to {last}")
 
 
 def _not_found(
-    missing: dict[int, str], hints: MarkerHints, kept: list[NDArray[np.uint8]], others: list[FoundTag], *, where: str
+    what: str, family: str, mirrored: list[int], others: list[int], seen: TagsSeen, *, where: str
 ) -> NoResultError:
-    """Return the error for tags that are not found, with the likely cause."""
-    words = listed([f"tag {number} of the {stick} stick" for number, stick in missing.items()])
-    what = f"{words} ({hints.family}) {'was' if len(missing) == 1 else 'were'} not found"
-    mirrored = [tag.number for luma in kept for tag in find_tags(luma[:, ::-1], hints.family) if tag.number in missing]
+    """Return the error for tags that are not found, with the likely cause.
+
+    ``mirrored`` are those seen in the picture turned over, ``others`` other numbers of their family.
+    """
     if mirrored:
-        return NoResultError(
-            f"{what}: the picture is mirrored",
-            where=where,
-            value=f"{in_words(mirrored)} in the picture turned over",
-            do=UNMIRROR,
-        )
+        value = f"{in_words(mirrored)} in the picture turned over"
+        return NoResultError(f"{what}: the picture is mirrored", where=where, value=value, do=UNMIRROR)
     if others:
-        return NoResultError(
-            what,
-            where=where,
-            value=f"of this family {in_words(tag.number for tag in others)}",
-            do="correct base_id and moving_id",
-        )
-    family, seen = _other_family(kept, but=hints.family)
-    if seen:
-        return NoResultError(
-            f"{what}, but tags of another family",
-            where=where,
-            value=numbered(family, (tag.number for tag in seen)),
-            do=f'set family = "{family}" and the numbers that are seen',
-        )
+        value = f"of this family {in_words(others)}"
+        return NoResultError(what, where=where, value=value, do="correct base_id and moving_id")
+    if seen.single:
+        other, numbers = seen.single[0]
+        do = f'set family = "{other}" and the numbers that are seen'
+        return NoResultError(f"{what}, but tags of another family", where=where, value=numbered(other, numbers), do=do)
     return NoResultError(
         what,
         where=where,
-        value=f"no tag of {hints.family} nor of {len(USUAL) - 1} other usual families"
-        if hints.family in USUAL
-        else f"no tag of {hints.family} nor of {len(USUAL)} usual families",
+        value=f"no tag of {family} nor of {len(set(USUAL) - {family})} {'other ' * (family in USUAL)}usual families",
         limit="tags that lie flat, sharp, whole in the picture, with a white border of a module around, and modules of "
         "4 px and more",
         do="move the camera closer or print them larger, light them evenly, and keep hands out of the picture",
     )
-
-
-def _other_family(kept: list[NDArray[np.uint8]], *, but: str) -> tuple[str, list[FoundTag]]:
-    """Return the usual family, other than ``but``, of which most tags are seen in one picture, and these tags."""
-    best: tuple[str, list[FoundTag]] = ("", [])
-    code, own = but.partition("_")[0], count_of(but)
-    pictures = [usual_tags(luma) for luma in kept]
-    for family in USUAL:
-        if family == but:
-            continue
-        seen = max((found[family] for found in pictures), key=len, default=[])
-        if family.startswith(f"{code}_") and not code.startswith("AP"):
-            # A larger family of the same code begins with the tags of the smaller one.
-            seen = [tag for tag in seen if tag.number >= own]
-        if len(seen) > len(best[1]):
-            best = (family, seen)
-    return best

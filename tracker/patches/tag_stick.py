@@ -1,22 +1,23 @@
-"""A stick in every frame, measured on a tag."""
+"""A stick in every frame, measured on an ArUco or AprilTag tag, whose template is drawn."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.checkpoint import Kept
-from tracker.detect.fiducials import find_tags
+from tracker.detect.fiducials import FoundTag, bits_of, find_tags
 from tracker.follow.follower import nothing
-from tracker.patches.align import Fit, Patch
+from tracker.patches.align import Fit, Look, Patch
 from tracker.patches.patch_track import KEPT, PatchTrack, put
-from tracker.patches.tag_template import Tag
 from tracker.patches.warps import place, size_of
 from tracker.rows import CODE
 
@@ -29,6 +30,90 @@ _STEP: Final = 8.0
 """Smallest difference of white and black in grey levels: below it H.264 flattens a tag."""
 _GREW: Final = 1.25
 """Change of size above which a tag's template is rendered again."""
+_FINE: Final = 8
+"""Steps per module of the drawing from which a tag's template is sampled."""
+_SOFT: Final = (0.7, 1.0, 1.3, 1.7, 2.2, 3.0)
+"""Blurs of the template, in steps of the grid, that are tried when a tag is first found. The sharpest picture has 0.7:
+a pixel's own width (0.3) and the sampling (0.65). Between these values the fit estimates the sharpness."""
+_QUIET: Final = 0.5
+"""Width, in modules, of the white margin around the tag that belongs to the template: further out, the blurred rim of
+the paper, one module away, would be taken for the tag's."""
+_MOST_SIDE: Final = 48
+"""Most points along a side that are compared: more make the fit slower, and hardly better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tag:
+    """One tag: its family, its number, its side in px where it was found, and its blur in steps of the grid.
+
+    The template's plane has its origin in the tag's middle, x along the top edge to the right as printed upright, y
+    down; the unit is a pixel.
+    """
+
+    family: str
+    number: int
+    side_px: float
+    soft: float = _SOFT[1]
+
+    @classmethod
+    def of(cls, family: str, found: FoundTag, luma: NDArray[np.uint8]) -> Tag:
+        """Return the tag that was found, with the mean length of its edges and the blur that explains it best."""
+        edges = found.corners_px - np.roll(found.corners_px, 1, axis=0)
+        side_px = float(np.hypot(edges[:, 0], edges[:, 1]).mean())
+        tags = [cls(family, found.number, side_px, soft) for soft in _SOFT]
+        fits = [tag.patch().align(luma, tag.warp_of(found)) for tag in tags]
+        return max(zip(tags, fits, strict=True), key=lambda one: one[1].likeness if one[1] else -1.0)[0]
+
+    @property
+    def spacing_px(self) -> float:
+        """Distance between neighbouring points of the template, px."""
+        return max(1.0, self.side_px / _MOST_SIDE)
+
+    def patch(self) -> Patch:
+        """Return the tag's template as a patch."""
+        modules = len(bits_of(self.family, self.number))
+        module_px = self.side_px / modules
+        return Patch(
+            self.look(),
+            half_px=0.5 * self.side_px + _QUIET * module_px,
+            spacing_px=self.spacing_px,
+            freedom=8,
+            soft=True,
+            within_px=0.5 * self.side_px - module_px,
+        )
+
+    def look(self) -> Look:
+        """Return the tag's brightness as a function of position, 0 for black and 1 for white."""
+        bits = np.pad(bits_of(self.family, self.number), 2, constant_values=True)
+        module_px = self.side_px / (len(bits) - 4)
+        step = _FINE / module_px
+        drawn = np.repeat(np.repeat(bits, _FINE, axis=0), _FINE, axis=1).astype(np.float32)
+        fine: NDArray[np.float32] = np.asarray(
+            cv2.GaussianBlur(drawn, (0, 0), self.soft * self.spacing_px * step), dtype=np.float32
+        )
+        middle = 0.5 * (len(fine) - 1)
+
+        def brightness(x: Floats, y: Floats) -> Floats:
+            columns, rows = (np.asarray(axis * step + middle, np.float32).reshape(-1, 1) for axis in (x, y))
+            seen = cv2.remap(fine, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            return np.asarray(seen, dtype=np.float64).ravel()
+
+        return brightness
+
+    def corners(self) -> Floats:
+        """Return the corners (4, 2) in the template's plane, in :class:`tracker.detect.fiducials.FoundTag`'s order."""
+        half = 0.5 * self.side_px
+        return half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+    def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the two markers in the template's plane: the middles of the tag's left and right edge."""
+        half = 0.5 * self.side_px
+        return (-half, 0.0), (half, 0.0)
+
+    def warp_of(self, found: FoundTag) -> Floats:
+        """Return the warp (3, 3) that maps the template's corners to those found."""
+        warp = cv2.getPerspectiveTransform(self.corners().astype(np.float32), found.corners_px.astype(np.float32))
+        return np.asarray(warp, dtype=np.float64)
 
 
 class TagStick(Kept):
@@ -38,8 +123,6 @@ class TagStick(Kept):
     """
 
     drawn = True
-    shutter_share, shutter_limits = None, (0.0, 1.0)
-    """Not estimated from a tag."""
 
     def __init__(self, family: str, number: int) -> None:
         self.family, self.number = family, number
@@ -66,12 +149,12 @@ class TagStick(Kept):
             self.miss(time_s)
             return nothing(CODE[why or "lost"])
         tag, track = self._found
-        track.take(luma, time_s, fit)
+        track.take(time_s, fit)
         readings = _of_plane(fit, track.patch, tag.ends())
         size = size_of(track.warp)
         if not 1.0 / _GREW < size < _GREW:
             tag = Tag(self.family, self.number, tag.side_px * size, tag.soft)
-            track.replace(tag.patch(), tag.corners(), size)
+            track.replace(tag.patch(), size)
             self._found = tag, track
         return readings
 
@@ -93,7 +176,7 @@ class TagStick(Kept):
             return None, ""
         if self._found is None:
             tag = Tag.of(self.family, found[0], luma)
-            self._found = tag, PatchTrack(tag.patch(), tag.corners(), tag.warp_of(found[0]))
+            self._found = tag, PatchTrack(tag.patch(), tag.warp_of(found[0]))
         tag, track = self._found
         last_px = place(track.warp)
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
@@ -101,7 +184,7 @@ class TagStick(Kept):
         if fit is None:
             # The sharpness of the picture has changed since the template was rendered.
             sharp = Tag.of(self.family, found[0], luma)
-            track.replace(sharp.patch(), sharp.corners(), sharp.side_px / tag.side_px)
+            track.replace(sharp.patch(), sharp.side_px / tag.side_px)
             self._found = sharp, track
             fit = track.patch.align(luma, sharp.warp_of(found[0]), track.learnt)
         why = "outside" if fit is None else self._judge(fit)
@@ -119,7 +202,7 @@ class TagStick(Kept):
         self._found = None
         if state:
             tag = Tag(self.family, self.number, float(state["side_px"]), float(state["soft"]))
-            self._found = tag, PatchTrack(tag.patch(), tag.corners(), np.eye(3))
+            self._found = tag, PatchTrack(tag.patch(), np.eye(3))
             self._found[1].restore(state["track"])
 
 

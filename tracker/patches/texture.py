@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import operator
 from typing import Final
 
 import cv2
@@ -43,9 +43,7 @@ def texture_look(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px
     """Return the brightness around a point of a picture, blurred like the pictures with which it is compared."""
     margin = math.ceil(math.sqrt(2.0) * window_px) + 4
     left, top = round(x_px) - margin, round(y_px) - margin
-    rows = np.clip(np.arange(top, top + 2 * margin + 1), 0, luma.shape[0] - 1)
-    columns = np.clip(np.arange(left, left + 2 * margin + 1), 0, luma.shape[1] - 1)
-    part = cv2.GaussianBlur(luma[np.ix_(rows, columns)].astype(np.float32), (0, 0), blur_px)
+    part = cv2.GaussianBlur(cut_out(luma, left + margin, top + margin, margin).astype(np.float32), (0, 0), blur_px)
 
     def brightness(x: Floats, y: Floats) -> Floats:
         at = (np.asarray(x + x_px - left, np.float32), np.asarray(y + y_px - top, np.float32))
@@ -53,16 +51,6 @@ def texture_look(luma: NDArray[np.uint8], x_px: float, y_px: float, *, window_px
         return np.asarray(seen, dtype=np.float64).ravel()
 
     return brightness
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A possible pose of a stick: position of its first point, and rotation; with both points' mean correlation."""
-
-    score: float
-    x_px: float
-    y_px: float
-    turn_rad: float
 
 
 class TurnedSearch:
@@ -92,8 +80,8 @@ class TurnedSearch:
         wrong_rad = 3.0 * TURN_RAD if still else math.pi / turns
         self._loose = 2 * math.ceil(math.hypot(*offset_px) * math.sin(wrong_rad) / _COARSE) + 1
 
-    def find(self, luma: NDArray[np.uint8], region: Region) -> list[Candidate]:
-        """Return possible poses of the stick with its first point in a region, by decreasing correlation."""
+    def find(self, luma: NDArray[np.uint8], region: Region) -> list[Floats]:
+        """Return the warps of the first point that are possible in a region, by decreasing correlation."""
         height, width = luma.shape
         reach = math.hypot(*self._offset)
         left, right = max(0, int(region.left - reach)), min(width, int(region.right + reach))
@@ -104,22 +92,17 @@ class TurnedSearch:
         small = cv2.resize(
             part, (part.shape[1] // _COARSE, part.shape[0] // _COARSE), interpolation=cv2.INTER_AREA
         ).astype(np.float32)
-        found: list[Candidate] = []
+        found: list[tuple[float, Floats]] = []
         for turn, pair in zip(self._turns, self._templates, strict=True):
             score = self._joint(small, pair, turn)
             for row, column in _peaks(score, self._half):
                 middle = 0.5 * (_COARSE - 1)
                 x = left + middle + _COARSE * (column + self._half)
                 y = top + middle + _COARSE * (row + self._half)
-                found.append(Candidate(float(score[row, column]), x, y, turn))
-        found = [
-            one
-            for one in found
-            if one.score > _LIKELY
-            and region.left <= one.x_px <= region.right
-            and region.top <= one.y_px <= region.bottom
-        ]
-        return sorted(found, key=lambda one: -one.score)[:_KEPT]
+                inside = region.left <= x <= region.right and region.top <= y <= region.bottom
+                if inside and score[row, column] > _LIKELY:
+                    found.append((-float(score[row, column]), similarity(x, y, turn_rad=turn)))
+        return [warp for _, warp in sorted(found, key=operator.itemgetter(0))[:_KEPT]]
 
     def near(self, luma: NDArray[np.uint8], end: int, warp: Floats, sigma_px: float) -> list[Floats]:
         """Return the warps at which the first (``end`` 0) or second point may be, near ``warp``.
@@ -152,11 +135,8 @@ class TurnedSearch:
         cos, sin = math.cos(turn), math.sin(turn)
         dx = round((cos * self._offset[0] - sin * self._offset[1]) / _COARSE)
         dy = round((sin * self._offset[0] + cos * self._offset[1]) / _COARSE)
-        rows, columns = one.shape
-        partner = np.zeros_like(one)
-        y0, y1, x0, x1 = max(0, -dy), min(rows, rows - dy), max(0, -dx), min(columns, columns - dx)
-        if y1 > y0 and x1 > x0:
-            partner[y0:y1, x0:x1] = two[y0 + dy : y1 + dy, x0 + dx : x1 + dx]
+        to_first = np.array([[1.0, 0.0, -dx], [0.0, 1.0, -dy]])
+        partner = cv2.warpAffine(two, to_first, one.shape[::-1], flags=cv2.INTER_NEAREST)
         return np.asarray(0.5 * (one + partner), dtype=np.float32)
 
 

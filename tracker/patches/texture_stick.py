@@ -46,18 +46,12 @@ class TextureStick(Kept):
     """
 
     drawn = False
-    shutter_share, shutter_limits = None, (0.0, 1.0)
-    """Not estimated from texture."""
     kept = ("_own", "_tracks")
 
     def __init__(
         self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
     ) -> None:
-        reach = 0.6 * patches[0].half_px
-        corners = np.array([[0.0, 0.0], [reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]])
-        self._tracks = [
-            PatchTrack(patch, corners, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)
-        ]
+        self._tracks = [PatchTrack(patch, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)]
         self._search = search
         self._points = list(points_px)
         (x1, y1), (x2, y2) = points_px
@@ -105,7 +99,7 @@ class TextureStick(Kept):
             if whys[index] or fit is None:
                 track.miss()
             else:
-                track.take(luma, time_s, fit)
+                track.take(time_s, fit)
                 slope = track.patch.slope(fit.warp, (0.0, 0.0))
                 covariance = slope @ fit.covariance @ slope.T
                 put(readings, index, fit, place(fit.warp), covariance, spread=track.patch.spread)
@@ -235,10 +229,8 @@ class TextureStick(Kept):
         """Return the fits of both patches at all positions that match the stick, in the order of coarse correlation."""
         height, width = luma.shape
         found: list[tuple[Fit, Fit]] = []
-        for candidate in self._search.find(luma, expected.region(0, (width, height))):
-            one = self._tracks[0].patch.align(
-                luma, similarity(candidate.x_px, candidate.y_px, turn_rad=candidate.turn_rad)
-            )
+        for warp in self._search.find(luma, expected.region(0, (width, height))):
+            one = self._tracks[0].patch.align(luma, warp)
             if one is None or self._judge(one):
                 continue
             two, why = self._beside(luma, 1, one, "lost")

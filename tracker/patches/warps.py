@@ -1,4 +1,4 @@
-"""Warps: 3 × 3 matrices that map a template into a picture; functions that are called often are compiled."""
+"""Warps: 3 × 3 matrices that map a template into a picture."""
 
 from __future__ import annotations
 
@@ -6,63 +6,43 @@ import math
 
 import numpy as np
 
-from torsight.core.compiled import compiled
 from torsight.core.units import Floats
 
 Point = tuple[float, float]
 
 
-@compiled
 def place(warp: Floats, at: Point = (0.0, 0.0)) -> Point:
     """Return the position in the picture of a point of the template, px."""
-    z = warp[2, 0] * at[0] + warp[2, 1] * at[1] + warp[2, 2]
-    z = z if z != 0.0 else math.nan
-    x = warp[0, 0] * at[0] + warp[0, 1] * at[1] + warp[0, 2]
-    return x / z, (warp[1, 0] * at[0] + warp[1, 1] * at[1] + warp[1, 2]) / z
+    x, y, z = (warp @ (at[0], at[1], 1.0)).tolist()
+    return (x / z, y / z) if z else (math.nan, math.nan)
 
 
-@compiled
 def project(warp: Floats, points: Floats) -> Floats:
     """Return the positions (2, n) in the picture of points (2, n) of the template."""
-    out = np.empty((2, points.shape[1]))
-    for i in range(points.shape[1]):
-        out[0, i], out[1, i] = place(warp, (points[0, i], points[1, i]))
-    return out
+    seen = warp[:, :2] @ points + warp[:, 2:]
+    return np.asarray(seen[:2] / np.where(seen[2] == 0.0, np.nan, seen[2]))
 
 
-@compiled
 def jacobian(warp: Floats, at: Point = (0.0, 0.0)) -> Floats:
     """Return the derivative (2, 2) of the warp at a point of the template."""
-    seen = place(warp, at)
-    z = warp[2, 0] * at[0] + warp[2, 1] * at[1] + warp[2, 2]
-    out = np.empty((2, 2))
-    for i in range(2):
-        for j in range(2):
-            out[i, j] = (warp[i, j] - seen[i] * warp[2, j]) / z
-    return out
+    return np.asarray((warp[:2, :2] - np.outer(place(warp, at), warp[2, :2])) / (warp[2] @ (at[0], at[1], 1.0)))
 
 
-@compiled
 def turn_of(warp: Floats) -> float:
     """Return the rotation of the template at its middle, rad, y down."""
     j = jacobian(warp)
     return math.atan2(j[1, 0] - j[0, 1], j[0, 0] + j[1, 1])
 
 
-@compiled
 def size_of(warp: Floats) -> float:
     """Return the magnification of the template at its middle."""
-    j = jacobian(warp)
-    return math.sqrt(abs(j[0, 0] * j[1, 1] - j[0, 1] * j[1, 0]))
+    return math.sqrt(abs(float(np.linalg.det(jacobian(warp)))))
 
 
-@compiled
 def flatness_of(warp: Floats) -> float:
     """Return the ratio of the shorter to the longer axis of the image of a small circle at the template's middle."""
-    j = jacobian(warp)
-    # Singular values of a 2 × 2 matrix, from its rotating and its reflecting part.
-    turn, mirror = math.hypot(j[0, 0] + j[1, 1], j[1, 0] - j[0, 1]), math.hypot(j[0, 0] - j[1, 1], j[1, 0] + j[0, 1])
-    return abs(turn - mirror) / (turn + mirror) if turn + mirror > 0.0 else 0.0
+    longer, shorter = np.linalg.svd(jacobian(warp), compute_uv=False).tolist()
+    return shorter / longer if longer > 0.0 else 0.0
 
 
 def similarity(x_px: float, y_px: float, *, turn_rad: float = 0.0, scale: float = 1.0) -> Floats:

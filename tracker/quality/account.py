@@ -18,12 +18,11 @@ from tracker.frames.timing import timing
 from tracker.quality.events import event, events_of_right, find_events
 from tracker.quality.gap_pictures import Pictures
 from tracker.quality.gaps import Causes, find_causes, flicker_advice, gap_advice, lone_marker_advice
+from tracker.quality.light import FELT
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
 
 _LOSSLESS: Final = ("ffv1", "rawvideo", "huffyuv", "utvideo", "none", "png", "qtrle", "lagarith", "v210")
-_COMPRESSED: Final = 1.5
-"""Error over that of white noise above which the advice names compression."""
 _SMALL_PX: Final = 4.0
 """Radius below which the advice calls dots small: with 6 px the error would be a fifth smaller, since it is inverse to
 the root of the radius (Cramér-Rao bound)."""
@@ -176,7 +175,7 @@ def advice(
     words = list(gaps)
     compression, noise = account["compression"], account["noise"]
     ratio = compression["error_over_white_noise"]
-    if ratio is not None and ratio > _COMPRESSED and not compression["lossless"]:
+    if ratio is not None and ratio > FELT and not compression["lossless"]:
         words.append(
             f"Compression ({compression['codec']}) makes positions {ratio:.1f} times worse than the picture's noise "
             "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless "

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torsight.core.tracks import MarkerTracks, StickAngles
 from torsight.core.units import DEG, Floats, Ints
 from tracker.angle.axis_of_circles import axis_px
-from tracker.detect.moving_part import MOVED_GREY, MOVED_PX
+from tracker.detect.moving_part import LOOKED_AT, MOVED_GREY, MOVED_PX, edges_in
 from tracker.detect.sticks import crossing_point
 from tracker.follow.motion_model import jump_px
 from tracker.innovation import SIGMAS
@@ -36,9 +36,6 @@ FAST: Final = 2.0
 LEAST_FAST_DEG: Final = 3.0
 SMEARED: Final = 0.4
 """Motion blur, in radii of a dot, above which dots are no longer recognised in every frame."""
-LOOKED_AT: Final = 5
-"""Number of frames without an angle that are examined, each with the next one, and of frames with an angle with which
-they are compared."""
 ALIKE: Final = 0.5
 """Smallest correlation of two profiles, or of two parts of pictures, that show the same object."""
 
@@ -128,10 +125,7 @@ def combed(picture: Luma, other: Luma) -> float:
 
 def _steepness(picture: Luma) -> float:
     """Return the median gradient at a picture's edges, over the change of brightness across each edge, 1/px."""
-    across, down = (cv2.Sobel(picture, cv2.CV_32F, *order, ksize=3) / 8.0 for order in ((1, 0), (0, 1)))
-    gradient = np.hypot(across, down)
-    window = np.ones((9, 9), np.uint8)
-    change = cv2.dilate(picture, window).astype(np.float32) - cv2.erode(picture, window)
+    gradient, change = edges_in(picture)
     edge = gradient >= np.percentile(gradient, 99.0)
     return float(np.median(gradient[edge] / np.maximum(change[edge], 1.0)))
 

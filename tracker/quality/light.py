@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from torsight.core.series import runs
 from torsight.core.units import Flags, Floats
-from tracker.quality.gap_pictures import LOOKED_AT, Luma, Pictures, spread_over
+from tracker.detect.moving_part import LOOKED_AT
+from tracker.quality.gap_pictures import Luma, Pictures, spread_over
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -24,8 +25,9 @@ _AGAIN: Final = 0.5
 """Autocorrelation of the brightness above which it is periodic: half of its variance."""
 _TIMES: Final = 3
 """Fewest periods in a film: two may be a lamp that was switched off twice."""
-_FELT: Final = 1.5
-"""Error in dim frames over that in bright ones above which flicker is reported, as for compression."""
+FELT: Final = 1.5
+"""Error over the usual one above which its cause is reported: in dim frames over that in bright ones, for flicker; over
+that of white noise, for compression."""
 
 
 def glare_at_loss(missed: Flags, result: TrackResult, pictures: Pictures, markers: Sequence[int]) -> float:
@@ -88,7 +90,7 @@ class Flicker:
     @property
     def felt(self) -> bool:
         """Whether the errors in dim frames are so much larger that flicker is reported."""
-        return self.error >= _FELT
+        return self.error >= FELT
 
     @property
     def words(self) -> str:

@@ -2,9 +2,9 @@
 
 In: positions of the moving stick's markers from the picture's middle, y up, in units of half the picture's width, with
 covariances, and the instants (s) at which each is read. Out: a :class:`~tracker.angle.tilt.models.Tilt` (values without
-a unit, with their covariance; the standard deviation of the angle in rad). ``plane_map`` maps the picture to the plane
-of motion, ``paths`` computes the markers' residuals from their circles, ``estimate`` fits models to these, and
-``models`` averages the models over their evidence, and decides what is corrected.
+a unit, with their covariance; the standard deviation of the angle in rad). ``paths`` maps the picture to the plane of
+motion and computes the markers' residuals from their circles, ``estimate`` fits models to these, and ``models``
+averages the models over their evidence, and decides what is corrected.
 
 The moving markers go around circles, and the picture shows ellipses. The mapping of a plane seen obliquely to the
 picture is a homography. The image of two circles about one centre determines it up to a rotation and a scale, which do

@@ -13,6 +13,7 @@ import numpy as np
 from torsight.core.units import Floats
 from tracker.angle.row_time import SHARE_PRIOR
 from tracker.angle.tilt.paths import CIRCLES, PACES
+from tracker.innovation import SIGMAS
 
 LAG: Final = 10.0
 """Prior: lag behind the motion over the usual size of a marker's errors. A camera that averages noise over frames makes
@@ -21,7 +22,7 @@ which is a competing prior."""
 KNOWN: Final = np.deg2rad(0.2)
 """Standard deviation of the angle, by the tilt's uncertainty, up to which the estimated tilt is corrected in full, even
 if it is zero. A known plane may be wrong by as much: were it taken as exact, its error would look like a read-out."""
-_SHOWN: Final = (4.0, 9.0)
+_SHOWN: Final = (4.0, SIGMAS**2)
 """χ² of the stretch against zero above which part of it, and all of it, is corrected: two and three standard
 deviations."""
 _BELIEVED: Final = math.erf(math.sqrt(0.5 * _SHOWN[0]))
@@ -91,28 +92,27 @@ class Fitted:
 
     def with_less_lag(self) -> Fitted:
         """Return the model with the narrower prior of the lag, that of a codec alone."""
-        lag = np.s_[CIRCLES.stop : CIRCLES.stop + len(PACES)]
-        value, sharper = self.values[lag], 1.0 - LAG**-2
+        places, sharper = list(range(CIRCLES.stop, CIRCLES.stop + len(PACES))), 1.0 - LAG**-2
         # The narrow prior divided by the wide one is a Gaussian around a lag of zero.
-        spread = self.covariance[lag, lag] + np.eye(len(value)) / sharper
-        back = np.linalg.solve(spread, np.column_stack([value, self.covariance[lag]]))
-        carried = self.covariance[:, lag] @ back
-        shrunk = float(np.linalg.slogdet(sharper * spread)[1])
-        evidence = self.evidence + len(value) * math.log(LAG) - 0.5 * (shrunk + float(value @ back[:, 0]))
-        return Fitted(evidence, self.values - carried[:, 0], self.covariance - carried[:, 1:])
+        found = self._near_zero(places, 1.0 / sharper)
+        return replace(found, evidence=found.evidence + len(places) * math.log(LAG / math.sqrt(sharper)))
 
     def without(self, places: Sequence[int]) -> Fitted:
         """Return the model in which the values at ``places``, read-outs, are zero (Savage-Dickey density ratio)."""
-        out = list(places)
-        kept = [place for place in range(len(self.values)) if place not in out]
-        between = self.covariance[np.ix_(kept, out)]
-        own = self.covariance[np.ix_(out, out)]
-        back = np.linalg.solve(own, np.column_stack([self.values[out], between.T]))
-        carried = between @ back
-        evidence = self.evidence - 0.5 * float(self.values[out] @ back[:, 0] + np.linalg.slogdet(own)[1])
-        values = self.values[kept] - carried[:, 0]
-        covariance = self.covariance[np.ix_(kept, kept)] - carried[:, 1:]
-        return Fitted(evidence + len(out) * float(np.log(SHARE_PRIOR)), values, covariance)
+        kept, found = np.delete(np.arange(len(self.values)), places), self._near_zero(list(places), 0.0)
+        evidence = found.evidence + len(places) * math.log(SHARE_PRIOR)
+        return Fitted(evidence, found.values[kept], found.covariance[np.ix_(kept, kept)])
+
+    def _near_zero(self, places: list[int], variance: float) -> Fitted:
+        """Return the model given that the values at ``places`` are zero to within a variance.
+
+        The evidence is times the density of that, but for a factor of 2π under the root for each value.
+        """
+        value, across = self.values[places], self.covariance[places]
+        spread = across[:, places] + variance * np.eye(len(places))
+        back = np.linalg.solve(spread, np.column_stack([value, across]))
+        evidence = self.evidence - 0.5 * float(value @ back[:, 0] + np.linalg.slogdet(spread)[1])
+        return Fitted(evidence, self.values - across.T @ back[:, 0], self.covariance - across.T @ back[:, 1:])
 
     def possible(self) -> tuple[Fitted, float]:
         """Return the model whose last value is a possible read-out, and the log evidence of other effects like it.

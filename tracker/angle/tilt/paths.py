@@ -1,4 +1,7 @@
-"""Residuals of the moving markers' paths from circles around one centre, in the plane of motion."""
+"""The plane of motion: the map to it from the picture, and the residuals of the markers' paths from circles in it.
+
+The map is a homography after the lens's radial distortion.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,32 @@ from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import whitening
 from torsight.core.series import correlation_time
 from torsight.core.units import Flags, Floats, Ints
-from tracker.angle.tilt.plane_map import mapped
 
 PACES: Final = 3.0 ** np.arange(-3.0, 2.0)
 """Nodes of the lag over the speed, in rms speeds: linear in the speed's logarithm between them, constant outside."""
 CIRCLES: Final = np.s_[7:12]
 """Indices, among the values, of the circles' centre, the near marker's arm, the far one's radius, and the near one's
 offset across its arm. Before them are tilt, lens and read-outs, behind them the coefficients of lag and motion blur."""
+
+
+def rectify(points: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return points (..., 2) as seen along the axis, up to a rotation and a scale, and the derivatives (..., 2, 2)."""
+    flat, slopes = mapped(points[..., 0], points[..., 1], values)
+    return np.stack(flat, axis=-1), np.stack(slopes, axis=-1).reshape(*points.shape, 2)
+
+
+def mapped(x: Floats, y: Floats, values: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, ...]]:
+    """Return the mapped x and y, and the derivatives of the new x by x and y, and of the new y by x and y."""
+    e1, e2, l1, l2, k = values[:5].tolist()
+    bend = 1.0 + k * (x * x + y * y)
+    u, v = x * bend, y * bend
+    deep = 1.0 / (1.0 + l1 * u + l2 * v)
+    flat_x, flat_y = ((1.0 + e1) * u + e2 * v) * deep, (e2 * u + (1.0 - e1) * v) * deep
+    x_u, y_u = (1.0 + e1 - l1 * flat_x) * deep, (e2 - l1 * flat_y) * deep
+    x_v, y_v = (e2 - l2 * flat_x) * deep, (1.0 - e1 - l2 * flat_y) * deep
+    u_x, both, v_y = bend + 2.0 * k * x * x, 2.0 * k * x * y, bend + 2.0 * k * y * y
+    slopes = (x_u * u_x + x_v * both, x_u * both + x_v * v_y, y_u * u_x + y_v * both, y_u * both + y_v * v_y)
+    return (flat_x, flat_y), slopes
 
 
 @dataclass(frozen=True, eq=False)
