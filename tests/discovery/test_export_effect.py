@@ -64,12 +64,12 @@ def test_a_law_becomes_an_effect_that_does_the_same(tmp_path: Path) -> None:
     drive, plain = heated(), ActuatorModel(reference_spec())
     expected = model.simulate(drive, fitted.values).angle_rad
     ports = effect.apply(plain.ports(drive, {}), {"lead_wires_share": 1.0})
-    found = run_ports(ports, start_angle_rad=drive.start_angle_rad).angle_rad
+    found = run_ports(ports).angle_rad
     # Six digits of a torque of 0.05 mN·m stand in the file.
     np.testing.assert_allclose(found, expected, atol=1e-5)
     assert np.abs(expected - plain.simulate(drive).angle_rad).max() > 0.5 * DEG
     off = effect.apply(plain.ports(drive, {}), {"lead_wires_share": 0.0})
-    null = run_ports(off, start_angle_rad=drive.start_angle_rad).angle_rad
+    null = run_ports(off).angle_rad
     np.testing.assert_allclose(null, plain.simulate(drive).angle_rad, atol=1e-9)
 
 

@@ -185,6 +185,8 @@ class ActuatorModel:
             rig=rig,
             rig_b=rig if self._equal_springs else Rig.from_values(values_of_b(given)),
             reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
+            tanaka=self.phase_law == "tanaka",
+            fixed_theta_l=(self.theta_l_deg or 0.0) * DEG,
         )
         return _applied(ports, self._parts[len(self._leading_parts) :], given)
 
@@ -260,7 +262,7 @@ class ActuatorModel:
         for name, value in values.items():
             if not isfinite(value):
                 raise ConfigError("is not finite", where=f"values of {self!r}, '{name}'", value=value)
-        return run_ports(self.ports(drive, values, history=history), **self._run_options(drive))
+        return run_ports(self.ports(drive, values, history=history))
 
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
         """Return the angle (n,) that :meth:`simulate` gives, alone."""
@@ -273,11 +275,7 @@ class ActuatorModel:
 
         A fit calls this method tens of thousands of times.
         """
-        return seen_of_ports(self.ports(drive, values, history=history), **self._run_options(drive))
-
-    def _run_options(self, drive: Drive) -> dict[str, Any]:
-        tanaka = self.phase_law == "tanaka"
-        return {"start_angle_rad": drive.start_angle_rad, "tanaka": tanaka, "theta_l_deg": self.theta_l_deg}
+        return seen_of_ports(self.ports(drive, values, history=history))
 
 
 def require_start(start_angle_rad: object, *, where: str) -> None:
