@@ -38,10 +38,10 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
             do="add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)",
         )
     where = type(problem).__name__
-    check_declarations(problem.parameters, problem.candidates, (), numbered=True)
     _check_rows(problem, where)
     if isinstance(problem, ModelProblem):
         return (*problem.warnings, *_check_model(problem))
+    check_declarations(problem.parameters, problem.candidates, ())
     start = {p.name: p.value for p in problem.parameters}
     _numbers(problem, problem.predict(start, ()), where)
     return ()

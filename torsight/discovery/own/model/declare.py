@@ -173,13 +173,10 @@ def candidates_of(
 
 
 def check_declarations(
-    parameters: Sequence[Parameter], candidates: Sequence[Candidate], laws: Sequence[LawPort], *, numbered: bool = False
+    parameters: Sequence[Parameter], candidates: Sequence[Candidate], laws: Sequence[LawPort]
 ) -> None:
-    """Refuse invalid declarations: a name twice, a start outside its bounds, an effect that cannot be switched off.
-
-    ``numbered`` allows the names that :func:`name_in` gives to the initial states of records.
-    """
-    if not parameters:
+    """Refuse invalid declarations: a name twice, a start outside its bounds, an effect that cannot be switched off."""
+    if all(one.fixed for one in parameters):
         raise InputError("has no free parameter", where=_MODEL, do="give the parameters that the fit may change")
     known = [one.id for one in candidates] + [one.name for one in laws]
     own_names = {one.name for one in parameters} | {p.name for one in candidates for p in one.parameters}
@@ -204,13 +201,13 @@ def check_declarations(
                     do="give one of them another name",
                 )
             owners[one.name] = owner
-            _check_parameter(one, where=f"{owner}, {one.name}", numbered=numbered)
+            _check_parameter(one, where=f"{owner}, {one.name}")
     for one_candidate in candidates:
         _check_candidate(one_candidate)
 
 
-def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
-    if not one.name or (RESERVED in one.name and not numbered):
+def _check_parameter(one: Parameter, *, where: str) -> None:
+    if not one.name or RESERVED in one.name:
         raise InputError("is no name for a parameter", where=where, value=repr(one.name), limit=f"no '{RESERVED}'")
     if not one.lower < one.upper and not one.fixed:
         raise InputError(
