@@ -37,10 +37,8 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.actuator.laws import FAMILIES, between_nodes
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
 
 NODES: Final = (
 {nodes}
@@ -58,7 +56,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return FAMILIES["{law}"].apply(ports, lambda driver: np.interp(driver, *curve))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="{name}",
     family="measured",
     acts_on="{stage}",
