@@ -12,11 +12,11 @@ from actuator_programmes import programme
 
 from tests.docs.documented import documented_names
 from torsight.actuator import fit_model
+from torsight.actuator.drive import wrong_frames
 from torsight.actuator.fit_result import notes_of_drive, require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, read_actuator, reference_spec
-from torsight.actuator.wrong_frames import wrong_frames
 from torsight.cli.fit import fit_to_folder
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.tables import read_merged
