@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,6 @@ from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
 from torsight.core.units import Floats
 from torsight.core.words.plausible import MOST_TURNED_DEG
-
-_NO_SHARE: Final = 1e-9
-"""Eigenvalue of the correlation matrix below which an axis is rounding error (1e-16 times the number of values): a
-prediction changes by 1/30,000 of a standard deviation along such an axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +57,10 @@ class Doubt:
     def steps(self) -> Iterator[dict[str, float]]:
         """Yield the change of the values (by name) by one standard deviation along each principal axis."""
         size, share, axes = principal_axes(self.covariance)
+        # Smaller eigenvalues of a correlation matrix are rounding errors.
+        rounded = len(share) * np.finfo(np.float64).eps
         for variance, axis in zip(share, axes.T, strict=True):
-            if variance > _NO_SHARE:
+            if variance > rounded:
                 change = np.sqrt(variance) * axis * size
                 yield dict(zip(self.names, change.tolist(), strict=True))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -9,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.parallel.threads import one_thread
+from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
 from torsight.core.series import rms, scatter
 from torsight.core.units import Floats
@@ -27,6 +29,7 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.model.values import Curve
+from torsight.discovery.own.own_records import LEAST_ROWS
 from torsight.discovery.own.prepare import MUCH_BETTER, prepare
 from torsight.discovery.settings import Settings
 
@@ -35,9 +38,6 @@ _MOST_TRACES: Final = 20
 _MISJUDGED: Final = 1.5
 """Ratio of estimated to given noise, or its inverse, from which a warning is given: with it an interval of 95 % holds
 81 %, or 99.7 %."""
-_ROWS: Final = 64
-"""Fewest rows from which the ratio is estimated: its relative error, one over the root of twice their number, is then
-below a tenth."""
 
 
 def find_missing(
@@ -181,15 +181,17 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
     for k, output in enumerate(problem.model.outputs):
         pieces = [left[place][np.isfinite(left[place])] for _, own, place in problem.layout.places if own == k]
         rows = np.concatenate(pieces)
-        if len(rows) < _ROWS:
+        if len(rows) < LEAST_ROWS:
             continue
         between, whole = scatter(*pieces), rms(rows)
-        if between > _MISJUDGED:
+        # The relative standard deviation of a standard deviation of n values is 1/√(2n).
+        by_chance = REACH / math.sqrt(2.0 * len(rows))
+        if between > _MISJUDGED * (1.0 + by_chance):
             notes.append(
                 f"neighbouring rows of the residual of '{output}' scatter by {between:.2g} times the sigma that was "
                 "given: sigma is too small, or a fast effect is missing; without sigma the noise is measured"
             )
-        elif whole < 1.0 / _MISJUDGED:
+        elif whole < (1.0 - by_chance) / _MISJUDGED:
             notes.append(
                 f"the residual of '{output}' is {whole:.2g} times the sigma that was given: sigma is too large, and "
                 "hides effects that are smaller; without sigma the noise is measured"

@@ -12,9 +12,8 @@ from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.model import given
 
-_LEAST_NODES: Final = 2
 MOST_NODES: Final = 100
-"""Limits of the number of nodes of a law: two make a line, and each costs calls of the model."""
+"""Largest number of nodes of a law: each costs calls of the model."""
 _MODEL: Final = "the model"
 RESERVED: Final = "@"
 """Separates a name from the number of a record or of a node."""
@@ -151,8 +150,8 @@ def law(
     if ends[0] is not None and ends[1] is not None and not ends[0] < ends[1]:
         raise InputError("its range is empty", where=where, value=f"{low} to {high}", do="give low below high")
     count = given.number(nodes, f"{where}, nodes")
-    if not count.is_integer() or not _LEAST_NODES <= count <= MOST_NODES:
-        limit = f"a whole number from {_LEAST_NODES} to {MOST_NODES}: each costs calls of the model"
+    if not count.is_integer() or not 2 <= count <= MOST_NODES:
+        limit = f"a whole number from 2 to {MOST_NODES}: each costs calls of the model"
         raise InputError("has no such number of nodes", where=where, value=repr(nodes), limit=limit, do="give another")
     return LawPort(name, given.text(driver, f"{where}, driver"), **units, low=ends[0], high=ends[1], nodes=int(count))
 
