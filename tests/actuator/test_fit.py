@@ -268,17 +268,6 @@ def test_model_file_round_trip_and_prediction(tmp_path):
     assert isinstance(back, FittedModel)
 
 
-def test_a_model_file_of_before_the_zero_and_the_swing_is_read(tmp_path):
-    model = ActuatorModel(reference_spec(), ("static_friction",))
-    write_model(tmp_path / "model.json", FittedModel(model, model.nominal()))
-    content = json.loads((tmp_path / "model.json").read_text())
-    for name in ("zero_deg", "static_swing"):
-        del content["values"][name]
-    (tmp_path / "model.json").write_text(json.dumps(content))
-    values = read_model(tmp_path / "model.json").values
-    assert values["zero_deg"] == values["static_swing"] == 0.0
-
-
 @pytest.mark.parametrize(
     ("change", "told"),
     [

@@ -113,26 +113,24 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
         raise ConfigError("'covariance' is no covariance matrix", where=where)
     if not isinstance(others, list) or not all(isinstance(other, Mapping) for other in others):
         raise ConfigError("'alternatives' is no list of tables", where=where, value=repr(others))
-    left_deg = get_number(table, "residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG)
+    residual_deg, rest_deg, reading_deg = (
+        get_number(table, name, where=where, lower=0.0, upper=MOST_TURNED_DEG)
+        for name in ("residual_deg", "rest_residual_deg", "reading_deg")
+    )
     return Doubt(
         names=tuple(names),
         covariance=0.5 * (covariance + covariance.T),
-        residual_deg=left_deg,
-        # Earlier files do not distinguish rest and motion.
-        rest_residual_deg=get_number(
-            table, "rest_residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=left_deg
-        ),
-        # Earlier files take the start angle as exact.
-        reading_deg=get_number(table, "reading_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=0.0),
-        # Earlier files have no shares: the model and all alternatives count as equally probable.
-        alternatives=tuple(_alternative(other, share=1.0 / (1 + len(others))) for other in others),
+        residual_deg=residual_deg,
+        rest_residual_deg=rest_deg,
+        reading_deg=reading_deg,
+        alternatives=tuple(_alternative(other) for other in others),
     )
 
 
-def _alternative(table: Mapping[str, Any], *, share: float) -> Alternative:
+def _alternative(table: Mapping[str, Any]) -> Alternative:
     where = "doubt, alternatives"
     effects = get_names(table, "effects", where=where)
     values = get_table(table, "values", where=where, required=True)
-    laws = laws_from(table.get("laws", []), where=f"{where}, laws")
-    share = get_number(table, "share", where=where, lower=0.0, upper=1.0, default=share)
+    laws = laws_from(table.get("laws"), where=f"{where}, laws")
+    share = get_number(table, "share", where=where, lower=0.0, upper=1.0)
     return Alternative(effects, {name: get_number(values, name, where=where) for name in values}, laws, share)

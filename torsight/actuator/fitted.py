@@ -25,7 +25,6 @@ from torsight.core.files.config import get_names, get_number, get_table, get_tex
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
-from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import Shown
@@ -34,8 +33,6 @@ from torsight.core.words.wording import number
 KIND: Final = "torsight actuator model"
 _MOST_COUNTED: Final = 1_000_000
 """Largest number of cycles or whole turns in a file: two years of one cycle a minute."""
-_NONE_BEFORE: Final = ("zero_deg", "static_swing")
-"""Values that earlier files lack: they are taken as zero, where they have no effect."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
 """Largest distance of two angles that count as the same home: a choice, stated in the documentation."""
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
@@ -337,7 +334,8 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     effects = get_names(content, "effects", where=where)
     theta_l_deg = _optional_deg(content, "theta_l_deg", where=where, lower=0.0)
     spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
-    model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, _laws(content, where=where))
+    laws = laws_from(content.get("laws"), where=f"{where}, key laws")
+    model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, laws)
     cycles = get_table(content, "cycles", where=where, required=True)
     counts = tuple(get_whole(cycles, name, where="cycles", lower=0, upper=_MOST_COUNTED) for name in ("a", "b"))
     start_deg = _optional_deg(content, "start_angle_deg", where=where, lower=-_FURTHEST_DEG)
@@ -356,28 +354,16 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         account=get_table(content, "account", where=where),
         turns=get_whole(content, "turns", where=where, lower=-_MOST_COUNTED, upper=_MOST_COUNTED),
         start_angle_rad=None if start_deg is None else start_deg * DEG,
-        duration_s=get_number(content, "duration_s", where=where, default=0.0, lower=0.0, upper=1e9),
+        duration_s=get_number(content, "duration_s", where=where, lower=0.0, upper=1e9),
         end=end,
         doubt=doubt,
     )
-
-
-def _laws(content: Mapping[str, Any], *, where: str) -> tuple[LawForm, ...]:
-    """Return the laws of a model file; a file of an earlier version has none, or a stand-in that is no longer read."""
-    if content.get("closure") is not None:
-        raise ConfigError(
-            "the model has a learned stand-in of an earlier version",
-            where=f"{where}, key closure",
-            do="run 'torsight discover' on the record again: a measured law takes its place",
-        )
-    return laws_from(content.get("laws", []), where=f"{where}, key laws")
 
 
 def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:
     """Return the fitted values, each checked against its bounds in the fit."""
     parameters = {parameter.name: parameter for parameter in model.all_parameters}
     check_keys(table, tuple(parameters), where="values")
-    table = {**{name: 0.0 for name in _NONE_BEFORE if name in parameters}, **table}
     missing = [name for name, parameter in parameters.items() if name not in table and not parameter.fixed]
     if missing:
         raise ConfigError("lacks a value", where="values", value=", ".join(missing))
