@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
 
 
-_DPI: Final = 90
-"""Resolution of the picture in a notebook."""
 _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
 """Number of curves that a picture shows (the first ones), and of points in each: several for a pixel of its width."""
@@ -160,5 +158,5 @@ def draw_by_driver(axis: Any, found: Findings) -> None:
 def as_image(figure: Figure) -> str:
     """Return a figure as a data URL (PNG)."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": None})
+    figure.savefig(stream, format="png", metadata={"Software": None})
     return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
