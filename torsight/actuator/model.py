@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
+from torsight.actuator.drive import Drive, prepare_log, prepare_table
 from torsight.actuator.effects import STAGES, Effect, chosen_effects, load_effects
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import History, Ports
@@ -102,7 +102,7 @@ class ActuatorModel:
         """Whether no value is given for spring B alone, so that both springs have the same values."""
         return not any(name.startswith(SPRING_B) for name in self._nominal)
 
-    def prepare(self, table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
+    def prepare(self, table: SyncedTable, *, where: str = "record") -> Drive:
         """Return the drive of a merged record: conditioned temperatures, half-cycles, start.
 
         A record that begins within a transformation is cut at the first row at which both springs are cold, if a spring
@@ -117,14 +117,14 @@ class ActuatorModel:
         require_kind(table, SyncedTable, where=f"prepare, {where}", do="read_merged(path) gives one")
         self._require_reach(table, where=where)
         require_units(table.time_s, {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}, where=where)
-        drive = prepare_table(table, row_rate_hz=row_rate_hz, where=where)
+        drive = prepare_table(table, where=where)
         rig = Rig.from_values(self._nominal)
         if not _begins_within(drive, self.simulate(drive.at(np.arange(1))), rig):
             return drive
         row = _first_cold_row(drive, rig)
         later = table.at(table.time_s >= drive.time_s[row]) if row < len(drive) else None
         try:
-            cut = drive if later is None else prepare_table(later, row_rate_hz=row_rate_hz, where=where)
+            cut = drive if later is None else prepare_table(later, where=where)
         except (InputError, NoResultError):
             cut = drive
         return replace(cut, left_out_s=float(cut.time_s[0] - drive.time_s[0]))

@@ -82,9 +82,7 @@ def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight
     return gains
 
 
-def refitted_gains(
-    predict: Predict, explanations: Sequence[Rival], weight: Weight, *, max_iterations: int = 8
-) -> Floats:
+def refitted_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight) -> Floats:
     """Return the gains of :func:`linear_gains`, with a complete refit of every other explanation."""
     models = [one.model(predict) for one in explanations]
     shown = [model(one.x) for model, one in zip(models, explanations, strict=True)]
@@ -92,9 +90,7 @@ def refitted_gains(
     for j, rivals in _rivals(explanations):
         other, space = explanations[j], space_of(explanations[j].parameters)
         for i in rivals:
-            found = solve(
-                models[j], other.x, observed=shown[i], weight=weight, space=space, max_iterations=max_iterations
-            )
+            found = solve(models[j], other.x, observed=shown[i], weight=weight, space=space, max_iterations=8)
             gains[i, j] = found.cost - explanations[i].prior_cost
     return gains
 
