@@ -16,10 +16,10 @@ from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw, require_start, too_far
 from torsight.actuator.ports import History
-from torsight.actuator.record.full_cycle import full_cycle
 from torsight.actuator.simulation import Prediction, Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind
 from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath
@@ -35,6 +35,9 @@ _MOST_COUNTED: Final = 1_000_000
 """Largest number of cycles or whole turns in a file: two years of one cycle a minute."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
 """Largest distance of two angles that count as the same home: a choice, stated in the documentation."""
+_RAMP_S: Final = 200.0
+"""Duration of one heating or cooling that is drawn: the plain model does not depend on it, and a sensor's lag is much
+shorter."""
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
 """Martensite fraction above which a spring counts as cold: by the law's cosine the temperature is then at most
@@ -107,7 +110,7 @@ class FittedModel(Frozen, Shown):
 
     def _draw(self, axes: Any) -> None:
         """Draw the angle against the driven spring's temperature in a full cycle: A heated and cooled, then B."""
-        log, start_rad = full_cycle(Rig.from_values({**self.model.spec.values, **self.values}))
+        log, start_rad = _full_cycle(Rig.from_values({**self.model.spec.values, **self.values}))
         found = self.predict(log, start_angle_rad=start_rad)
         first = log.temp_a_c > log.temp_b_c
         for name, rows, temp_c in (("A driven", first, log.temp_a_c), ("B driven", ~first, log.temp_b_c)):
@@ -221,6 +224,23 @@ class FittedModel(Frozen, Shown):
                 if abs(own_rad) < most_rad:
                     return turns
         raise too_far(start_angle_rad, wound_rad / DEG, turns=dict.fromkeys((0, self.turns)), where=where)
+
+
+def _full_cycle(rig: Rig) -> tuple[TemperatureLog, float]:
+    """Return the log of a full cycle, A and then B, one row per second, and the angle of its start, rad.
+
+    When cold, a spring is full martensite without stress; when hot, full austenite under the stress at the stroke's
+    end. A quarter of the transformation's width beyond both makes them complete.
+    """
+    cycle = stable_cycle(rig)
+    torque_nm = rig.loading_torque(rig.theta_p_rad - cycle.theta_2_rad) + rig.tau_c_nm
+    hot_c = rig.a_finish_c + torque_nm * rig.stress_per_torque / rig.c_austenite
+    hot_c += 0.25 * (rig.a_finish_c - rig.a_start_c)
+    cold_c = rig.m_finish_c - 0.25 * (rig.m_start_c - rig.m_finish_c)
+    edges_s, edges_c = _RAMP_S * np.arange(5), [cold_c, hot_c, cold_c]
+    time_s = np.arange(0.0, edges_s[-1] + 1.0)
+    a_c, b_c = np.interp(time_s, edges_s[:3], edges_c), np.interp(time_s, edges_s[2:], edges_c)
+    return TemperatureLog(time_s, a_c, b_c), cycle.theta_1_rad - 0.5 * rig.theta_p_rad
 
 
 def fitted_model(

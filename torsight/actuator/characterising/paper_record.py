@@ -27,6 +27,7 @@ SCATTER: Final[Mapping[str, float]] = {
 _ROOM_C: Final = 23.0
 _HOT_C: Final = 76.0
 _STEP_S: Final = 0.25
+"""Room, reference of the heating and time between rows, choices: the stroke ends close to 70 °C, as in the paper."""
 _AT_ITS_GOAL_S, _OFF_S, _END_S = 500.0, 600.0, 900.0
 """Ten minutes of heating and five of natural cooling, as in the paper; the time at which the temperature reaches its
 reference is a choice."""

@@ -13,6 +13,8 @@ from torsight.core.units import DEG, Flags, Floats, Ints
 
 REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
+"""Largest speed and shortest duration of a rest, choices: the angle changes by 0.16° in it, as much as in two steps of
+the resolution."""
 _STOPPED_DEG: Final = 0.5
 """Distance to the angle at rest within which the angle counts as stopped."""
 
