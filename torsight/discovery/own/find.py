@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -95,18 +95,11 @@ def find_missing(
         return replace(findings, warnings=_added(list(findings.warnings), printed))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownFit:
-    """The fit of a set of effects, and whether a further fit from its optimum would gain nothing that matters."""
-
-    explanation: Explanation
-    settled: bool
-
-
-def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -> KnownFit:
+def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -> tuple[Explanation, bool]:
     """Fit a model with effects that are known to act, given by their ids: a discovery without a choice.
 
-    The plain model is fitted first; then the effects are added one by one, each beside all earlier ones.
+    The plain model is fitted first; then the effects are added one by one, each beside all earlier ones. The second
+    result says whether a further fit from the optimum would gain nothing that matters.
     """
     check_problem(problem)
     fits, steps = SetFits(problem, progress=progress), 1 + len(members)
@@ -116,7 +109,7 @@ def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -
         progress("fit", number, steps)
         found = fits.with_effect(found, name)
     progress("fit", steps, steps)
-    return KnownFit(found, fits.has_settled(found))
+    return found, fits.has_settled(found)
 
 
 def _added(notes: list[str], one: str | None) -> tuple[str, ...]:
@@ -128,8 +121,8 @@ def _search(
 ) -> Findings:
     declared, evaluator = problem, problem.evaluator
     progress("starts", 0, None)
-    prepared = prepare(problem)
-    problem, notes = prepared.problem, [*notes, *prepared.warnings]
+    problem, warnings = prepare(problem)
+    notes = [*notes, *warnings]
     # Only failures from here on count: the points tried in the preparation may lie where the model cannot work.
     looked, before = len(evaluator.failures), evaluator.failed
     start = {p.name: p.value for p in problem.parameters}
