@@ -39,7 +39,9 @@ def form() -> LawForm:
 def told(law: LawForm) -> MeasuredLaw:
     zeros = np.zeros(len(law.nodes))
     ends = {"driver_values": law.nodes, "value": zeros, "sigma": zeros, "covered": zeros == 0.0}
-    return MeasuredLaw(None, "torque", "angle_deg", "both", "mN·m", 1.0, sentence="a stray torque", **ends)
+    return MeasuredLaw(
+        None, "torque", "angle_deg", "both", "mN·m", 1.0, sentence="a stray torque", id=form().id, **ends
+    )
 
 
 def loaded(path: Path) -> Effect:
