@@ -124,7 +124,7 @@ def _search(
     problem, warnings = prepare(problem)
     notes = [*notes, *warnings]
     # Only failures from here on count: the points tried in the preparation may lie where the model cannot work.
-    looked, before = len(evaluator.failures), evaluator.failed
+    looked = len(evaluator.failures)
     start = {p.name: p.value for p in problem.parameters}
     begun = problem.outputs(start, ())
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
@@ -140,16 +140,16 @@ def _search(
     notes += bend_within(problem, found.decision.chosen, findings.price)
     # Computed while the processes exist: the findings show held-out predictions of other sets, too.
     _ = findings.best_fits, findings.parameters, findings.laws
-    failures, failed = evaluator.failures[looked:], evaluator.failed - before
+    failures = evaluator.failures[looked:]
     if failures:
         notes.append(
-            f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
-            f"first: {failures[0].sentence()}"
+            f"in {len(failures)} of {evaluator.calls} calls the model gave no numbers, and the search kept away from "
+            f"there; first: {failures[0].sentence()}"
         )
     # A model may keep a state between calls that changes its results only after many of them.
     check_same(problem, start, begun)
     traces = tuple(f"{one.sentence()}\n{one.trace}" for one in failures[:_MOST_TRACES])
-    return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
+    return replace(findings, warnings=tuple(notes), failures=traces, failed=len(failures), calls=evaluator.calls)
 
 
 def _at_answer(problem: ModelProblem, found: engine.Findings) -> tuple[list[Called], dict[str, Curve]]:

@@ -30,7 +30,7 @@ from torsight.discovery.own.model.declare import (
     parameters_of,
     per_record,
 )
-from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
+from torsight.discovery.own.model.evaluate import Called, Evaluator, Model, Predict
 from torsight.discovery.own.model.law_ports import added_laws, nodes_of, port_law
 from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.ode import Ode
@@ -190,11 +190,6 @@ class ModelProblem(GivenProblem):
     def times(self) -> list[Floats]:
         """Return the time (rows,) of every record."""
         return [time_of(record, self.time_name) for record in self.model.records]
-
-    @property
-    def failures(self) -> tuple[Failure, ...]:
-        """Calls that gave no numbers."""
-        return tuple(self.evaluator.failures)
 
 
 def model_problem(
