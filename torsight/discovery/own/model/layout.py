@@ -72,7 +72,8 @@ class Reading:
         for what, named in (("rest", self.rest), ("time", self.time)):
             if named is not None:
                 given.text(named, f"Reading, {what}")
-        if isinstance(self.blocks, bool) or not isinstance(self.blocks, _BLOCKS) or _below_one(self.blocks):
+        none = isinstance(self.blocks, (int, np.integer)) and self.blocks < 1
+        if none or isinstance(self.blocks, bool) or not isinstance(self.blocks, _BLOCKS):
             limit = "a whole number, 1 or more, a column's name, or an array for each record"
             raise InputError("are no blocks", where="Reading, blocks", value=repr(self.blocks), limit=limit)
 
@@ -136,10 +137,6 @@ class Layout:
         for record, output, place in self.places:
             made[record][:, output] = (values[place] - self.shift[output]) * self.scale[output]
         return made
-
-
-def _below_one(blocks: object) -> bool:
-    return isinstance(blocks, (int, np.integer)) and int(blocks) < 1
 
 
 def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Floats]:
