@@ -208,10 +208,10 @@ class Noise:
     @classmethod
     def of(cls, wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], measured: list[Floats]) -> Noise:
         """Return the noise of measured outputs (rows, outputs) of records, of which some may be given."""
-        sizes, between = per_output(wanted, records, outputs, what="sigma"), range(len(outputs))
-        known = [noise_of(measured, k) for k in between]
-        whole = all(np.isfinite(own).all() for own in sizes)
-        return cls(known, [np.where(np.isfinite(own), own, known) for own in sizes], whole)
+        sizes = per_output(wanted, records, outputs, what="sigma")
+        between = [noise_of(measured, k) for k in range(len(outputs))]
+        sigma = [np.where(np.isfinite(own), own, between) for own in sizes]
+        return cls(between, sigma, all(np.isfinite(own).all() for own in sizes))
 
     @property
     def usual(self) -> Floats:
