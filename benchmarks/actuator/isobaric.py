@@ -160,13 +160,8 @@ def main() -> None:
             lines.append(
                 Line(loop.temp_c, strain(loop, found.values, law="liang_rogers"), "from the other three", f"C{number}-")
             )
-        draw(
-            given.figure,
-            lines,
-            x_label="temperature (°C)",
-            y_label="strain (%)",
-            title="Each loop from the other three",
-        )
+        panels = {"Each loop from the other three": lines}
+        draw(given.figure, panels, x_label="temperature (°C)", y_label="strain (%)")
 
 
 if __name__ == "__main__":

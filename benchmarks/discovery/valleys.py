@@ -75,7 +75,7 @@ def main() -> None:
         for seed in (1, 3, 5, 7):
             pair = [record(seed, push), record(seed + 1, push)]
             asked = model_problem(model, pair, free, output="angle", reading=Reading(sigma=_NOISE_RAD))
-            ended = [p.value for p in prepare(asked).problem.parameters]
+            ended = [p.value for p in prepare(asked)[0].parameters]
             found.append(all(abs(one / true - 1.0) < _NEAR for one, true in zip(ended, _TRUE, strict=True)))
             turns = " and ".join(f"{np.ptp(one['angle']):.0f}" for one in pair)
             print(

@@ -145,24 +145,14 @@ def test_the_file_keeps_it(tmp_path: Path, log) -> None:
     assert other == pytest.approx(one, rel=1e-9)
 
 
-def test_an_earlier_file_takes_the_start_for_exact(tmp_path: Path, log) -> None:
+@pytest.mark.parametrize("key", ["residual_deg", "rest_residual_deg", "reading_deg"])
+def test_a_file_that_lacks_a_part_of_the_uncertainty_is_refused(tmp_path: Path, key: str) -> None:
     write_model(tmp_path / "model.json", model_with(Doubt((), np.zeros((0, 0)), 0.1, reading_deg=0.3)))
     content = json.loads((tmp_path / "model.json").read_text())
-    del content["doubt"]["reading_deg"]
+    del content["doubt"][key]
     (tmp_path / "model.json").write_text(json.dumps(content))
-    sigma_rad = predict_with_sigma(read_model(tmp_path / "model.json"), log, start_angle_rad=START_RAD).sigma_rad
-    assert sigma_rad[0] == pytest.approx(0.1 * DEG)
-
-
-def test_explanations_of_an_earlier_file_are_all_as_likely(tmp_path: Path) -> None:
-    nominal = model_with(None).values
-    others = (Alternative((), nominal, share=0.1), Alternative((), nominal, share=0.2))
-    write_model(tmp_path / "model.json", model_with(Doubt((), np.zeros((0, 0)), 0.1, others)))
-    content = json.loads((tmp_path / "model.json").read_text())
-    for other in content["doubt"]["alternatives"]:
-        del other["share"]
-    (tmp_path / "model.json").write_text(json.dumps(content))
-    assert [share for _, share in read_model(tmp_path / "model.json").alternatives()] == [1 / 3, 1 / 3]
+    with pytest.raises(InputError, match=f"is damaged.*has no key '{key}'"):
+        read_model(tmp_path / "model.json")
 
 
 def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(tmp_path: Path, log, capsys) -> None:
@@ -200,8 +190,8 @@ def test_the_command_writes_it_beside_the_angle_and_says_what_else_it_could_be(t
         ({"residual_deg": -1.0}, "'residual_deg'"),
         ({"rest_residual_deg": -1.0}, "'rest_residual_deg'"),
         ({"reading_deg": -1.0}, "'reading_deg'"),
-        ({"alternatives": [{"effects": ["sensor_leg"], "values": {}}]}, "sensor_leg"),
-        ({"alternatives": [{"effects": ["sensor_lag"], "values": {}}]}, "lag_s"),
+        ({"alternatives": [{"effects": ["sensor_leg"], "values": {}, "laws": [], "share": 0.5}]}, "sensor_leg"),
+        ({"alternatives": [{"effects": ["sensor_lag"], "values": {}, "laws": [], "share": 0.5}]}, "lag_s"),
         ({"alternatives": [3]}, "alternatives"),
     ],
 )

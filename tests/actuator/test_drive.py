@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from torsight.actuator import fit_model
+from torsight.actuator.drive import prepare_table
 from torsight.actuator.fit_result import notes_of_drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import reference_spec
@@ -38,7 +39,7 @@ def read_at(rate_hz: float) -> SyncedTable:
 def angle_after_tops(*, effects=(), row_rate_hz: float, rate_hz: float, **values: float) -> np.ndarray:
     """Return the angle at the end of every half-cycle of a programme that was read at a rate, degrees."""
     model = ActuatorModel(reference_spec(), effects)
-    drive = model.prepare(read_at(rate_hz), row_rate_hz=row_rate_hz)
+    drive = prepare_table(read_at(rate_hz), row_rate_hz=row_rate_hz)
     angle_rad = model.angle_rad(drive, values)
     ends = np.append(np.flatnonzero(np.diff(drive.cycles.half)), len(drive) - 1)
     return angle_rad[ends] / DEG

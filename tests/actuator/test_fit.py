@@ -12,11 +12,11 @@ from actuator_programmes import programme
 
 from tests.docs.documented import documented_names
 from torsight.actuator import fit_model
+from torsight.actuator.drive import wrong_frames
 from torsight.actuator.fit_result import notes_of_drive, require_motion
 from torsight.actuator.fitted import FittedModel, fitted_model, read_model, write_model
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec, read_actuator, reference_spec
-from torsight.actuator.wrong_frames import wrong_frames
 from torsight.cli.fit import fit_to_folder
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.tables import read_merged
@@ -266,17 +266,6 @@ def test_model_file_round_trip_and_prediction(tmp_path):
     expected = model.simulate(model.prepare_log(log, start_angle_rad=3.0), own)
     assert predicted.angle_rad == pytest.approx(expected.angle_rad, abs=1e-12)
     assert isinstance(back, FittedModel)
-
-
-def test_a_model_file_of_before_the_zero_and_the_swing_is_read(tmp_path):
-    model = ActuatorModel(reference_spec(), ("static_friction",))
-    write_model(tmp_path / "model.json", FittedModel(model, model.nominal()))
-    content = json.loads((tmp_path / "model.json").read_text())
-    for name in ("zero_deg", "static_swing"):
-        del content["values"][name]
-    (tmp_path / "model.json").write_text(json.dumps(content))
-    values = read_model(tmp_path / "model.json").values
-    assert values["zero_deg"] == values["static_swing"] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -124,9 +124,6 @@ MORE: dict[str, Bad] = {
     "predict: model with an unknown law": Bad(
         PREDICT, model(lambda content: content.update(phase_law="os.system")), 3, "liang_rogers"
     ),
-    "predict: model with a stand-in of before": Bad(
-        PREDICT, model(lambda content: content.update(closure={"bases": 3})), 3, "stand-in of an earlier version"
-    ),
     "predict: model with a law that is none": Bad(
         PREDICT, model(lambda content: content.update(laws=[{"id": "os.system"}])), 3, "os.system"
     ),

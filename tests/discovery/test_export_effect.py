@@ -39,7 +39,9 @@ def form() -> LawForm:
 def told(law: LawForm) -> MeasuredLaw:
     zeros = np.zeros(len(law.nodes))
     ends = {"driver_values": law.nodes, "value": zeros, "sigma": zeros, "covered": zeros == 0.0}
-    return MeasuredLaw(None, "torque", "angle_deg", "both", "mN·m", 1.0, sentence="a stray torque", **ends)
+    return MeasuredLaw(
+        None, "torque", "angle_deg", "both", "mN·m", 1.0, sentence="a stray torque", id=form().id, **ends
+    )
 
 
 def loaded(path: Path) -> Effect:
@@ -64,12 +66,12 @@ def test_a_law_becomes_an_effect_that_does_the_same(tmp_path: Path) -> None:
     drive, plain = heated(), ActuatorModel(reference_spec())
     expected = model.simulate(drive, fitted.values).angle_rad
     ports = effect.apply(plain.ports(drive, {}), {"lead_wires_share": 1.0})
-    found = run_ports(ports, start_angle_rad=drive.start_angle_rad).angle_rad
+    found = run_ports(ports).angle_rad
     # Six digits of a torque of 0.05 mN·m stand in the file.
     np.testing.assert_allclose(found, expected, atol=1e-5)
     assert np.abs(expected - plain.simulate(drive).angle_rad).max() > 0.5 * DEG
     off = effect.apply(plain.ports(drive, {}), {"lead_wires_share": 0.0})
-    null = run_ports(off, start_angle_rad=drive.start_angle_rad).angle_rad
+    null = run_ports(off).angle_rad
     np.testing.assert_allclose(null, plain.simulate(drive).angle_rad, atol=1e-9)
 
 

@@ -231,9 +231,9 @@ def test_a_base_fit_in_the_wrong_valley_is_left_and_told() -> None:
         return np.sin(p.rate * record.u + p.phase)
 
     free = [parameter("rate", 6.0, lower=0.2, upper=8.0), parameter("phase", 0.0, lower=-3.0, upper=3.0)]
-    prepared = prepare(model_problem(wave, made, free, output="y", reading=Reading(sigma=NOISE)))
-    assert any("has a residual" in one and "rate" in one for one in prepared.warnings)
-    started = {p.name: p.value for p in prepared.problem.parameters}
+    problem, warnings = prepare(model_problem(wave, made, free, output="y", reading=Reading(sigma=NOISE)))
+    assert any("has a residual" in one and "rate" in one for one in warnings)
+    started = {p.name: p.value for p in problem.parameters}
     assert started["rate"] == pytest.approx(1.7, abs=0.02)
 
 

@@ -248,7 +248,7 @@ def with_port(**range_of: float) -> Any:
 
 def test_a_law_over_a_column_spans_what_the_column_covers() -> None:
     u = waves(ripple=0.5)["u"]
-    nodes = prepare(with_port()).problem.nodes["more"]
+    nodes = prepare(with_port())[0].nodes["more"]
     assert (nodes[0], nodes[-1]) == (u.min(), u.max())
 
 
@@ -273,7 +273,7 @@ def test_a_law_that_is_asked_for_values_beyond_its_nodes_is_told() -> None:
     assert not [one for one in found.warnings if "beyond which" in one]
     endless = Curve(np.linspace(-1.0, 1.0, 5), np.zeros(5)), Called(None, None, "", 0.0, {"more": (-np.inf, 1.0)})
     assert "from -inf to 1" in beyond([endless[1]], {"more": endless[0]})[0]
-    asked = prepare(with_port()).problem
+    asked = prepare(with_port())[0]
     assert widened(asked, [endless[1]], {"more": endless[0]}) is asked
     wider = waves(seed=8)
     assert not found.predict(wider).warnings
@@ -285,7 +285,7 @@ def test_a_law_spans_what_the_better_model_asks_for() -> None:
     free, port = [parameter("viscous", 2.0, lower=0.0)], law("friction", driver="v", nodes=13)
     reading = Reading(sigma=0.01)
     asked = model_problem(move_sledge, sledge_record(1), free, [port], output="speed", drivers=[], reading=reading)
-    narrow = prepare(asked).problem.nodes["friction"]
+    narrow = prepare(asked)[0].nodes["friction"]
     found = find_missing(asked, processes=False)
     speed, (curve,) = sledge_record(1)["speed"], found.laws
     assert narrow[-1] < 0.9 * speed.max() < 0.95 * curve.nodes[-1]

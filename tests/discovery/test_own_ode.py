@@ -76,7 +76,7 @@ def test_a_model_with_many_valleys_is_fitted() -> None:
     free = [parameter("pull", 2.0), parameter("drag", 1.0)]
     pair = [valleys.record(seed, 2.0) for seed in (3, 4)]
     problem = model_problem(model, pair, free, output="angle", reading=Reading(sigma=0.01))
-    begun = prepare(problem).problem
+    begun = prepare(problem)[0]
     values = {p.name: p.value for p in begun.parameters}
     assert list(values.values()) == pytest.approx([6.0, 0.3], rel=0.005)
     # With values that are wrong by 4e-6 the whole record is missed by 1.4 rad; what is left has to be noise.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,6 @@ from torsight.core.frozen import Frozen
 from torsight.core.law import LawForm
 from torsight.core.units import Floats
 from torsight.core.words.plausible import MOST_TURNED_DEG
-
-_NO_SHARE: Final = 1e-9
-"""Eigenvalue of the correlation matrix below which an axis is rounding error (1e-16 times the number of values): a
-prediction changes by 1/30,000 of a standard deviation along such an axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +57,10 @@ class Doubt:
     def steps(self) -> Iterator[dict[str, float]]:
         """Yield the change of the values (by name) by one standard deviation along each principal axis."""
         size, share, axes = principal_axes(self.covariance)
+        # Smaller eigenvalues of a correlation matrix are rounding errors.
+        rounded = len(share) * np.finfo(np.float64).eps
         for variance, axis in zip(share, axes.T, strict=True):
-            if variance > _NO_SHARE:
+            if variance > rounded:
                 change = np.sqrt(variance) * axis * size
                 yield dict(zip(self.names, change.tolist(), strict=True))
 
@@ -115,26 +113,24 @@ def doubt_from(table: Mapping[str, Any], *, free: Sequence[str]) -> Doubt:
         raise ConfigError("'covariance' is no covariance matrix", where=where)
     if not isinstance(others, list) or not all(isinstance(other, Mapping) for other in others):
         raise ConfigError("'alternatives' is no list of tables", where=where, value=repr(others))
-    left_deg = get_number(table, "residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG)
+    residual_deg, rest_deg, reading_deg = (
+        get_number(table, name, where=where, lower=0.0, upper=MOST_TURNED_DEG)
+        for name in ("residual_deg", "rest_residual_deg", "reading_deg")
+    )
     return Doubt(
         names=tuple(names),
         covariance=0.5 * (covariance + covariance.T),
-        residual_deg=left_deg,
-        # Earlier files do not distinguish rest and motion.
-        rest_residual_deg=get_number(
-            table, "rest_residual_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=left_deg
-        ),
-        # Earlier files take the start angle as exact.
-        reading_deg=get_number(table, "reading_deg", where=where, lower=0.0, upper=MOST_TURNED_DEG, default=0.0),
-        # Earlier files have no shares: the model and all alternatives count as equally probable.
-        alternatives=tuple(_alternative(other, share=1.0 / (1 + len(others))) for other in others),
+        residual_deg=residual_deg,
+        rest_residual_deg=rest_deg,
+        reading_deg=reading_deg,
+        alternatives=tuple(_alternative(other) for other in others),
     )
 
 
-def _alternative(table: Mapping[str, Any], *, share: float) -> Alternative:
+def _alternative(table: Mapping[str, Any]) -> Alternative:
     where = "doubt, alternatives"
     effects = get_names(table, "effects", where=where)
     values = get_table(table, "values", where=where, required=True)
-    laws = laws_from(table.get("laws", []), where=f"{where}, laws")
-    share = get_number(table, "share", where=where, lower=0.0, upper=1.0, default=share)
+    laws = laws_from(table.get("laws"), where=f"{where}, laws")
+    share = get_number(table, "share", where=where, lower=0.0, upper=1.0)
     return Alternative(effects, {name: get_number(values, name, where=where) for name in values}, laws, share)

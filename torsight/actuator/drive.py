@@ -18,11 +18,12 @@ from sync.log.timestamps import BRIDGED_S, longest_gap_s
 from torsight.actuator.record.conditioning import Conditioned, Readings, conditioned
 from torsight.actuator.record.segments import HalfCycles, begun_with_a_jump, by_role, half_cycles, turn_of
 from torsight.actuator.record.sensors import Sensors
+from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.record.turns import at_places, turns_of
-from torsight.actuator.wrong_frames import wrong_frames
 from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import extent, pair_means, usual_step
+from torsight.core.series import APART, extent, pair_means, scatter, usual_step
+from torsight.core.series.outliers import outliers
 from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.shown import span
 from torsight.core.words.wording import counted, number
@@ -32,10 +33,8 @@ ROW_RATE_HZ: Final = 5.0
 _ROW_STEP_C: Final = 0.25
 """Change of temperature per row that 99 % of the rows stay below; faster heatings and coolings keep more rows for that.
 A row's mean angle then lies within 0.1° of the angle at its instant, unless motion starts or stops within the row."""
-_FAR_APART_S: Final = 1.5
-"""Interval of readings above which a prediction interpolates rows between them. With readings every 3 s these rows
-reduce the error on later records from 2.31 to 1.60°, every 5 s from 16.6 to 4.6°, and every 2 s from 1.35 to 1.26°
-(benchmarks/actuator/slow_logs.py, tops held for up to 15 s)."""
+_ROUNDED_RAD: Final = 1e-5
+"""Least scatter of an angle: differences below this value are rounding errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -224,11 +223,12 @@ def prepare_log(
 def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, Ints]:
     """Return a log with linearly interpolated rows between readings that are far apart, and the readings' rows (n,).
 
-    The model needs these rows to place the temperature's corners between two readings. Rows beside a missing reading
-    are NaN.
+    The model needs these rows to place the temperature's corners between two readings. With readings every 1.25 s they
+    reduce the error on later records from 0.85 to 0.76°, every 2 s from 1.35 to 1.26°, every 3 s from 2.31 to 1.60°
+    (benchmarks/actuator/slow_logs.py, tops held for up to 15 s). Rows beside a missing reading are NaN.
     """
     interval_s = usual_step(log.time_s)
-    if interval_s <= _FAR_APART_S:
+    if interval_s <= SLOW_S:
         return log, np.arange(len(log))
     every = math.ceil(interval_s * ROW_RATE_HZ)
     rows = np.arange(len(log)) * every
@@ -238,6 +238,15 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, Ints]:
     time_s, a, b = (np.interp(fine, rows, column) for column in (log.time_s, log.temp_a_c, log.temp_b_c))
     heat_a, heat_b = (None if heat is None else heat[held] for heat in (log.heat_a, log.heat_b))
     return TemperatureLog(time_s, a, b, heat_a, heat_b), rows
+
+
+def wrong_frames(time_s: Floats, angle_rad: Floats, sigma_rad: Floats) -> Flags:
+    """Return the mask (n,) of rows whose angle belongs to no motion: another marker was taken, or a hand passed.
+
+    Such an angle is further off its neighbours' line than ``APART`` times the row's own sigma and the angle's scatter.
+    """
+    known = angle_rad[np.isfinite(angle_rad)]
+    return outliers(time_s, angle_rad, APART * np.fmax(sigma_rad, max(scatter(known), _ROUNDED_RAD)))
 
 
 def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
@@ -251,7 +260,7 @@ def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
     angle = angle_rad[valid]
     sigma = np.where(np.isfinite(sigma_rad[valid]), sigma_rad[valid], 0.0)
     spread = float(np.median(np.abs(np.diff(angle[:200])))) if len(angle) > 8 else 0.0
-    band = 5.0 * max(float(np.median(sigma[:200])), spread, 1e-5)
+    band = 5.0 * max(float(np.median(sigma[:200])), spread, _ROUNDED_RAD)
     count = min(4, len(angle))
     while count < min(len(angle), 4000):
         step = angle[count : count + max(4, count // 2)]
@@ -286,7 +295,7 @@ def _driven(
     time_s = log.time_s
     (filled_a, known_a, wrong_a), (filled_b, known_b, wrong_b) = _bridged(log, where=where)
     if readings is log:
-        of_a, of_b = Readings.of_rows(time_s, filled_a), Readings.of_rows(time_s, filled_b)
+        of_a, of_b = (Readings.of_rows(time_s, filled_c) for filled_c in (filled_a, filled_b))
     else:
         pair = _bridged(readings, where=where)
         of_a, of_b = (Readings.of(readings.time_s, filled_c, far_apart=True) for filled_c, _, _ in pair)
@@ -351,38 +360,27 @@ def _at_rows(log: Conditioned, rows: Ints, least_turn_c: float) -> _AtRows:
     return _AtRows(at_places(driven_c, turns, places), rate, at_places(log.temp_c, turns, places), turning)
 
 
-class _Bridged(NamedTuple):
-    """A temperature with gaps and spikes bridged, the mask of the rows where it is known, and the number of spikes."""
-
-    temp_c: Floats
-    known: Flags
-    spikes: int
-
-
-def _bridged(log: SyncedTable | TemperatureLog, *, where: str) -> tuple[_Bridged, _Bridged]:
-    """Return both temperatures with gaps and spikes bridged."""
-    a = _bridge(log.time_s, log.temp_a_c, where=f"{where}, column temp_a_c")
-    return a, _bridge(log.time_s, log.temp_b_c, where=f"{where}, column temp_b_c")
-
-
-def _bridge(time_s: Floats, temp_c: Floats, *, where: str) -> _Bridged:
-    """Return the temperature with gaps and spikes bridged by lines.
+def _bridged(log: SyncedTable | TemperatureLog, *, where: str) -> list[tuple[Floats, Flags, int]]:
+    """Return for A and B: temperature with gaps and spikes bridged by lines, where it is known, number of spikes.
 
     Only a reading whose neighbours are near enough for interpolation can be a spike: between readings that are further
     apart it may be the top of a heating.
     """
+    time_s, found = log.time_s, []
     near = np.gradient(time_s) <= BRIDGED_S if len(time_s) > 1 else np.zeros(1, bool)
-    wrong = near & spikes(time_s, temp_c)
-    good = np.isfinite(temp_c) & ~wrong
-    if good.all():
-        return _Bridged(temp_c, good, 0)
-    if good.sum() < 2:
-        raise InputError("has no temperature", where=where, do="check the column of the log")
-    filled = np.interp(time_s, time_s[good], temp_c[good])
-    before = np.maximum.accumulate(np.where(good, time_s, -np.inf))
-    after = np.minimum.accumulate(np.where(good, time_s, np.inf)[::-1])[::-1]
-    known = good | (after - before <= longest_gap_s(time_s[good]))
-    return _Bridged(filled, known, int(np.count_nonzero(wrong)))
+    for temp_c, column in ((log.temp_a_c, "temp_a_c"), (log.temp_b_c, "temp_b_c")):
+        wrong = near & spikes(time_s, temp_c)
+        good = np.isfinite(temp_c) & ~wrong
+        known, filled = good, temp_c
+        if not good.all():
+            if good.sum() < 2:
+                raise InputError("has no temperature", where=f"{where}, column {column}", do="check it in the log")
+            filled = np.interp(time_s, time_s[good], temp_c[good])
+            before = np.maximum.accumulate(np.where(good, time_s, -np.inf))
+            after = np.minimum.accumulate(np.where(good, time_s, np.inf)[::-1])[::-1]
+            known = good | (after - before <= longest_gap_s(time_s[good]))
+        found.append((filled, known, int(np.count_nonzero(wrong))))
+    return found
 
 
 def _kept_rows(time_s: Floats, row_rate_hz: float) -> Ints:

@@ -16,16 +16,15 @@ from torsight.actuator.effects import chosen_effects
 from torsight.actuator.laws import laws_from
 from torsight.actuator.model import ActuatorModel, PhaseLaw, require_start, too_far
 from torsight.actuator.ports import History
-from torsight.actuator.record.full_cycle import full_cycle
 from torsight.actuator.simulation import Prediction, Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind
 from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
-from torsight.core.law import LawForm
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import Shown
@@ -34,10 +33,11 @@ from torsight.core.words.wording import number
 KIND: Final = "torsight actuator model"
 _MOST_COUNTED: Final = 1_000_000
 """Largest number of cycles or whole turns in a file: two years of one cycle a minute."""
-_NONE_BEFORE: Final = ("zero_deg", "static_swing")
-"""Values that earlier files lack: they are taken as zero, where they have no effect."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
 """Largest distance of two angles that count as the same home: a choice, stated in the documentation."""
+_RAMP_S: Final = 200.0
+"""Duration of one heating or cooling that is drawn: the plain model does not depend on it, and a sensor's lag is much
+shorter."""
 _FURTHEST_DEG: Final = KEYS["theta_p_deg"].upper
 _COLD: Final = 0.999
 """Martensite fraction above which a spring counts as cold: by the law's cosine the temperature is then at most
@@ -110,7 +110,7 @@ class FittedModel(Frozen, Shown):
 
     def _draw(self, axes: Any) -> None:
         """Draw the angle against the driven spring's temperature in a full cycle: A heated and cooled, then B."""
-        log, start_rad = full_cycle(Rig.from_values({**self.model.spec.values, **self.values}))
+        log, start_rad = _full_cycle(Rig.from_values({**self.model.spec.values, **self.values}))
         found = self.predict(log, start_angle_rad=start_rad)
         first = log.temp_a_c > log.temp_b_c
         for name, rows, temp_c in (("A driven", first, log.temp_a_c), ("B driven", ~first, log.temp_b_c)):
@@ -226,6 +226,23 @@ class FittedModel(Frozen, Shown):
         raise too_far(start_angle_rad, wound_rad / DEG, turns=dict.fromkeys((0, self.turns)), where=where)
 
 
+def _full_cycle(rig: Rig) -> tuple[TemperatureLog, float]:
+    """Return the log of a full cycle, A and then B, one row per second, and the angle of its start, rad.
+
+    When cold, a spring is full martensite without stress; when hot, full austenite under the stress at the stroke's
+    end. A quarter of the transformation's width beyond both makes them complete.
+    """
+    cycle = stable_cycle(rig)
+    torque_nm = rig.loading_torque(rig.theta_p_rad - cycle.theta_2_rad) + rig.tau_c_nm
+    hot_c = rig.a_finish_c + torque_nm * rig.stress_per_torque / rig.c_austenite
+    hot_c += 0.25 * (rig.a_finish_c - rig.a_start_c)
+    cold_c = rig.m_finish_c - 0.25 * (rig.m_start_c - rig.m_finish_c)
+    edges_s, edges_c = _RAMP_S * np.arange(5), [cold_c, hot_c, cold_c]
+    time_s = np.arange(0.0, edges_s[-1] + 1.0)
+    a_c, b_c = np.interp(time_s, edges_s[:3], edges_c), np.interp(time_s, edges_s[2:], edges_c)
+    return TemperatureLog(time_s, a_c, b_c), cycle.theta_1_rad - 0.5 * rig.theta_p_rad
+
+
 def fitted_model(
     model: ActuatorModel,
     values: Mapping[str, float],
@@ -337,7 +354,8 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
     effects = get_names(content, "effects", where=where)
     theta_l_deg = _optional_deg(content, "theta_l_deg", where=where, lower=0.0)
     spec = actuator_from(get_table(content, "actuator", where=where, required=True), where="actuator")
-    model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, _laws(content, where=where))
+    laws = laws_from(content.get("laws"), where=f"{where}, key laws")
+    model = ActuatorModel(spec, effects, cast("PhaseLaw", law), theta_l_deg, laws)
     cycles = get_table(content, "cycles", where=where, required=True)
     counts = tuple(get_whole(cycles, name, where="cycles", lower=0, upper=_MOST_COUNTED) for name in ("a", "b"))
     start_deg = _optional_deg(content, "start_angle_deg", where=where, lower=-_FURTHEST_DEG)
@@ -356,28 +374,16 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         account=get_table(content, "account", where=where),
         turns=get_whole(content, "turns", where=where, lower=-_MOST_COUNTED, upper=_MOST_COUNTED),
         start_angle_rad=None if start_deg is None else start_deg * DEG,
-        duration_s=get_number(content, "duration_s", where=where, default=0.0, lower=0.0, upper=1e9),
+        duration_s=get_number(content, "duration_s", where=where, lower=0.0, upper=1e9),
         end=end,
         doubt=doubt,
     )
-
-
-def _laws(content: Mapping[str, Any], *, where: str) -> tuple[LawForm, ...]:
-    """Return the laws of a model file; a file of an earlier version has none, or a stand-in that is no longer read."""
-    if content.get("closure") is not None:
-        raise ConfigError(
-            "the model has a learned stand-in of an earlier version",
-            where=f"{where}, key closure",
-            do="run 'torsight discover' on the record again: a measured law takes its place",
-        )
-    return laws_from(content.get("laws", []), where=f"{where}, key laws")
 
 
 def _values(table: Mapping[str, Any], model: ActuatorModel) -> dict[str, float]:
     """Return the fitted values, each checked against its bounds in the fit."""
     parameters = {parameter.name: parameter for parameter in model.all_parameters}
     check_keys(table, tuple(parameters), where="values")
-    table = {**{name: 0.0 for name in _NONE_BEFORE if name in parameters}, **table}
     missing = [name for name, parameter in parameters.items() if name not in table and not parameter.fixed]
     if missing:
         raise ConfigError("lacks a value", where="values", value=", ".join(missing))

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from torsight.actuator.drive import ROW_RATE_HZ, Drive, prepare_log, prepare_table
+from torsight.actuator.drive import Drive, prepare_log, prepare_table
 from torsight.actuator.effects import STAGES, Effect, chosen_effects, load_effects
 from torsight.actuator.laws import FAMILIES, apply_law
 from torsight.actuator.ports import History, Ports
@@ -102,7 +102,7 @@ class ActuatorModel:
         """Whether no value is given for spring B alone, so that both springs have the same values."""
         return not any(name.startswith(SPRING_B) for name in self._nominal)
 
-    def prepare(self, table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where: str = "record") -> Drive:
+    def prepare(self, table: SyncedTable, *, where: str = "record") -> Drive:
         """Return the drive of a merged record: conditioned temperatures, half-cycles, start.
 
         A record that begins within a transformation is cut at the first row at which both springs are cold, if a spring
@@ -117,14 +117,14 @@ class ActuatorModel:
         require_kind(table, SyncedTable, where=f"prepare, {where}", do="read_merged(path) gives one")
         self._require_reach(table, where=where)
         require_units(table.time_s, {"temp_a_c": table.temp_a_c, "temp_b_c": table.temp_b_c}, where=where)
-        drive = prepare_table(table, row_rate_hz=row_rate_hz, where=where)
+        drive = prepare_table(table, where=where)
         rig = Rig.from_values(self._nominal)
         if not _begins_within(drive, self.simulate(drive.at(np.arange(1))), rig):
             return drive
         row = _first_cold_row(drive, rig)
         later = table.at(table.time_s >= drive.time_s[row]) if row < len(drive) else None
         try:
-            cut = drive if later is None else prepare_table(later, row_rate_hz=row_rate_hz, where=where)
+            cut = drive if later is None else prepare_table(later, where=where)
         except (InputError, NoResultError):
             cut = drive
         return replace(cut, left_out_s=float(cut.time_s[0] - drive.time_s[0]))
@@ -185,6 +185,8 @@ class ActuatorModel:
             rig=rig,
             rig_b=rig if self._equal_springs else Rig.from_values(values_of_b(given)),
             reading=(lambda phi_rad, _time_s: phi_rad + zero_rad,) if zero_rad else (),
+            tanaka=self.phase_law == "tanaka",
+            fixed_theta_l=(self.theta_l_deg or 0.0) * DEG,
         )
         return _applied(ports, self._parts[len(self._leading_parts) :], given)
 
@@ -260,7 +262,7 @@ class ActuatorModel:
         for name, value in values.items():
             if not isfinite(value):
                 raise ConfigError("is not finite", where=f"values of {self!r}, '{name}'", value=value)
-        return run_ports(self.ports(drive, values, history=history), **self._run_options(drive))
+        return run_ports(self.ports(drive, values, history=history))
 
     def angle_rad(self, drive: Drive, values: Mapping[str, float], *, history: History | None = None) -> Floats:
         """Return the angle (n,) that :meth:`simulate` gives, alone."""
@@ -273,11 +275,7 @@ class ActuatorModel:
 
         A fit calls this method tens of thousands of times.
         """
-        return seen_of_ports(self.ports(drive, values, history=history), **self._run_options(drive))
-
-    def _run_options(self, drive: Drive) -> dict[str, Any]:
-        tanaka = self.phase_law == "tanaka"
-        return {"start_angle_rad": drive.start_angle_rad, "tanaka": tanaka, "theta_l_deg": self.theta_l_deg}
+        return seen_of_ports(self.ports(drive, values, history=history))
 
 
 def require_start(start_angle_rad: object, *, where: str) -> None:

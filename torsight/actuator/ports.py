@@ -118,6 +118,10 @@ class Ports:
     """(n,): Rows of the drive from which the temperatures are taken; fractions are interpolated."""
     history: History = field(default_factory=History)
     """State of the springs after earlier records."""
+    tanaka: bool = False
+    """Whether the phase law is Tanaka's exponential, and not the cosine of Liang and Rogers."""
+    fixed_theta_l: float = 0.0
+    """A constant recoverable angle, rad, in place of the one that follows from the last winding; 0: none."""
     section_weight: Floats = field(default_factory=lambda: np.ones(1))
     section_drop_c: Floats = field(default_factory=lambda: np.zeros(1))
     section_drop_share: Floats = field(default_factory=lambda: np.zeros(1))

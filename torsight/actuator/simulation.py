@@ -120,11 +120,9 @@ class Prediction(Shown):
         draw_series(axes, self.simulation.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
 
 
-def run_ports(
-    ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
-) -> Simulation:
+def run_ports(ports: Ports) -> Simulation:
     """Run the stepping rule on ports, starting from the reading at the first row."""
-    out, unwound = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
+    out, unwound = _stepped(ports)
     phi = out[0] - 0.5 * ports.rig.theta_p_rad
     friction = out[4] - out[3]
     if ports.stray_nm is not None:
@@ -144,9 +142,7 @@ def run_ports(
     )
 
 
-def seen_of_ports(
-    ports: Ports, *, start_angle_rad: float, tanaka: bool = False, theta_l_deg: float | None = None
-) -> tuple[Floats, Floats]:
+def seen_of_ports(ports: Ports) -> tuple[Floats, Floats]:
     """Return the expected angle (n,) at the rows, and its standard deviation (n,) from the instants of jumps, rad.
 
     Film and log each round the instant at which a disk breaks loose to one of their rows. So the measured jump comes up
@@ -154,7 +150,7 @@ def seen_of_ports(
     before the jump and the row after it then show the jump with the probabilities (1 − s)² / 2 and 1 − s² / 2, where s
     is the part of the step that has passed at the model's jump.
     """
-    out, _ = _stepped(ports, start_angle_rad, tanaka=tanaka, theta_l_deg=theta_l_deg)
+    out, _ = _stepped(ports)
     theta_a, sigma = out[0], np.zeros(out.shape[1])
     rows = 1 + out[5, 1:].nonzero()[0]
     if len(rows):
@@ -166,16 +162,15 @@ def seen_of_ports(
     return _read(theta_a - 0.5 * ports.rig.theta_p_rad, ports), sigma
 
 
-def _stepped(ports: Ports, start_angle_rad: float, *, tanaka: bool, theta_l_deg: float | None) -> tuple[Floats, Floats]:
+def _stepped(ports: Ports) -> tuple[Floats, Floats]:
     """Return the result of :func:`torsight.actuator.stepping.kernel.run` on ports."""
-    start = _unread(start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad
+    start = _unread(ports.drive.start_angle_rad, ports) + 0.5 * ports.rig.theta_p_rad
     per_s, temps, directions = ports.sampled()
     changes = directions, ports.friction_scale, ports.load_change(), ports.slipped()
     samples = Samples(per_s, temps, ports.active, ports.half, *changes)
     cycling = np.array((ports.theta_l_scale, ports.theta_l_loss_rad, ports.warmer_heating_c, ports.warmer_cooling_c))
     sections = np.array((ports.section_weight, ports.section_drop_c, ports.section_drop_share))
-    springs = scalars(ports, tanaka=tanaka, theta_l_deg=theta_l_deg)
-    return kernel.run(samples, cycling.T.copy(), springs, _tables(ports), sections, start)
+    return kernel.run(samples, cycling.T.copy(), _scalars(ports), _tables(ports), sections, start)
 
 
 def _read(phi_rad: Floats, ports: Ports) -> Floats:
@@ -192,7 +187,7 @@ _in_order: Final = itemgetter(*(places.SCALARS.names or ()))
 """Selects the kernel's scalars by name, quickly: a fit does so tens of thousands of times."""
 
 
-def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = None) -> NDArray[np.void]:
+def _scalars(ports: Ports) -> NDArray[np.void]:
     """Return the kernel's scalars (2,) of dtype ``SCALARS``: with spring A's values, and with spring B's."""
     rig, grid = ports.rig, ports.grid_rad()
     # Where the load cannot change at a constant angle, the kernel skips samples at which no transformation advances.
@@ -206,7 +201,6 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "slipped_a": 0.0,
         "slipped_b": 0.0,
         "place_step": 0.0 if ports.lead is None else PLACES[1] - PLACES[0],
-        "tanaka": tanaka,
         "grid_start": grid[0],
         "grid_step": grid[1] - grid[0],
         "has_friction": ports.friction_down_nm is not None,
@@ -214,7 +208,6 @@ def scalars(ports: Ports, *, tanaka: bool = False, theta_l_deg: float | None = N
         "steady": not moving_load,
         "unwound_a": unwound_a,
         "unwound_b": unwound_b,
-        "fixed_theta_l": 0.0 if theta_l_deg is None else theta_l_deg * DEG,
     }
     rows = np.array([_in_order(common | _of_spring(ports, spring)) for spring in (0, 1)], np.float64)
     return rows.view(places.SCALARS)[:, 0]

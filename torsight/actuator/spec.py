@@ -6,7 +6,7 @@ Values stay in the public units that their names end in; :class:`torsight.actuat
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -114,17 +114,25 @@ class ActuatorSpec(Frozen):
     source: str = "actuator"
 
     def __post_init__(self) -> None:
-        Frozen.__post_init__(self)
+        plain, own = common(self.values), own_of_b(self.values)
         check_keys(self.values, tuple(ALL_KEYS), where=f"{self.source}, values")
         check_keys(self.uncertainty, tuple(self.values), where=f"{self.source}, uncertainty")
-        for name, key in ALL_KEYS.items():
-            if name in self.values or (name in KEYS and key.table in _REQUIRED[1:]):
-                key.number(self.values, name, where=f"{self.source}, values")
-        for name in self.uncertainty:
-            _sigma(self.uncertainty, name, self.values, where=f"{self.source}, uncertainty")
-        check_order(self.values, where=self.source)
-        if any(name.startswith(SPRING_B) for name in self.values):
-            check_order(values_of_b(self.values), where=f"{self.source}, [spring_b]")
+        wire_keys(plain, where=f"{self.source}, [geometry]")
+        for name in dict.fromkeys((*plain, *keys_of(*_REQUIRED[1:]))):
+            KEYS[name].number(plain, name, where=f"{self.source}, [{KEYS[name].table}]")
+        _check_sigmas(common(self.uncertainty), plain, where=f"{self.source}, [uncertainty]")
+        check_order(plain, where=self.source)
+        if own:
+            where, whole = f"{self.source}, [spring_b]", values_of_b(self.values)
+            wire_keys(whole, where=where)
+            for name in own:
+                KEYS[name].number(own, name, where=where)
+            _check_sigmas(own_of_b(self.uncertainty), own, where=f"{self.source}, [spring_b.uncertainty]")
+            check_order(whole, where=where)
+        sigmas = {name: float(sigma) for name, sigma in self.uncertainty.items() if sigma > 0.0}
+        object.__setattr__(self, "values", {name: float(value) for name, value in self.values.items()})
+        object.__setattr__(self, "uncertainty", sigmas)
+        Frozen.__post_init__(self)
 
     def __repr__(self) -> str:
         return f"ActuatorSpec({self.source}, {len(self.values)} values, {len(self.uncertainty)} with an uncertainty)"
@@ -204,43 +212,26 @@ def actuator_from(content: Mapping[str, Any], *, where: str) -> ActuatorSpec:
     """
     check_keys(content, TABLES, where=where)
     values: dict[str, float] = {}
-    for table_name in _REQUIRED:
-        table = get_table(content, table_name, where=where, required=True)
-        place = f"{where}, [{table_name}]"
-        names = keys_of(table_name)
-        check_keys(table, names, where=place)
-        values |= geometry_from(table, where=place) if table_name == "geometry" else _numbers(table, names, where=place)
-    sticks = get_table(content, "sticks", where=where)
-    check_keys(sticks, ("zero_deg",), where=f"{where}, [sticks]")
-    values |= _numbers(sticks, tuple(sticks), where=f"{where}, [sticks]")
-    uncertainty = _uncertainty(content, values, where=f"{where}, [uncertainty]")
-    own = get_table(content, "spring_b", where=where)
-    if own:
-        own_values, own_uncertainty = _spring_b(own, values, where=f"{where}, [spring_b]")
-        values |= {SPRING_B + name: value for name, value in own_values.items()}
-        uncertainty |= {SPRING_B + name: sigma for name, sigma in own_uncertainty.items()}
-    return ActuatorSpec(values=values, uncertainty=uncertainty, source=where)
+    for name in (*_REQUIRED, "sticks"):
+        table = get_table(content, name, where=where, required=name in _REQUIRED)
+        check_keys(table, keys_of(name), where=f"{where}, [{name}]")
+        values |= table
+    for name in keys_of(*_REQUIRED[1:]):
+        KEYS[name].number(values, name, where=f"{where}, [{KEYS[name].table}]")
+    sigmas = _uncertainty(content, values, where=f"{where}, [uncertainty]")
+    of_b = get_table(content, "spring_b", where=where)
+    check_keys(of_b, (*_OF_SPRINGS, "uncertainty"), where=f"{where}, [spring_b]")
+    own = {name: value for name, value in of_b.items() if name != "uncertainty"}
+    own_sigmas = _uncertainty(of_b, own, where=f"{where}, [spring_b.uncertainty]")
+    return ActuatorSpec(
+        values={**values, **{SPRING_B + name: value for name, value in own.items()}},
+        uncertainty={**sigmas, **{SPRING_B + name: sigma for name, sigma in own_sigmas.items()}},
+        source=where,
+    )
 
 
-def _numbers(table: Mapping[str, Any], names: Iterable[str], *, where: str) -> dict[str, float]:
-    return {name: KEYS[name].number(table, name, where=where) for name in names}
-
-
-def _spring_b(
-    table: Mapping[str, Any], common_values: Mapping[str, float], *, where: str
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the values and uncertainties for spring B alone: any keys of geometry and material."""
-    check_keys(table, (*_OF_SPRINGS, "uncertainty"), where=where)
-    given = {name: value for name, value in table.items() if name != "uncertainty"}
-    whole = values_of_b({**common_values, **{SPRING_B + name: value for name, value in given.items()}})
-    geometry_from(whole, where=where)
-    values = _numbers(given, given, where=where)
-    return values, _uncertainty(table, values, where=f"{where}, [spring_b.uncertainty]")
-
-
-def geometry_from(table: Mapping[str, Any], *, where: str) -> dict[str, float]:
-    """Return a wire's diameter with its length, or with the number of coils and their mean diameter."""
-    length = ("wire_length_mm",)
+def wire_keys(table: Mapping[str, Any], *, where: str) -> tuple[str, ...]:
+    """Return the keys that give a wire: its diameter with its length, or with number and mean diameter of its coils."""
     coils = ("mean_diameter_mm", "active_coils")
     given = [name for name in coils if name in table]
     if given and "wire_length_mm" in table:
@@ -254,10 +245,14 @@ def geometry_from(table: Mapping[str, Any], *, where: str) -> dict[str, float]:
         raise ConfigError(
             "has no key 'wire_length_mm'", where=where, do="add it, or mean_diameter_mm with active_coils"
         )
-    return _numbers(table, ("wire_diameter_mm", *(coils if given else length)), where=where)
+    keys = ("wire_diameter_mm", *(coils if given else ("wire_length_mm",)))
+    for name in keys:
+        KEYS[name].number(table, name, where=where)
+    return keys
 
 
-def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, where: str) -> dict[str, float]:
+def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, where: str) -> Mapping[str, Any]:
+    """Return the table of standard deviations, each of one of the values."""
     table = get_table(content, "uncertainty", where=where)
     for name in table:
         if name in KEYS and name not in values:
@@ -268,26 +263,20 @@ def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, whe
                 do=f"give the value beside it, too, or remove '{name}'",
             )
     check_keys(table, tuple(values), where=where)
-    sigmas = {name: _sigma(table, name, values, where=where) for name in table}
-    return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
+    return table
 
 
-def _sigma(table: Mapping[str, Any], name: str, values: Mapping[str, float], *, where: str) -> float:
-    """Return the standard deviation of a value; one larger than the value itself is refused as in another unit."""
-    key = ALL_KEYS[name]
-    upper = 30.0 if key.unit == "°C" else max(abs(values[name]), 1e-3)
-    if name == "zero_deg":
-        upper = key.upper
-    elif name == "tau_c_mnm":
-        upper *= 10.0
-    return get_number(
-        table,
-        name,
-        where=where,
-        lower=0.0,
-        upper=upper,
-        hint=f"one standard deviation, in the value's unit; the value is {values[name]:g} {key.unit}".rstrip(),
-    )
+def _check_sigmas(sigmas: Mapping[str, Any], values: Mapping[str, float], *, where: str) -> None:
+    """Refuse what is no standard deviation of a value; one larger than the value is in another unit."""
+    for name in sigmas:
+        key = KEYS[name]
+        upper = 30.0 if key.unit == "°C" else max(abs(values[name]), 1e-3)
+        if name == "zero_deg":
+            upper = key.upper
+        elif name == "tau_c_mnm":
+            upper *= 10.0
+        hint = f"one standard deviation, in the value's unit; the value is {values[name]:g} {key.unit}".rstrip()
+        get_number(sigmas, name, where=where, lower=0.0, upper=upper, hint=hint)
 
 
 def check_order(values: Mapping[str, float], *, where: str) -> None:

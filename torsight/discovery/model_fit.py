@@ -29,7 +29,7 @@ from torsight.discovery.discover import (
 )
 from torsight.discovery.inference.explanation import Explanation, covariance, estimates
 from torsight.discovery.inference.noise import Stretches
-from torsight.discovery.own.find import KnownFit, fit_known
+from torsight.discovery.own.find import fit_known
 
 
 @one_thread()
@@ -73,12 +73,12 @@ def fit_model(
         theta_l_deg=model.theta_l_deg,
     )
     named = [effect.id for effect in model.chosen if effect not in problem.always]
-    return _result(problem, fit_known(problem, [*named, *(form.id for form in forms)], progress=progress))
+    found, settled = fit_known(problem, [*named, *(form.id for form in forms)], progress=progress)
+    return _result(problem, found, converged=settled)
 
 
-def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
-    found, drive = known.explanation, problem.drive
-    fit = found.fit
+def _result(problem: ActuatorProblem, found: Explanation, *, converged: bool) -> FitResult:
+    fit, drive = found.fit, problem.drive
     model = problem.model(fit.effects)
     spread = covariance(found)
     sigma = np.sqrt(np.diag(spread))
@@ -97,8 +97,8 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
     rmse_deg = rms(residual[counted]) / DEG
     floor_deg = float(np.sqrt(noise / count.sum()))
     pulled = contradiction(characterised(problem.spec, pulls_of(problem, found)))
-    settled = (misfit(drive, rmse_deg, ratio, floor_deg), pulled, *notes_of_drive(drive))
-    attention = tuple(words for words in settled if words)
+    doubts = (misfit(drive, rmse_deg, ratio, floor_deg), pulled, *notes_of_drive(drive))
+    attention = tuple(words for words in doubts if words)
     return FitResult(
         model=model,
         values=values,
@@ -113,7 +113,7 @@ def _result(problem: ActuatorProblem, known: KnownFit) -> FitResult:
         rmse_deg=rmse_deg,
         r2=share_explained(drive.angle_rad[counted], simulation.angle_rad[counted]),
         cycle=fitted_cycle(drive, simulation, values),
-        converged=known.settled,
+        converged=converged,
         silent_about=silent_about,
         notes=(*attention, *notes_of_fit(model, silent_about)),
         attention=attention,

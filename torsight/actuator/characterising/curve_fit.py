@@ -33,8 +33,8 @@ _STEP: Final = 1e-4
 class CurveFit(Frozen):
     """A fitted curve: best values, estimates with 95 % intervals, and the covariance (p, p) in the order of ``names``.
 
-    ``fitted`` is the curve (n,) and ``residual`` measured minus fitted (n,); ``rmse`` is in the unit of the measured
-    values, ``r2`` the explained share of their variance.
+    ``fitted`` is the curve (n,), ``rmse`` in the unit of the measured values, ``r2`` the explained share of their
+    variance.
     """
 
     values: Mapping[str, float]
@@ -42,7 +42,6 @@ class CurveFit(Frozen):
     names: tuple[str, ...]
     covariance: Floats
     fitted: Floats
-    residual: Floats
     rmse: float
     r2: float
 
@@ -113,7 +112,6 @@ def fit_curve(
         names=names,
         covariance=covariance,
         fitted=measured - residual,
-        residual=residual,
         rmse=rms(residual),
         r2=share_explained(measured, measured - residual),
     )

@@ -8,7 +8,6 @@ like measured ones. The rig of figure 17 differs from its characterised values b
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,112 +15,111 @@ import numpy as np
 
 from torsight.actuator.characterising.characterisation import characterise
 from torsight.actuator.characterising.characterised import Characterisation
-from torsight.actuator.characterising.figures import (
-    Line,
-    MotionCycle,
-    characterisation_figures,
-    draw,
-    motion_figure,
-    stiffness_figure,
-    strain_figure,
-)
+from torsight.actuator.characterising.figures import Line, characterisation_figures, draw
 from torsight.actuator.characterising.paper_record import Played, play, spring_logs
+from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import REFERENCE_UNCERTAINTY, REFERENCE_VALUES, ActuatorSpec, reference_spec
-from torsight.actuator.springs import Rig
+from torsight.actuator.springs import Rig, strain_ratio, torsional_stiffness
 from torsight.actuator.stepping.closed_form import stable_cycle
 from torsight.core.files.storage import write_json, write_table
 from torsight.core.minimise import least_squares
 from torsight.core.progress import Progress, silent
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms, share_explained
-from torsight.core.units import DEG, MNM, MPA, Floats
+from torsight.core.units import DEG, MM, MNM, MPA, Floats
 
 CASE_B_TAU_C_MNM: Final = 2.6
 """A friction at which the reference rig is in case (b), which begins at 1.59 mN·m (``stable_cycle``)."""
 _ANGLE_NOISE_RAD: Final = 0.1 * DEG
 """White noise of the record that is fitted for figure 17, a choice: twice the noise of a good film."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrictionTest:
-    """A cycle of A with the friction torque fitted: measured and modelled angle (n,) over the temperature, °C."""
-
-    tau_c_mnm: float
-    temp_c: Floats
-    measured_deg: Floats
-    modelled_deg: Floats
-
-    @property
-    def rmse_deg(self) -> float:
-        """Root mean square error."""
-        return rms(self.off_deg)
-
-    @property
-    def off_deg(self) -> Floats:
-        """Measured minus modelled angle."""
-        return self.measured_deg - self.modelled_deg
+_COMPRESSIONS_MM: Final = (0.25, 0.5, 1.0, 2.0)
 
 
 def make_paper(out: Path, *, seed: int = 0, progress: Progress = silent) -> dict[str, Any]:
     """Draw figures 4, 5, 7, 9 to 12 and 15 to 17 into a folder, write ``paper.json`` and return its content."""
-    spec = reference_spec()
-    rig = Rig.from_values(spec.values)
-    case_a = play(spec.values)
-    case_b = play({**spec.values, "tau_c_mnm": CASE_B_TAU_C_MNM})
+    values = reference_spec().values
+    case_a, case_b = play(values), play({**values, "tau_c_mnm": CASE_B_TAU_C_MNM})
     found = characterise(spring_logs(seed=seed), progress=progress)
     friction = _friction_test(seed=seed)
-    motions = {
-        "case (a)": _motion(case_a, spec.values),
-        "case (b)": _motion(case_b, {**spec.values, "tau_c_mnm": CASE_B_TAU_C_MNM}),
-    }
     drawings: list[Callable[[], list[Path]]] = [
-        lambda: [strain_figure(out / "figure_04_strain.png", rig, active_coils=spec.values["active_coils"])],
-        lambda: [stiffness_figure(out / "figure_05_stiffness.png", rig)],
-        lambda: [motion_figure(out / "figure_07_motion.png", motions, rig)],
-        lambda: list(characterisation_figures(out, found)),
-        lambda: list(_cycle_figures(out, case_a)),
-        lambda: [_friction_figure(out / "figure_17_angle_temperature.png", friction)],
+        lambda: [_strain_figure(out / "figure_04_strain.png", case_a.rig, active_coils=values["active_coils"])],
+        lambda: [_stiffness_figure(out / "figure_05_stiffness.png", case_a.rig)],
+        lambda: [_motion_figure(out / "figure_07_motion.png", {"case (a)": case_a, "case (b)": case_b})],
+        lambda: characterisation_figures(out, found),
+        lambda: _cycle_figures(out, case_a),
+        lambda: [_friction_figure(out / "figure_17_angle_temperature.png", *friction[1:])],
     ]
     figures: list[Path] = []
     for number, drawing in enumerate(drawings):
         progress("figures", number, len(drawings))
         figures += drawing()
     progress("figures", len(drawings), len(drawings))
-    content = {"numbers": _numbers(case_a, found, friction, rig), "figures": [path.name for path in figures]}
+    content = {"numbers": _numbers(case_a, found, *friction), "figures": [path.name for path in figures]}
     write_json(out / "paper.json", content)
-    write_table(
-        out / "cycle.csv",
-        {
-            "time_s": case_a.drive.time_s,
-            "angle_deg": case_a.simulation.angle_rad / DEG,
-            "temp_a_c": case_a.log.temp_a_c,
-            "temp_b_c": case_a.log.temp_b_c,
-            "torque_a_mnm": case_a.simulation.torque_a_nm / MNM,
-            "torque_b_mnm": case_a.simulation.torque_b_nm / MNM,
-            "xi_a": case_a.simulation.xi_a,
-            "xi_b": case_a.simulation.xi_b,
-        },
-    )
+    table = case_a.simulation.to_frame()
+    columns = ("time_s", "angle_deg", "temp_a_c", "temp_b_c", "torque_a_mnm", "torque_b_mnm", "xi_a", "xi_b")
+    write_table(out / "cycle.csv", {name: table[name].to_numpy() for name in columns})
     return content
 
 
-def _motion(played: Played, values: Mapping[str, float]) -> MotionCycle:
-    """Return both torques over θ^A in one cycle; its corners are the ends of the heatings and coolings."""
-    simulation, half = played.simulation, played.drive.cycles.half
-    theta = simulation.phi_rad + 0.5 * Rig.from_values(values).theta_p_rad
-    cooled = int(np.flatnonzero(half == 0)[-1])
-    hottest = [int(np.argmax(temp)) for temp in (played.log.temp_a_c, played.log.temp_b_c)]
-    return MotionCycle(
-        theta, simulation.torque_a_nm, simulation.torque_b_nm, np.asarray(half, np.int64), values["tau_c_mnm"] * MNM,
-        (0, hottest[0], cooled, hottest[1]),
-    )  # fmt: skip
+def _strain_figure(path: Path, rig: Rig, *, active_coils: float) -> Path:
+    """Draw figure 4: shear strain over normal strain for several pre-compressions."""
+    angle, wire = np.linspace(20.0, 800.0, 400), {"wire_diameter_m": rig.wire_diameter_m, "active_coils": active_coils}
+    wire["wire_length_m"] = rig.wire_length_m
+    lines = [
+        Line(angle, strain_ratio(angle * DEG, compression_m=size * MM, **wire), f"$L_\\delta$ = {size:g} mm")
+        for size in _COMPRESSIONS_MM
+    ]
+    title = "Figure 4: shear over normal strain"
+    return draw(path, {title: lines}, x_label="torsion angle θ (°)", y_label="γ / ε")
 
 
-def _friction_test(*, seed: int) -> FrictionTest:
-    """Return the paper's last step: the cycle of A measured on a rig whose values differ by the usual errors.
+def _stiffness_figure(path: Path, rig: Rig) -> Path:
+    """Draw figure 5: torsional stiffness against angle for several fractions."""
+    angle = np.linspace(0.0, 540.0, 541)
+    lines = [
+        Line(angle, torsional_stiffness(rig, angle * DEG, xi=xi) / MNM * DEG, f"ξ = {xi:g}")
+        for xi in (0.0, 0.25, 0.5, 0.75, 1.0)
+    ]
+    title = "Figure 5: torsional stiffness"
+    return draw(path, {title: lines}, x_label="torsion angle θ (°)", y_label="stiffness (mN·m/°)")
 
-    As in the paper all characterised values are taken as exact; the friction torque and the sticks' zero are fitted.
+
+def _motion_figure(path: Path, cases: Mapping[str, Played]) -> Path:
+    """Draw figure 7: torque of spring A over its angle through a whole cycle, per case, within the friction's band.
+
+    1 to 2 A is heated, 2 to 3 it cools; 3 to 4 B is heated and winds A, 4 to 1 B cools.
+    """
+    panels, notes = {}, []
+    for label, played in cases.items():
+        rig, simulation = played.rig, played.simulation
+        angle = np.linspace(0.0, rig.theta_p_rad, 400)
+        loading = np.array([rig.loading_torque(value) for value in angle])
+        theta, torque = (simulation.phi_rad + 0.5 * rig.theta_p_rad) / DEG, simulation.torque_a_nm / MNM
+        of_a, of_b = (played.drive.cycles.half == half for half in (0, 1))
+        first, band, tau_c = theta[of_a], simulation.torque_b_nm[of_a] / MNM, rig.tau_c_nm / MNM
+        panels[f"Figure 7, {label}"] = [
+            Line(angle / DEG, loading / MNM, "martensite being wound", "k:"),
+            Line(first, band, "τᴮ while A is driven (no friction)", "C7-"),
+            Line(first, band + tau_c, "τᴮ ± τ_c", "C7--"),
+            Line(first, band - tau_c, "", "C7--"),
+            Line(first, torque[of_a], "τᴬ, A heated and cooled", "C0-"),
+            Line(theta[of_b], torque[of_b], "τᴬ, B heated and cooled", "C1-"),
+        ]
+        hottest_a, hottest_b = (int(np.argmax(temp)) for temp in (played.log.temp_a_c, played.log.temp_b_c))
+        corners = (0, hottest_a, int(np.flatnonzero(of_a)[-1]), hottest_b)
+        notes.append(
+            {number: (float(theta[row]), float(torque[row])) for number, row in zip("1234", corners, strict=True)}
+        )
+    return draw(path, panels, x_label="θᴬ (°)", y_label="torque (mN·m)", notes=notes)
+
+
+def _friction_test(*, seed: int) -> tuple[float, Drive, Floats]:
+    """Return the paper's last step: fitted friction torque, mN·m, the prepared record, and the modelled angle (n,), °.
+
+    The cycle of A is measured on a rig whose values differ by the usual errors. As in the paper all characterised
+    values are taken as exact; the friction torque and the sticks' zero are fitted.
     """
     rng = np.random.default_rng([seed, 17])
     values = dict(REFERENCE_VALUES)
@@ -137,54 +135,45 @@ def _friction_test(*, seed: int) -> FrictionTest:
     model = ActuatorModel(ActuatorSpec(REFERENCE_VALUES, {}, source="reference rig"))
     drive = model.prepare(table)
 
-    def played_with(free: Floats) -> FrictionTest:
-        modelled = model.angle_rad(drive, {"tau_c_mnm": free[0], "zero_deg": free[1]})
-        return FrictionTest(float(free[0]), drive.temp_a_c, drive.angle_rad / DEG, modelled / DEG)
+    def modelled_deg(free: Floats) -> Floats:
+        return model.simulate(drive, {"tau_c_mnm": free[0], "zero_deg": free[1]}).angle_rad / DEG
 
     start = np.array([REFERENCE_VALUES["tau_c_mnm"], 0.0])
-    return played_with(least_squares(lambda free: played_with(free).off_deg, start)[0])
+    found = least_squares(lambda free: drive.angle_rad / DEG - modelled_deg(free), start)[0]
+    return float(found[0]), drive, modelled_deg(found)
 
 
-def _friction_figure(path: Path, found: FrictionTest) -> Path:
+def _friction_figure(path: Path, drive: Drive, modelled_deg: Floats) -> Path:
     """Draw figure 17: measured and modelled angle over the temperature of A."""
-    temp, measured, modelled = found.temp_c, found.measured_deg, found.modelled_deg
-    top = int(np.argmax(temp))
-    heating, cooling = slice(None, top + 1), slice(top, None)
-    return draw(
-        path,
-        [
-            Line(temp[heating], measured[heating], "A heated, a rig with the usual errors", "C0."),
-            Line(temp[heating], modelled[heating], "A heated, model", "C0-"),
-            Line(temp[cooling], measured[cooling], "A cooled, the same rig", "C1."),
-            Line(temp[cooling], modelled[cooling], "A cooled, model", "C1-"),
-        ],
-        x_label="temperature of A (°C)",
-        y_label="angle φ (°)",
-        title="Figure 17: angle against temperature, τ_c fitted",
-    )
+    temp, measured_deg = drive.temp_a_c, drive.angle_rad / DEG
+    top, lines = int(np.argmax(temp)), []
+    for number, (way, rig, rows) in enumerate(
+        (("heated", "a rig with the usual errors", slice(None, top + 1)), ("cooled", "the same rig", slice(top, None)))
+    ):
+        lines.append(Line(temp[rows], measured_deg[rows], f"A {way}, {rig}", f"C{number}."))
+        lines.append(Line(temp[rows], modelled_deg[rows], f"A {way}, model", f"C{number}-"))
+    title = "Figure 17: angle against temperature, τ_c fitted"
+    return draw(path, {title: lines}, x_label="temperature of A (°C)", y_label="angle φ (°)")
 
 
 def _cycle_figures(out: Path, played: Played) -> list[Path]:
     minutes = played.drive.time_s / 60.0
-    angle = played.simulation.angle_rad / DEG
+    angle = [Line(minutes, played.simulation.angle_rad / DEG)]
+    temps = [Line(minutes, played.log.temp_a_c, "spring A"), Line(minutes, played.log.temp_b_c, "spring B")]
     return [
-        draw(
-            out / "figure_15_angle.png", [Line(minutes, angle, "")], x_label="time (min)", y_label="angle φ (°)",
-            title="Figure 15: angle in one cycle",
-        ),
-        draw(
-            out / "figure_16_temperature.png",
-            [Line(minutes, played.log.temp_a_c, "spring A"), Line(minutes, played.log.temp_b_c, "spring B")],
-            x_label="time (min)", y_label="temperature (°C)", title="Figure 16: temperatures",
-        ),
-    ]  # fmt: skip
+        draw(out / f"figure_{name}.png", {title: lines}, x_label="time (min)", y_label=label)
+        for name, title, lines, label in (
+            ("15_angle", "Figure 15: angle in one cycle", angle, "angle φ (°)"),
+            ("16_temperature", "Figure 16: temperatures", temps, "temperature (°C)"),
+        )
+    ]
 
 
 def _numbers(
-    played: Played, found: Characterisation, friction: FrictionTest, rig: Rig
+    played: Played, found: Characterisation, tau_c_mnm: float, drive: Drive, modelled_deg: Floats
 ) -> dict[str, dict[str, float | str | None]]:
     """Return the paper's numbers beside ours."""
-    angle = played.simulation.angle_rad / DEG
+    angle, rig, measured_deg = played.simulation.angle_rad / DEG, played.rig, drive.angle_rad / DEG
     first = played.drive.cycles.half == 0
     reached = np.flatnonzero(angle[first] <= angle[first].min() + 1e-6)
     cycle = stable_cycle(rig)
@@ -196,9 +185,9 @@ def _numbers(
         ("theta_3", None, cycle.theta_3_rad / DEG, "°"),
         ("largest_stress", None, rig.stress_per_torque * float(played.simulation.torque_a_nm.max()) / MPA, "MPa"),
         *_test_numbers(found),
-        ("figure_17_rmse", 16.7588, friction.rmse_deg, "°"),
-        ("figure_17_r2", 0.9867, share_explained(friction.measured_deg, friction.modelled_deg), ""),
-        ("figure_17_tau_c", None, friction.tau_c_mnm, "mN·m"),
+        ("figure_17_rmse", 16.7588, rms(measured_deg - modelled_deg), "°"),
+        ("figure_17_r2", 0.9867, share_explained(measured_deg, modelled_deg), ""),
+        ("figure_17_tau_c", None, tau_c_mnm, "mN·m"),
     ]
     return {name: {"paper": paper, "ours": float(ours), "unit": unit} for name, paper, ours, unit in rows}
 

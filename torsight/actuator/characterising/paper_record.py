@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -27,6 +27,7 @@ SCATTER: Final[Mapping[str, float]] = {
 _ROOM_C: Final = 23.0
 _HOT_C: Final = 76.0
 _STEP_S: Final = 0.25
+"""Room, reference of the heating and time between rows, choices: the stroke ends close to 70 °C, as in the paper."""
 _AT_ITS_GOAL_S, _OFF_S, _END_S = 500.0, 600.0, 900.0
 """Ten minutes of heating and five of natural cooling, as in the paper; the time at which the temperature reaches its
 reference is a choice."""
@@ -40,18 +41,16 @@ twice this share change no motion, since 23 °C + 0.2 · 53 °C is still below A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """One cycle of the paper's programme on the reference rig."""
+    """One cycle of the paper's programme on a rig."""
 
+    rig: Rig
     drive: Drive
     simulation: Simulation
     log: TemperatureLog
 
 
-def paper_log() -> TemperatureLog:
-    """Return the log of ten minutes of heating and five of natural cooling, of A and then of B.
-
-    The other spring warms up a little.
-    """
+def _log() -> TemperatureLog:
+    """Return the log of A and then of B; the other spring warms up a little."""
     time_s = np.arange(0.0, _END_S, _STEP_S)
     rise = np.clip(time_s / _AT_ITS_GOAL_S, 0.0, 1.0)
     on, off = time_s < _OFF_S, np.zeros(len(time_s), np.bool_)
@@ -74,13 +73,10 @@ def paper_log() -> TemperatureLog:
 
 def play(values: Mapping[str, float]) -> Played:
     """Simulate the paper's programme on a rig that starts from its own stable cycle."""
-    spec = ActuatorSpec(values, source="reference rig")
-    model = ActuatorModel(spec)
-    rig = Rig.from_values(values)
-    log = paper_log()
+    model, rig, log = ActuatorModel(ActuatorSpec(values, source="reference rig")), Rig.from_values(values), _log()
     start = stable_cycle(rig).theta_1_rad - 0.5 * rig.theta_p_rad
     drive = model.prepare_log(log, start_angle_rad=start)
-    return Played(drive, model.simulate(drive), log)
+    return Played(rig, drive, model.simulate(drive), log)
 
 
 def spring_logs(*, seed: int = 0) -> SpringTests:
@@ -94,11 +90,9 @@ def spring_logs(*, seed: int = 0) -> SpringTests:
         for size in (118.0, 138.0)
     )
     geometry = {name: values[name] for name in ("wire_diameter_mm", "mean_diameter_mm", "active_coils")}
+    assembly, friction = ({name: values[name]} for name in ("theta_p_deg", "tau_c_mnm"))
     nothing = Block(temp, temp, _BLOCK_DEG, "block test")
-    bare = SpringTests(
-        geometry, _LEVER_MM * MM, recoveries, (), nothing,
-        {"theta_p_deg": values["theta_p_deg"]}, {"tau_c_mnm": values["tau_c_mnm"]},
-    )  # fmt: skip
+    bare = SpringTests(geometry, _LEVER_MM * MM, recoveries, (), nothing, assembly, friction)
     forces = []
     for large, top, name in 2 * ((False, 60.0, "small_n"), (True, 460.0, "large_n")):
         angle = np.linspace(2.0, top, rows)
@@ -107,15 +101,7 @@ def spring_logs(*, seed: int = 0) -> SpringTests:
         force = bare.force_per_deg_gpa * load + SCATTER[name] * rng.standard_normal(rows)
         low, high = LARGE_RANGE_DEG if large else (2.0, top)
         forces.append(ForceAngle(angle, force, large, low, high, name))
-    return SpringTests(
-        geometry,
-        bare.lever_m,
-        recoveries,
-        tuple(forces),
-        _block_log(bare, values, rng, rows),
-        bare.assembly,
-        bare.friction,
-    )
+    return replace(bare, forces=tuple(forces), block=_block_log(bare, values, rng, rows))
 
 
 def _block_log(tests: SpringTests, values: Mapping[str, float], rng: np.random.Generator, rows: int) -> Block:

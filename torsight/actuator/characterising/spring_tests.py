@@ -38,7 +38,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from torsight.actuator.spec import KEYS, geometry_from, keys_of
+from torsight.actuator.spec import KEYS, keys_of, wire_keys
 from torsight.actuator.springs import strain_per_angle, stress_per_torque, wire_length_mm
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.config import get_number, get_table, get_tables, get_text
@@ -144,7 +144,7 @@ def read_tests(path: AnyPath) -> SpringTests:
     check_keys(content, ("spring", "free_recovery", "force_angle", "block", "assembly", "friction"), where=where)
     spring = get_table(content, "spring", where=where, required=True)
     check_keys(spring, (*keys_of("geometry"), "lever_mm"), where=f"{where}, [spring]")
-    geometry = geometry_from(spring, where=f"{where}, [spring]")
+    geometry = {name: float(spring[name]) for name in wire_keys(spring, where=f"{where}, [spring]")}
     block = get_table(content, "block", where=where, required=True)
     others = {}
     for name, key in (("assembly", "theta_p_deg"), ("friction", "tau_c_mnm")):

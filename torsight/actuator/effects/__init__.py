@@ -174,3 +174,6 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
 def _order(effect: Effect) -> tuple[int, int, str]:
     """Return the sort key of an effect: stage (clocks first, the camera last), then order, then id."""
     return STAGES.index(effect.acts_on), effect.order, effect.id
+
+
+__all__ = ["Derived", "Effect", "Parameter", "Ports", "Values", "amplitude_and_phase", "load_effects"]

@@ -9,14 +9,10 @@ Systems with Actuator Nonlinearities (1996).
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.compiled import compiled
-from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, Floats
 
 
@@ -37,7 +33,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_reading(lambda phi_rad, _time_s: follow(phi_rad, half_rad))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="backlash",
     family="mechanics",
     acts_on="reading",

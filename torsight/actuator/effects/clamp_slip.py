@@ -11,13 +11,9 @@ defect of torsion and bending rigs.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values, marker_slip
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values, marker_slip
 from torsight.core.units import DEG
 
 
@@ -28,7 +24,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_slip(abs(by) * marker_slip.step(ports.time_s, at_s=at_s), spring="a" if by > 0.0 else "b")
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="clamp_slip",
     family="mechanics",
     acts_on="torque",

@@ -9,11 +9,7 @@ time synchronisation, e.g. Mills, RFC 5905.
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import PPM
 
 
@@ -25,7 +21,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.at_log_times(ports.time_s * (1.0 + drift_ppm * PPM) + offset_s)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="clock_offset",
     family="clock",
     acts_on="clock",

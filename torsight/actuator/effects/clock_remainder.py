@@ -11,11 +11,7 @@ synchronises agree within tens of milliseconds (Mills, RFC 5905).
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -24,7 +20,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_temperatures(lambda temp, rate: (temp + ahead_s * rate, rate))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="clock_remainder",
     family="remainder",
     acts_on="temperature",

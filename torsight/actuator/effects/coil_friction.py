@@ -9,13 +9,10 @@ the stroke, and its sign follows the direction of motion. Source: the paper, sec
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import REACH_RAD, Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.ports import REACH_RAD
 from torsight.core.units import DEG, MNM
 
 
@@ -29,7 +26,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_friction(one, one, added)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="coil_friction",
     family="friction",
     acts_on="friction",

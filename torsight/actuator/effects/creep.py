@@ -11,13 +11,9 @@ Bruhns, Int. J. Solids Struct. 45 (2008) 1876.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -28,7 +24,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(passive_scale=left, first_share=float(left[np.searchsorted(ports.half, 1) - 1]))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="creep",
     family="material",
     acts_on="torque",

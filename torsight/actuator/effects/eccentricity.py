@@ -14,9 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values, amplitude_and_phase
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values, amplitude_and_phase
 from torsight.core.units import DEG, Floats
 
 _NAMES: Final = ("eccentric_sine_deg", "eccentric_cosine_deg", "tilt_sine_deg", "tilt_cosine_deg")
@@ -37,7 +35,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_reading(read)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="eccentricity",
     family="camera",
     acts_on="reading",

@@ -13,9 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.series import extent
 from torsight.core.units import DEG, MNM, Floats
 
@@ -51,7 +49,7 @@ def starts_from(angle_rad: Floats) -> tuple[Values, ...]:
     return tuple({"stop_deg": end_deg} for end_deg in ends_deg(angle_rad))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="end_stop",
     family="mechanics",
     acts_on="torque",

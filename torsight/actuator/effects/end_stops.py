@@ -8,12 +8,8 @@ r"""Stops at both ends of the stroke, with equal stiffness.
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.actuator.effects.end_stop import ends_deg, stiffness, stop_torque
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
 from torsight.core.units import DEG, MNM, Floats
 
 
@@ -32,7 +28,7 @@ def starts_from(angle_rad: Floats) -> tuple[Values, ...]:
     return ({"stops_low_deg": low_deg, "stops_high_deg": high_deg},)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="end_stops",
     family="mechanics",
     acts_on="torque",

@@ -12,11 +12,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from torsight.actuator.effects import Effect, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.actuator.laws.phase_window import exponential_lead
-from torsight.actuator.ports import Ports
 from torsight.actuator.stepping.phase import PLACES
-from torsight.core.parameter import Parameter
 
 _LEAD: Final = exponential_lead(PLACES)
 
@@ -27,7 +25,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_lead(lead, lead)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="exponential_law",
     family="material",
     acts_on="phase",

@@ -16,9 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import Floats, Ints
 
 _WOUND: Final = 2.0 / 3.0
@@ -49,7 +47,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     )
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="fatigue",
     family="material",
     acts_on="phase",

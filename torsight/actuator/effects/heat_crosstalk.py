@@ -12,13 +12,9 @@ cold, then a shorter stroke and an early return at the hot end. Source: the pape
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -29,7 +25,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(temp_a_c=temp_a_c, temp_b_c=temp_b_c, passive_share=values["passive_share"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="heat_crosstalk",
     family="heat",
     acts_on="phase",

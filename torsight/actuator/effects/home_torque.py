@@ -13,11 +13,7 @@ by the properties of the actuator').
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -25,7 +21,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(home_hold=ports.home_hold * values["home_hold"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="home_torque",
     family="start",
     acts_on="friction",

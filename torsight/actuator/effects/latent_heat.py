@@ -9,11 +9,7 @@ Shield and Bruno, Acta Metall. Mater. 41 (1993) 2477.
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -21,7 +17,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(latent_c_s=ports.latent_c_s + values["latent_c_s"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="latent_heat",
     family="heat",
     acts_on="temperature",

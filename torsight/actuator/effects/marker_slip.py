@@ -16,9 +16,7 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats
 
@@ -97,7 +95,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_reading(lambda phi_rad, time_s: phi_rad + height * step(time_s, at_s=at_s))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="marker_slip",
     family="camera",
     acts_on="reading",

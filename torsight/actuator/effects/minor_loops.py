@@ -12,11 +12,7 @@ Preisach's model is m = 1 where all parts of the wire have hysteresis of equal w
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -24,7 +20,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(loop_memory=values["loop_memory"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="minor_loops",
     family="material",
     acts_on="phase",

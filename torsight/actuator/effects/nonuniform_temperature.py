@@ -10,13 +10,10 @@ Source: end conduction of heated wires, e.g. Incropera and DeWitt, Fundamentals 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -32,7 +29,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     )
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="nonuniform_temperature",
     family="heat",
     acts_on="phase",

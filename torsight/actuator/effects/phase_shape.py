@@ -11,11 +11,7 @@ Intell. Mater. Syst. Struct. 1 (1990) 207, who choose the cosine for its shape.
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -23,7 +19,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(heating_bend=values["heating_bend"], cooling_bend=values["cooling_bend"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="phase_shape",
     family="form",
     acts_on="phase",

@@ -11,13 +11,9 @@ Automatica 30 (1994) 1083.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values, amplitude_and_phase
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values, amplitude_and_phase
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -31,7 +27,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_friction(factor, factor)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="position_friction",
     family="friction",
     acts_on="friction",

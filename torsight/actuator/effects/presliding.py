@@ -13,11 +13,7 @@ begins to slide later. Source: Iwan, J. Appl. Mech. 33 (1966) 893; presliding fr
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import DEG
 
 
@@ -26,7 +22,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(seat_rad=values["presliding_deg"] * DEG, seat_spread=values["presliding_spread"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="presliding",
     family="friction",
     acts_on="friction",

@@ -9,13 +9,9 @@ Otsuka and Ren, Prog. Mater. Sci. 50 (2005) 511, section 3.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import DEG
 
 
@@ -28,7 +24,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(side_a_nm=side_a_nm, side_b_nm=side_b_nm)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="r_phase",
     family="material",
     acts_on="torque",

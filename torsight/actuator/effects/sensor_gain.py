@@ -9,11 +9,7 @@ Michalski et al., Temperature Measurement (2001), ch. 16.
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -22,7 +18,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_temperatures(lambda temp, rate: (room_c + (temp - room_c) / gain, rate / gain))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="sensor_gain",
     family="sensor",
     acts_on="temperature",

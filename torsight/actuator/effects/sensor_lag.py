@@ -14,12 +14,8 @@ temperature is constant. Source: first-order contact thermometry, e.g. Michalski
 
 from __future__ import annotations
 
-from typing import Final
-
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import Floats
 
 
@@ -44,7 +40,7 @@ def _parts_s(values: Values) -> tuple[float, float]:
     return delay_s, values["lag_s"] - delay_s
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="sensor_lag",
     family="sensor",
     acts_on="temperature",

@@ -10,11 +10,7 @@ Source: tolerance of a thermocouple, 1.5 °C for class 1 and 2.5 °C for class 2
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -23,7 +19,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_temperatures(lambda temp, rate: (temp - offset_c, rate))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="sensor_offset",
     family="sensor",
     acts_on="temperature",

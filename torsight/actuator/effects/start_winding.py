@@ -15,9 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import DEG
 
 _SIGMA_DEG: Final = 10.0
@@ -35,7 +33,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(theta_l_loss_rad=loss)
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="start_winding",
     family="start",
     acts_on="phase",

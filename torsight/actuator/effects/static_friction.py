@@ -14,13 +14,10 @@ springs release is dissipated by friction alone (Rabinowicz, Friction and Wear o
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import DWELL_DECADES, Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.ports import DWELL_DECADES
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -30,7 +27,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.with_dwell(1.0 + values["static_excess"] * (1.0 - left)).changed(swing=values["static_swing"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="static_friction",
     family="friction",
     acts_on="friction",

@@ -11,13 +11,10 @@ directions. Source: the paper, section 4.1, step 2; end of detwinning, e.g. Lago
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import REACH_RAD, Ports, no_steeper
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.ports import REACH_RAD, no_steeper
 from torsight.core.units import DEG, MNM, Floats
 
 
@@ -35,7 +32,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports if share == 1.0 else ports.with_side(part_nm(1.0 - share, ports.rig.k_austenite))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="stiffening",
     family="material",
     acts_on="torque",

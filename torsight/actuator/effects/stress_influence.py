@@ -12,12 +12,9 @@ files often have one value from a table for both.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.actuator.springs import Rig
-from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -33,7 +30,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(rig=scaled(ports.rig), rig_b=scaled(ports.rig_b))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="stress_influence",
     family="material",
     acts_on="phase",

@@ -11,12 +11,8 @@ records continue the count. Source: defects that cycling creates, e.g. Miyazaki,
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.actuator.effects.fatigue import persistence, settling
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -28,7 +24,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     )
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="transformation_drift",
     family="material",
     acts_on="phase",

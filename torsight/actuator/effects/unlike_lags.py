@@ -11,12 +11,8 @@ Temperature Measurement (2001), ch. 15.
 
 from __future__ import annotations
 
-from typing import Final
-
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import Floats
 
 
@@ -31,7 +27,7 @@ def seen(drive: Drive, fitted_s: Floats, values: Values) -> float:
     return drive.sensors.log_evidence(values["lag_a_s"], values["lag_b_s"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="unlike_lags",
     family="sensor",
     acts_on="temperature",

@@ -10,11 +10,7 @@ fluids (Ostwald and de Waele).
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.core.units import MNM
 
 
@@ -24,7 +20,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(viscous_nms=viscous_nms, viscous_power=values["viscous_power"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="viscous_friction",
     family="friction",
     acts_on="friction",

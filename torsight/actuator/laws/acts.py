@@ -21,8 +21,9 @@ Curve = Callable[[Floats], Floats]
 _STEPS: Final = phase_steps(PLACES)
 _VALUES: Final = ("a_start_c", "a_finish_c", "m_start_c", "m_finish_c")
 _SHARES: Final = ("k_austenite", "k_martensite", "k_stress_induced", "theta_cr_rad")
-DIFFERING: Final = len(_VALUES) + len(_SHARES)
-"""Number of values in which two springs of one kind may differ."""
+TEMPERATURES: Final = len(_VALUES)
+DIFFERING: Final = TEMPERATURES + len(_SHARES)
+"""Number of values in which two springs of one kind may differ, the transformation temperatures first."""
 
 
 def stray(ports: Ports, law: Curve) -> Ports:
@@ -206,9 +207,8 @@ def differing(ports: Ports, law: Curve) -> Ports:
     """Let spring B differ from A: the law gives offsets of four temperatures (°C), of three moduli and θ_cr (%)."""
     rig = ports.rig_b
     values = law(np.arange(DIFFERING, dtype=np.float64))
-    shifted = {name: getattr(rig, name) + float(by) for name, by in zip(_VALUES, values[:4], strict=True)}
-    scaled = {
-        name: getattr(rig, name) * (1.0 + 0.01 * by) for name, by in zip(_SHARES, values[4:].tolist(), strict=True)
-    }
+    warmer_c, per_cent = values[:TEMPERATURES].tolist(), values[TEMPERATURES:].tolist()
+    shifted = {name: getattr(rig, name) + by for name, by in zip(_VALUES, warmer_c, strict=True)}
+    scaled = {name: getattr(rig, name) * (1.0 + 0.01 * by) for name, by in zip(_SHARES, per_cent, strict=True)}
     other: Rig = replace(rig, **shifted, **scaled)
     return ports.changed(rig_b=other)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from torsight.actuator.laws.acts import TEMPERATURES
 from torsight.actuator.laws.nodes import COLDEST
 from torsight.actuator.laws.phase_window import IN_WINDOW, exponential_lead, phase_places
 from torsight.core.law import Kernel, outer, slope, smooth_kernels, usual_kernels
@@ -161,16 +162,14 @@ def unlike(nodes: Floats) -> tuple[Kernel, ...]:
 
     The values are those of :func:`differing`: four temperatures in °C, four shares in per cent.
     """
-    size = len(nodes)
-    together = np.zeros(size)
-    together[:4] = 1.0
-    moduli = np.zeros(size)
-    moduli[4:7] = 1.0
-    each = 0.1 * np.eye(size)
+    place = np.arange(len(nodes))
+    # The critical angle, the last of the values, is no modulus.
+    together, moduli = place < TEMPERATURES, (place >= TEMPERATURES) & (place < place[-1])
+    alike, scaled = (np.outer(one, one).astype(np.float64) for one in (together, moduli))
     return (
-        Kernel("transformation temperatures together", np.outer(together, together), smooth=False),
-        Kernel("moduli together", np.outer(moduli, moduli), smooth=False),
-        Kernel("all values", np.outer(together, together) + np.outer(moduli, moduli) + each, smooth=True),
+        Kernel("transformation temperatures together", alike, smooth=False),
+        Kernel("moduli together", scaled, smooth=False),
+        Kernel("all values", alike + scaled + 0.1 * np.eye(len(nodes)), smooth=True),
     )
 
 

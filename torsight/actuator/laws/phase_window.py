@@ -11,7 +11,7 @@ from torsight.core.units import Floats
 
 IN_WINDOW: Final = 10
 """Steps of the phase law's angle through a window, a choice: 18° of the cosine's argument each."""
-_PAST_WINDOW: Final = 5
+_PAST_WINDOW: Final = IN_WINDOW // 2
 """Steps beyond either end: three quarters of a window, in which transformations of other laws begin or end."""
 OWN_STEPS: Final = np.arange(-_PAST_WINDOW, IN_WINDOW + _PAST_WINDOW + 1.0)
 """The nodes of one direction, heating or cooling."""

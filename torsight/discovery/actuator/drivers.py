@@ -9,6 +9,7 @@ import numpy as np
 from torsight.actuator.drive import Drive
 from torsight.core.series import bridged
 from torsight.core.units import Flags, Floats, Ints
+from torsight.discovery.actuator.kept_rows import REST_SPEED_DEG_S
 
 
 def actuator_drivers(drive: Drive, rows: Ints, angle_deg: Floats, rest: Flags) -> Mapping[str, Floats]:
@@ -49,5 +50,5 @@ def _since(time_s: Floats, *, moving: Flags) -> Floats:
 
 
 def _last_sign(rate: Floats) -> Floats:
-    index = np.where(np.abs(rate) > 0.02, np.arange(len(rate)), 0)
+    index = np.where(np.abs(rate) > REST_SPEED_DEG_S, np.arange(len(rate)), 0)
     return np.sign(rate[np.maximum.accumulate(index)])

@@ -37,10 +37,8 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.effects import Effect, Values
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 from torsight.actuator.laws import FAMILIES, between_nodes
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
 
 NODES: Final = (
 {nodes}
@@ -58,7 +56,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return FAMILIES["{law}"].apply(ports, lambda driver: np.interp(driver, *curve))
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="{name}",
     family="measured",
     acts_on="{stage}",
@@ -102,13 +100,8 @@ def export_effect(path: Path, model: FittedModel, laws: tuple[MeasuredLaw, ...])
             where="--export-effect",
             do="read the verdict in the report",
         )
-    first = laws[0]
-    form = next(
-        form
-        for form in model.model.laws
-        if (FAMILIES[form.id].port, FAMILIES[form.id].driver) == (first.port, first.driver)
-    )
-    write_text(path, effect_source(name, form, model.values, sentence=first.sentence))
+    form = next(form for form in model.model.laws if form.id == laws[0].id)
+    write_text(path, effect_source(name, form, model.values, sentence=laws[0].sentence))
 
 
 def effect_source(name: str, form: LawForm, values: Mapping[str, float], *, sentence: str) -> str:

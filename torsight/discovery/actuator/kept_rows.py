@@ -11,8 +11,10 @@ from torsight.actuator.record.turns import REVERSAL_C, turning_points
 from torsight.core.series import bridged, means_beside, runs, scatter, usual_step
 from torsight.core.units import DEG, Flags, Floats, Ints
 
-_REST_SPEED_DEG_S: Final = 0.02
+REST_SPEED_DEG_S: Final = 0.02
 _REST_LEAST_S: Final = 8.0
+"""Largest speed and shortest duration of a rest, choices: the angle changes by 0.16° in it, as much as in two steps of
+the resolution."""
 _STOPPED_DEG: Final = 0.5
 """Distance to the angle at rest within which the angle counts as stopped."""
 
@@ -93,7 +95,7 @@ def rest_mask(time_s: Floats, observed: Floats, valid: Flags) -> Flags:
     noise = scatter(filled)
     before, after, rows = means_beside(filled, half)
     span = 0.5 * rows * interval + 1e-9
-    limit = np.maximum(_REST_SPEED_DEG_S * span, 4.0 * noise * np.sqrt(2.0 / half))
+    limit = np.maximum(REST_SPEED_DEG_S * span, 4.0 * noise * np.sqrt(2.0 / half))
     still = np.abs(after - before) < limit
     return _long_runs(still, least=2 * half)
 

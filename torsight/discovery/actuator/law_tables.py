@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from torsight.actuator.laws import FAMILIES, between_nodes
+from torsight.actuator.laws.acts import TEMPERATURES
 from torsight.actuator.laws.nodes import cycle_nodes, phase_nodes
 from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, phase_places
 from torsight.actuator.record.segments import by_role
@@ -23,17 +24,6 @@ from torsight.discovery.measured_law import MeasuredLaw, numbered
 
 _POINTS: Final = 121
 """Rows of a law's file: smooth to the eye over the width of a page."""
-_TEMPERATURES: Final = 4
-"""Number of transformation temperatures among the values in which the springs may differ; they come first."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Scales:
-    """Conversion of a law to the units of its file: a factor on values, their unit, and the driver's conversion."""
-
-    factor: float
-    unit: str
-    driver: Callable[[Floats], Floats]
 
 
 def measured_laws(
@@ -102,29 +92,26 @@ class _Known:
 
 def _law(problem: ActuatorProblem, chosen: Explanation, known: _Known) -> tuple[MeasuredLaw, OnNodes]:
     law, values, sigma = known.law, known.values, known.sigma
+    factor, unit, converted = _scales(problem, chosen, law)
     if law.driver == "spring":
-        mean = float(np.mean(values[:_TEMPERATURES]))
-        together = float(np.mean(sigma[:_TEMPERATURES]))
+        mean, together = (float(np.mean(one[:TEMPERATURES])) for one in (values, sigma))
         driver, curve, width = np.array([0.0, 1.0]), np.array([0.0, mean]), np.array([0.0, together])
-        scales, covered = _Scales(1.0, law.unit, lambda x: x), np.ones(2, np.bool_)
+        covered = np.ones(2, np.bool_)
     else:
         counted = law.driver == "cycle"
         driver = law.nodes if counted or len(law.nodes) < 3 else np.linspace(law.nodes[0], law.nodes[-1], _POINTS)
         curve, width = np.interp(driver, *between_nodes(law.id, law.nodes, values)), np.interp(driver, law.nodes, sigma)
-        scales = _scales(problem, chosen, law)
         covered = (driver >= law.covered[0]) & (driver <= law.covered[1])
     reached = np.flatnonzero((law.nodes >= law.covered[0]) & (law.nodes <= law.covered[1]))
     own_cycles = FAMILIES[law.id].nodes is cycle_nodes
     there = OnNodes(
-        places=scales.driver(law.nodes[reached]),
-        values=values[reached] * scales.factor,
-        covariance=known.covariance[np.ix_(reached, reached)] * scales.factor**2,
+        places=converted(law.nodes[reached]),
+        values=values[reached] * factor,
+        covariance=known.covariance[np.ix_(reached, reached)] * factor**2,
         counted="cycle" if own_cycles else "half-cycle",
         springs=() if own_cycles else problem.drive.cycles.springs,
     )
-    factor = scales.factor
-    written = known.written(scales.driver(driver), curve * factor, width * factor, covered, unit=scales.unit)
-    return written, there
+    return known.written(converted(driver), curve * factor, width * factor, covered, unit=unit), there
 
 
 class _Window(NamedTuple):
@@ -221,20 +208,18 @@ def _reached_c(problem: ActuatorProblem, simulation: Simulation, per_torque: flo
     return float(unloaded_c.min()), float(unloaded_c.max())
 
 
-def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> _Scales:
-    port, driver = law.port, law.driver
-    values = chosen.fit.values
-    ahead_deg = 360.0 * problem.drive.turns
-    zero_deg = values.get("zero_deg", problem.spec.values.get("zero_deg", 0.0))
-    drivers: dict[str, Callable[[Floats], Floats]] = {
-        "angle_deg": lambda x: x + ahead_deg + (0.0 if port == "reading" else zero_deg),
-        "winding_deg": lambda x: x + 0.5 * problem.spec.values["theta_p_deg"],
-        "dwell_s": lambda x: 10.0**x - 1.0,
-        "cycle": lambda x: x + 1.0,
-    }
-    moved = drivers.get(driver, lambda x: x)
-    if port == "friction":
-        return _Scales(values["tau_c_mnm"], "mN·m", moved)
-    if not law.unit:
-        return _Scales(100.0, "%", moved)
-    return _Scales(1.0, law.unit, moved)
+def _scales(problem: ActuatorProblem, chosen: Explanation, law: Law) -> tuple[float, str, Callable[[Floats], Floats]]:
+    """Return the conversion to the units of a law's file: factor on values, their unit, conversion of the driver."""
+    values, spec = chosen.fit.values, problem.spec.values
+    zero_deg = 0.0 if law.port == "reading" else values.get("zero_deg", spec.get("zero_deg", 0.0))
+    shifts = {
+        "angle_deg": 360.0 * problem.drive.turns + zero_deg, "winding_deg": 0.5 * spec["theta_p_deg"], "cycle": 1.0,
+    }  # fmt: skip
+    shift = shifts.get(law.driver, 0.0)
+
+    def converted(driver: Floats) -> Floats:
+        return 10.0**driver - 1.0 if law.driver == "dwell_s" else driver + shift
+
+    if law.port == "friction":
+        return values["tau_c_mnm"], "mN·m", converted
+    return (1.0, law.unit, converted) if law.unit else (100.0, "%", converted)

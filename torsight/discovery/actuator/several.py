@@ -11,12 +11,13 @@ them would describe when they differ, but not why.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from torsight.actuator.drive import Drive
@@ -26,7 +27,7 @@ from torsight.actuator.ports import History
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import TIME, Law, LawForm
 from torsight.core.parameter import Parameter
-from torsight.core.units import Flags, Floats, Ints
+from torsight.core.units import Floats, Ints
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
@@ -43,6 +44,11 @@ def own_name(name: str, record: int) -> str:
     return name if record == 0 else f"{name}_{record + 1}"
 
 
+def _joined_rows(name: str) -> cached_property[NDArray[Any]]:
+    """Return the member (n,) of a joint problem that is the concatenation of the records' own."""
+    return cached_property(lambda joint: np.concatenate([getattr(part, name) for part in joint.parts]))
+
+
 @dataclass(frozen=True, eq=False)
 class SeveralRecords(OptionalMembers):
     """Records of one rig with the plain model and every effect as a candidate.
@@ -54,20 +60,17 @@ class SeveralRecords(OptionalMembers):
     in_copies: ClassVar[bool] = True
     parts: tuple[ActuatorProblem, ...]
     forms: tuple[LawForm, ...] = ()
+    # As in the protocol, one record after the other.
+    observed = _joined_rows("observed")
+    sigma = _joined_rows("sigma")
+    valid = _joined_rows("valid")
+    rest = _joined_rows("rest")
+    share = _joined_rows("share")
+    input_alike_s = _joined_rows("input_alike_s")
 
     @classmethod
     def of(cls, drives: Sequence[Drive], spec: ActuatorSpec, *, seed: int = 0) -> SeveralRecords:
-        """Return the problem of prepared records.
-
-        Parameters
-        ----------
-        drives : sequence of Drive
-            Prepared records in the order in which they were recorded.
-        spec : ActuatorSpec
-            Specification of the actuator.
-        seed : int
-            Seed of the drawn temperature noise.
-        """
+        """Return the problem of one actuator's records in their order; ``seed`` is that of the noise that is drawn."""
         parts, cycles = [], (0, 0)
         if any(drive.clock_sigma_s is not None for drive in drives):
             # If the clocks of one record were synchronised, an offset in another record is not an effect of the rig.
@@ -80,12 +83,7 @@ class SeveralRecords(OptionalMembers):
             cycles = cycles[0] + springs.count(0), cycles[1] + springs.count(1)
         return cls(tuple(parts))
 
-    @property
-    def spec(self) -> ActuatorSpec:
-        """Characterised values of the rig."""
-        return self.parts[0].spec
-
-    @property
+    @cached_property
     def resolution(self) -> float:
         """Size of a difference, in degrees, below which an effect does not matter."""
         return self.parts[0].resolution
@@ -177,21 +175,6 @@ class SeveralRecords(OptionalMembers):
         return np.concatenate([part.time_s + start for part, start in zip(self.parts, starts, strict=True)])
 
     @cached_property
-    def observed(self) -> Floats:
-        """Measured angles in degrees."""
-        return np.concatenate([part.observed for part in self.parts])
-
-    @cached_property
-    def sigma(self) -> Floats:
-        """Standard deviations of the measured angles in degrees."""
-        return np.concatenate([part.sigma for part in self.parts])
-
-    @cached_property
-    def valid(self) -> Flags:
-        """Where angle and temperatures are known."""
-        return np.concatenate([part.valid for part in self.parts])
-
-    @cached_property
     def block(self) -> Ints:
         """Number of each row's half-cycle, counted through all records."""
         firsts = self.opening_blocks
@@ -212,21 +195,6 @@ class SeveralRecords(OptionalMembers):
         """Return the rows of a record."""
         ends = np.cumsum([0, *(len(part.time_s) for part in self.parts)])
         return slice(int(ends[record]), int(ends[record + 1]))
-
-    @cached_property
-    def share(self) -> Floats:
-        """Share of a step of the record that every row represents."""
-        return np.concatenate([part.share for part in self.parts])
-
-    @cached_property
-    def input_alike_s(self) -> Floats:
-        """Integrated correlation time of the temperatures' remaining errors, s."""
-        return np.concatenate([part.input_alike_s for part in self.parts])
-
-    @cached_property
-    def rest(self) -> Flags:
-        """Rows in which the measured angle is at rest."""
-        return np.concatenate([part.rest for part in self.parts])
 
     @cached_property
     def drivers(self) -> Mapping[str, Floats]:
@@ -266,16 +234,15 @@ class SeveralRecords(OptionalMembers):
 
     def predict(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the angles in degrees as the cameras would read them."""
-        return np.concatenate([part.predict(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
+        return np.concatenate([part.predict(*own) for part, own in self._owns(values, effects)])
 
     def input_noise(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the angles' noise (n,) from the temperatures' remaining noise, without that of half-cycles' tops."""
-        return np.concatenate([part.input_noise(*self._own(k, values, effects)) for k, part in enumerate(self.parts)])
+        return np.concatenate([part.input_noise(*own) for part, own in self._owns(values, effects)])
 
     def shared_errors(self, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         """Return the change (n, k) of the angles by one standard deviation of each of k errors that samples share."""
-        each = (part.shared_errors(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
-        return np.asarray(block_diag(*each))
+        return np.asarray(block_diag(*(part.shared_errors(*own) for part, own in self._owns(values, effects))))
 
     def curve_of(self, effect: str, law: Law, values: Mapping[str, float]) -> Floats | None:
         """Return the law's values on its nodes that reproduce an effect, in the first record."""
@@ -283,13 +250,14 @@ class SeveralRecords(OptionalMembers):
 
     def also_seen(self, values: Mapping[str, float], effects: Sequence[str]) -> float:
         """Return the log likelihood of the effects from rows that are not fitted."""
-        return sum(part.also_seen(*self._own(k, values, effects)) for k, part in enumerate(self.parts))
+        return sum(part.also_seen(*own) for part, own in self._owns(values, effects))
 
-    def _own(
-        self, record: int, values: Mapping[str, float], effects: Sequence[str]
-    ) -> tuple[dict[str, float], tuple[str, ...]]:
-        """Return the values and effects for a record's own model."""
-        return self.values_of(record, values), self.effects_of(record, effects)
+    def _owns(
+        self, values: Mapping[str, float], effects: Sequence[str]
+    ) -> Iterator[tuple[ActuatorProblem, tuple[dict[str, float], tuple[str, ...]]]]:
+        """Yield the records' problems, each with the values and effects for its own model."""
+        for k, part in enumerate(self.parts):
+            yield part, (self.values_of(k, values), self.effects_of(k, effects))
 
 
 def _renamed(candidate: Candidate, k: int) -> Candidate:
@@ -335,16 +303,11 @@ def _joined(drives: Sequence[Drive]) -> Drive:
         springs=tuple(spring for drive in drives for spring in drive.cycles.springs),
     )
 
-    def all_of(of: Callable[[Drive], Floats]) -> Floats:
-        return np.concatenate([of(drive) for drive in drives])
-
+    names = ("temp_a_c", "temp_b_c", "rate_a_c_s", "rate_b_c_s", "angle_rad")
+    joined: dict[str, Any] = {name: np.concatenate([getattr(drive, name) for drive in drives]) for name in names}
     return replace(
         drives[0],
         time_s=np.concatenate([drive.time_s + start for drive, start in zip(drives, starts, strict=True)]),
-        temp_a_c=all_of(lambda drive: drive.temp_a_c),
-        temp_b_c=all_of(lambda drive: drive.temp_b_c),
-        rate_a_c_s=all_of(lambda drive: drive.rate_a_c_s),
-        rate_b_c_s=all_of(lambda drive: drive.rate_b_c_s),
-        angle_rad=all_of(lambda drive: drive.angle_rad),
         cycles=cycles,
+        **joined,
     )

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from torsight.actuator.drive import Drive
 from torsight.core.law import LawForm
-from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.series import known_median
 from torsight.core.units import DEG, Floats
@@ -96,7 +95,7 @@ def next_experiment(
 
     ``needed_gain`` is the gain at which rivals cease to be rivals.
     """
-    planner = _Planner(problem, field, explanations, needed_gain=needed_gain, progress=progress)
+    planner = _Planner(problem, field, explanations, needed_gain, progress)
     repeat = planner.weigh(problem.drive, refitted=True)
     best = planner.best()
     return planner.answer(best, repeat_gain=least_gain(repeat))
@@ -114,56 +113,47 @@ class _Weighed:
         return min(gain, enough) * (1.0 - 0.02 * self.duration_s / 3600.0) + 1e-3 * min(gain, 100.0 * enough)
 
 
+@dataclass(eq=False)
 class _Planner:
-    def __init__(
-        self,
-        problem: ActuatorProblem,
-        field: Field,
-        explanations: Sequence[Explanation],
-        *,
-        needed_gain: float,
-        progress: Progress,
-    ) -> None:
-        self._problem = problem
-        self._field = field
-        self._needed_gain = needed_gain
-        self._enough = _ENOUGH * needed_gain
-        self._progress = progress
-        self._rivals = [_rival(problem, one) for one in explanations]
-        chosen = explanations[0]
-        self._left = chosen.likelihood.discrepancy(chosen.residual).tolist()
+    problem: ActuatorProblem
+    field: Field
+    explanations: Sequence[Explanation]
+    needed_gain: float
+    progress: Progress
+
+    def __post_init__(self) -> None:
+        problem, chosen = self.problem, self.explanations[0]
+        self.rivals = [_rival(problem, one) for one in self.explanations]
         simulation = problem.with_laws(_forms(chosen)).simulate(chosen.fit.values, chosen.fit.effects)
-        self._heat = Heat.of(problem.drive)
         habits = Habits.of(problem.drive, (simulation.xi_a, simulation.xi_b))
-        self._menu = menu(habits, self._heat)
-        self._full_c = habits.full_c
-        lasted_s = float(problem.drive.time_s[-1] - problem.drive.time_s[0])
-        self._longest_s = max(_LEAST_DURATION_S, _DURATION_FACTOR * lasted_s)
+        self.heat, self.full_c = Heat.of(problem.drive), habits.full_c
+        self.menu = menu(habits, self.heat)
+        self.longest_s = max(_LEAST_DURATION_S, _DURATION_FACTOR * float(np.ptp(problem.drive.time_s)))
 
     def best(self) -> _Weighed:
         """Search: every kind of half-cycle alone, mixtures with the best one, then refits for the finalists."""
-        names = list(self._menu)
+        names = list(self.menu)
         first_keys = [(name,) * 4 for name in names] + [("usual",) * 8, ("fast",) * 8]
         alone = self._weigh_all(first_keys)
         if not alone:
             # All programmes of this rig last longer than the limit: the limit is lifted.
-            self._longest_s = math.inf
+            self.longest_s = math.inf
             alone = self._weigh_all(first_keys)
         ranked = self._ranked(alone)
         first = ranked[0][0][0]
         mixed = [(first, first, name, name) for name in names] + [(first, name, name, first) for name in names]
         weighed = alone | self._weigh_all([key for key in dict.fromkeys(mixed) if key not in alone])
-        whole = {key: item for key, item in weighed.items() if item.programme.completes(self._full_c)}
+        whole = {key: item for key, item in weighed.items() if item.programme.completes(self.full_c)}
         finalists = [item for _, item in self._ranked(whole or weighed)[:_FINALISTS]]
         best = self._best_refitted([item.programme for item in finalists])
-        if least_gain(best.gains) >= _LITTLE * self._needed_gain:
+        if least_gain(best.gains) >= _LITTLE * self.needed_gain:
             return best
         again = self._best_refitted([Programme(item.programme.half_cycles * 2) for item in finalists])
-        return max(best, again, key=lambda item: item.worth(self._enough))
+        return max(best, again, key=lambda item: item.worth(_ENOUGH * self.needed_gain))
 
     def _best_refitted(self, programmes: Sequence[Programme]) -> _Weighed:
         found = (self._weighed_under(programme, self._drive(programme), refitted=True) for programme in programmes)
-        return max(found, key=lambda item: item.worth(self._enough))
+        return max(found, key=lambda item: item.worth(_ENOUGH * self.needed_gain))
 
     def weigh(self, drive: Drive, *, refitted: bool) -> Floats:
         """Return the gains (k, k) from a record under these temperatures; see :mod:`.separation`."""
@@ -173,14 +163,14 @@ class _Planner:
         def predict(values: Mapping[str, float], rival: Rival) -> Floats:
             return planned.with_laws(rival.forms).predict(values, rival.effects)
 
-        return gains(predict, self._rivals, weight)
+        return gains(predict, self.rivals, weight)
 
     def answer(self, best: _Weighed, *, repeat_gain: float) -> NextExperiment:
         """Return the best programme with its words and columns."""
-        played = best.programme.play(self._heat)
+        played = best.programme.play(self.heat)
         gain = least_gain(best.gains)
-        names = [" with ".join(effect_name(name) for name in one.name) for one in self._rivals]
-        gains = {"gain": gain, "repeat_gain": repeat_gain, "needed_gain": self._needed_gain}
+        names = [" with ".join(effect_name(name) for name in one.name) for one in self.rivals]
+        gains = {"gain": gain, "repeat_gain": repeat_gain, "needed_gain": self.needed_gain}
         text = _sentence(in_words(best.programme), names, **gains)
         return NextExperiment(
             text=text,
@@ -192,33 +182,33 @@ class _Planner:
         )
 
     def _weigh_all(self, keys: Sequence[tuple[str, ...]]) -> dict[tuple[str, ...], _Weighed]:
-        programmes = {key: Programme(tuple(self._menu[name] for name in key)) for key in keys}
+        programmes = {key: Programme(tuple(self.menu[name] for name in key)) for key in keys}
         asked = list(programmes.values())
-        found: list[_Weighed | None] = self._problem.at_once(
-            asked, self._weighed, step="next experiment", progress=self._progress
+        found: list[_Weighed | None] = self.problem.at_once(
+            asked, self._weighed, step="next experiment", progress=self.progress
         )
         return {key: item for key, item in zip(programmes, found, strict=True) if item is not None}
 
     def _weighed(self, programme: Programme) -> _Weighed | None:
         drive = self._drive(programme)
-        return None if drive.time_s[-1] > self._longest_s else self._weighed_under(programme, drive, refitted=False)
+        return None if drive.time_s[-1] > self.longest_s else self._weighed_under(programme, drive, refitted=False)
 
     def _weighed_under(self, programme: Programme, drive: Drive, *, refitted: bool) -> _Weighed:
         return _Weighed(programme, float(drive.time_s[-1]), self.weigh(drive, refitted=refitted))
 
     def _ranked(self, weighed: Mapping[tuple[str, ...], _Weighed]) -> list[tuple[tuple[str, ...], _Weighed]]:
-        return sorted(weighed.items(), key=lambda item: (-item[1].worth(self._enough), item[0]))
+        return sorted(weighed.items(), key=lambda item: (-item[1].worth(_ENOUGH * self.needed_gain), item[0]))
 
     def _drive(self, programme: Programme) -> Drive:
-        return programme.play(self._heat).drive(start_angle_rad=self._problem.drive.start_angle_rad)
+        return programme.play(self.heat).drive(start_angle_rad=self.problem.drive.start_angle_rad)
 
     def _angle_rad(self, rival: Rival, drive: Drive) -> Floats:
-        model = self._problem.with_laws(rival.forms).model(rival.effects)
+        model = self.problem.with_laws(rival.forms).model(rival.effects)
         return model.angle_rad(drive, rival.values(rival.x))
 
     def _planned(self, drive: Drive) -> tuple[ActuatorProblem, Weight]:
         """Return the planned record as a problem, and the weight of its samples."""
-        own, first = self._problem.drive, self._rivals[0]
+        own, first = self.problem.drive, self.rivals[0]
         values, angle_rad = first.values(first.x), self._angle_rad(first, drive)
         sigma_rad = float(np.nan_to_num(known_median(own.angle_sigma_rad)))
         planned = ActuatorProblem(
@@ -230,12 +220,14 @@ class _Planner:
                 noise_c=own.noise_c,
                 clock_sigma_s=own.clock_sigma_s,
             ),
-            self._problem.spec,
-            seed=self._problem.seed,
+            self.problem.spec,
+            seed=self.problem.seed,
         )
         # Under temperatures that it was not fitted to, a model is no more exact than the resolution.
-        least, tau = self._problem.resolution, self._field.likelihood.correlation_samples
-        wider = Scales(math.hypot(self._left[0], least), math.hypot(self._left[1], least), tau)
+        least, tau = self.problem.resolution, self.field.likelihood.correlation_samples
+        chosen = self.explanations[0]
+        left = chosen.likelihood.discrepancy(chosen.residual).tolist()
+        wider = Scales(math.hypot(left[0], least), math.hypot(left[1], least), tau)
         known = planned.with_laws(first.forms)
         floor = np.hypot(planned.sigma, known.input_noise(values, first.effects))
         each = information(Stretches.of(planned), wider, floor)
@@ -243,8 +235,8 @@ class _Planner:
 
     def _pairs(self, gains: Floats) -> list[dict[str, Any]]:
         found = []
-        for j, second in enumerate(self._rivals):
-            for i, first in enumerate(self._rivals[:j]):
+        for j, second in enumerate(self.rivals):
+            for i, first in enumerate(self.rivals[:j]):
                 both = gains[[i, j], [j, i]]
                 gain = least_gain(both)
                 names = [list(first.name), list(second.name)]
@@ -252,7 +244,7 @@ class _Planner:
         return found
 
     def _columns(self, played: Played) -> dict[str, NDArray[np.generic]]:
-        drive = played.drive(start_angle_rad=self._problem.drive.start_angle_rad)
+        drive = played.drive(start_angle_rad=self.problem.drive.start_angle_rad)
         columns: dict[str, NDArray[np.generic]] = {
             "time_s": played.time_s,
             "temp_a_c": played.temp_a_c.round(3),
@@ -260,8 +252,8 @@ class _Planner:
             "heat_a": (played.driven == 0).astype(np.int8),
             "heat_b": (played.driven == 1).astype(np.int8),
         }
-        turns_deg = 360.0 * self._problem.drive.turns
-        for one in self._rivals:
+        turns_deg = 360.0 * self.problem.drive.turns
+        for one in self.rivals:
             columns[f"{'+'.join(one.name)}_deg"] = (self._angle_rad(one, drive) / DEG + turns_deg).round(3)
         return columns
 
@@ -275,13 +267,9 @@ def _rival(problem: ActuatorProblem, explanation: Explanation) -> Rival:
     events = {candidate.id for candidate in problem.candidates if candidate.event is not None}
     lasting = tuple(name for name in explanation.fit.effects if name not in events)
     own = {p.name for c in problem.candidates if c.id in events for p in c.parameters}
-    kept: list[tuple[Parameter, float]] = [
-        (p, float(v))
-        for p, v in zip(explanation.fit.parameters, explanation.fit.solution.x, strict=True)
-        if p.name not in own
-    ]
-    x = np.array([v for _, v in kept])
-    return Rival(explanation.members, lasting, tuple(p for p, _ in kept), x, _forms(explanation))
+    fitted = zip(explanation.fit.parameters, explanation.fit.solution.x.tolist(), strict=True)
+    kept = {p: value for p, value in fitted if p.name not in own}
+    return Rival(explanation.members, lasting, tuple(kept), np.array(list(kept.values())), _forms(explanation))
 
 
 def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: float, needed_gain: float) -> str:

@@ -8,7 +8,7 @@ the given record: dT/dt = −α (T − T_room) + κ (T_other − T) for each of 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -120,15 +120,34 @@ class Programme:
         return all(any(plan.top_c >= full_c for plan in self.half_cycles[spring::2]) for spring in (0, 1))
 
     def play(self, heat: Heat) -> Played:
-        """Return the readings of both springs under the programme."""
-        player = _Player(heat)
-        player.rest(_FIRST_REST_S)
+        """Return the readings of both springs under the programme, with corners rounded by the sensors."""
+        wires, segments = _Wires(heat), []
+        wires.lead(0, [None] * round(_FIRST_REST_S / STEP_S))
         for number, plan in enumerate(self.half_cycles):
-            player.begin(number)
-            for leg in plan.legs:
-                player.lead(leg)
-            player.cool(plan.cool_s)
-        return player.played()
+            for leg in (*plan.legs, None):
+                start_c, change_c, hold = wires.temps_c[number % 2][-1], 0.0, 0
+                wanted: list[float | None] = [None] * max(1, round(plan.cool_s / STEP_S))
+                if leg is not None:
+                    change_c, hold = leg.to_c - start_c, round(leg.hold_s / STEP_S)
+                    ramp = max(1, round(abs(change_c) / leg.rate_c_per_s / STEP_S))
+                    wanted = [start_c + change_c * min(1.0, k / ramp) for k in range(1, ramp + hold + 1)]
+                wires.lead(number, wanted)
+                segments.append(
+                    {
+                        "spring": "ab"[number % 2],
+                        "action": "cool" if leg is None else "heat" if change_c > 0.0 else "lead down",
+                        "from_c": round(start_c, 1),
+                        "to_c": round(wires.temps_c[number % 2][-1] if leg is None else leg.to_c, 1),
+                        "rate_c_per_s": None if leg is None else round(math.copysign(leg.rate_c_per_s, change_c), 3),
+                        "hold_s": STEP_S * hold,
+                        "duration_s": STEP_S * len(wanted),
+                    }
+                )
+        keep = math.exp(-STEP_S / heat.rounding_s)
+        a_c, b_c = (_followed(np.array(one), keep) for one in wires.temps_c)
+        time_s = STEP_S * np.arange(len(wires.driven), dtype=np.float64)
+        driven, half = np.array(wires.driven, np.int8), np.array(wires.half, np.int64)
+        return Played(time_s, a_c, b_c, driven, half, tuple(segments), heat.room_c)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,81 +207,27 @@ class _ExactSensors(Sensors):
         return 0.0, off_c, off_c
 
 
-class _Player:
-    """Plays a programme step by step on two wires."""
+class _Wires:
+    """Temperatures of two wires step by step, the spring that is switched on (−1: none), and the half-cycle."""
 
     def __init__(self, heat: Heat) -> None:
         self._heat = heat
-        self._temps: list[list[float]] = [[heat.room_c], [heat.room_c]]
-        self._driven: list[int] = [-1]
-        self._half: list[int] = [0]
-        self._number = 0
-        self._segments: list[dict[str, Any]] = []
+        self.temps_c: tuple[list[float], list[float]] = [heat.room_c], [heat.room_c]
+        self.driven, self.half = [-1], [0]
 
-    @property
-    def _spring(self) -> int:
-        return self._number % 2
-
-    def rest(self, duration_s: float) -> None:
-        """Heat neither wire."""
-        for _ in range(round(duration_s / STEP_S)):
-            self._step(None)
-
-    def begin(self, number: int) -> None:
-        """Begin a half-cycle."""
-        self._number = number
-
-    def lead(self, leg: Leg) -> None:
-        """Drive the wire of this half-cycle to a temperature and hold it there."""
-        start_c = self._temps[self._spring][-1]
-        change_c = leg.to_c - start_c
-        ramp = max(1, round(abs(change_c) / leg.rate_c_per_s / STEP_S))
-        hold = round(leg.hold_s / STEP_S)
-        for k in range(1, ramp + hold + 1):
-            self._step(start_c + change_c * min(1.0, k / ramp))
-        self._note(start_c, leg.to_c, math.copysign(leg.rate_c_per_s, change_c), ramp, hold)
-
-    def cool(self, duration_s: float) -> None:
-        """Switch the heating off and wait."""
-        start_c = self._temps[self._spring][-1]
-        steps = max(1, round(duration_s / STEP_S))
-        for _ in range(steps):
-            self._step(None)
-        self._note(start_c, self._temps[self._spring][-1], None, steps, 0)
-
-    def played(self) -> Played:
-        """Return the programme sample by sample, with corners rounded by the sensors."""
-        keep = math.exp(-STEP_S / self._heat.rounding_s)
-        temps: list[Floats] = [_followed(np.array(one), keep) for one in self._temps]
-        driven = np.array(self._driven, np.int8)
-        half = np.array(self._half, np.int64)
-        time_s = STEP_S * np.arange(len(driven), dtype=np.float64)
-        return Played(time_s, temps[0], temps[1], driven, half, tuple(self._segments), self._heat.room_c)
-
-    def _step(self, wanted_c: float | None) -> None:
-        heat, last = self._heat, (self._temps[0][-1], self._temps[1][-1])
-        for spring in (0, 1):
-            own, other = last[spring], last[1 - spring]
-            rate = heat.to_room_per_s * (heat.room_c - own) + heat.between_per_s * (other - own)
-            free_c = own + STEP_S * rate
-            # A heater can only heat: it cannot make a wire cool faster than freely.
-            led = spring == self._spring and wanted_c is not None
-            self._temps[spring].append(max(wanted_c, free_c) if led and wanted_c is not None else free_c)
-        self._driven.append(-1 if wanted_c is None else self._spring)
-        self._half.append(self._number)
-
-    def _note(self, from_c: float, to_c: float, rate_c_per_s: float | None, steps: int, hold_steps: int) -> None:
-        self._segments.append(
-            {
-                "spring": "ab"[self._spring],
-                "action": "cool" if rate_c_per_s is None else ("heat" if rate_c_per_s > 0.0 else "lead down"),
-                "from_c": round(from_c, 1),
-                "to_c": round(to_c, 1),
-                "rate_c_per_s": None if rate_c_per_s is None else round(rate_c_per_s, 3),
-                "hold_s": STEP_S * hold_steps,
-                "duration_s": STEP_S * (steps + hold_steps),
-            }
-        )
+    def lead(self, number: int, wanted_c: Sequence[float | None]) -> None:
+        """Drive the wire of a half-cycle along a course of temperatures, one per step; None: not heated."""
+        heat = self._heat
+        for wanted in wanted_c:
+            last = self.temps_c[0][-1], self.temps_c[1][-1]
+            for spring, (own, other) in enumerate((last, last[::-1])):
+                rate = heat.to_room_per_s * (heat.room_c - own) + heat.between_per_s * (other - own)
+                free_c = own + STEP_S * rate
+                # A heater can only heat: it cannot make a wire cool faster than freely.
+                led = spring == number % 2 and wanted is not None
+                self.temps_c[spring].append(max(wanted, free_c) if led and wanted is not None else free_c)
+            self.driven.append(-1 if wanted is None else number % 2)
+            self.half.append(number)
 
 
 def _followed(values: Floats, keep: float) -> Floats:

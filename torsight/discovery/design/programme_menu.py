@@ -16,8 +16,8 @@ from torsight.discovery.design.programme import HalfCyclePlan, Heat, Leg, Progra
 class Habits:
     """Rates and temperatures of the given record, near which the programmes stay.
 
-    The usual and the highest rate of a half-cycle's heating, the highest temperature, and the temperatures at which a
-    quarter (onset) and a half (middle) of a heating's transformation are done.
+    The usual and the highest rate of a half-cycle's heating while it transforms the spring, the highest temperature,
+    and the temperatures at which a quarter (onset) and a half (middle) of a heating's transformation are done.
     """
 
     rate_c_per_s: float
@@ -37,11 +37,10 @@ class Habits:
             top = int(np.argmax(temp))
             if top < 5:
                 continue
-            window = (temp[: top + 1] > 40.0) & (temp[: top + 1] < temp[top] - 2.0)
-            rate = slope[: top + 1][window]
+            fraction = fractions[spring][rows][: top + 1]
+            rate = slope[: top + 1][(fraction < 1.0) & (temp[: top + 1] < temp[top] - 2.0)]
             rates.append(float(np.median(rate)) if len(rate) else 0.1)
             tops.append(float(temp[top]))
-            fraction = fractions[spring][rows][: top + 1]
             for level, found in ((0.75, onsets), (0.5, middles)):
                 if fraction.min() < level < fraction.max():
                     found.append(float(temp[np.argmax(fraction < level)]))

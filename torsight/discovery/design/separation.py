@@ -12,7 +12,7 @@ The refit is linear in the parameters for a search over many plans (:func:`linea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,45 +67,31 @@ def linear_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight
     models = [one.model(predict) for one in explanations]
     values = [model(one.x) for model, one in zip(models, explanations, strict=True)]
     gains = np.full((len(explanations), len(explanations)), np.nan)
-    for j, other in enumerate(explanations):
-        if not any(_distinguishable(true, other) for true in explanations):
-            continue
-        space = space_of(other.parameters)
+    for j, rivals in _rivals(explanations):
+        other, space = explanations[j], space_of(explanations[j].parameters)
         slopes = jacobian(models[j], other.x, at_x=values[j], space=space)
         weighted = weight.times(slopes)
         normal = slopes.T @ weighted
         normal[np.diag_indices_from(normal)] += space.prior_information + 1e-9 / space.scale**2
         pull = space.prior_information * (other.x - space.prior_mean)
-        for i, true in enumerate(explanations):
-            if not _distinguishable(true, other):
-                continue
+        for i in rivals:
             apart = values[i] - values[j]
             gradient = weighted.T @ apart - pull
             taken_up = float(gradient @ np.linalg.solve(normal, gradient))
-            cost = weight.square(apart) + other.prior_cost - taken_up
-            gains[i, j] = cost - true.prior_cost
+            gains[i, j] = weight.square(apart) + other.prior_cost - taken_up - explanations[i].prior_cost
     return gains
 
 
-def refitted_gains(
-    predict: Predict, explanations: Sequence[Rival], weight: Weight, *, max_iterations: int = 8
-) -> Floats:
+def refitted_gains(predict: Predict, explanations: Sequence[Rival], weight: Weight) -> Floats:
     """Return the gains of :func:`linear_gains`, with a complete refit of every other explanation."""
     models = [one.model(predict) for one in explanations]
+    shown = [model(one.x) for model, one in zip(models, explanations, strict=True)]
     gains = np.full((len(explanations), len(explanations)), np.nan)
-    for i, true in enumerate(explanations):
-        shown = models[i](true.x)
-        for j, other in enumerate(explanations):
-            if _distinguishable(true, other):
-                found = solve(
-                    models[j],
-                    other.x,
-                    observed=shown,
-                    weight=weight,
-                    space=space_of(other.parameters),
-                    max_iterations=max_iterations,
-                )
-                gains[i, j] = found.cost - true.prior_cost
+    for j, rivals in _rivals(explanations):
+        other, space = explanations[j], space_of(explanations[j].parameters)
+        for i in rivals:
+            found = solve(models[j], other.x, observed=shown[i], weight=weight, space=space, max_iterations=8)
+            gains[i, j] = found.cost - explanations[i].prior_cost
     return gains
 
 
@@ -115,5 +101,9 @@ def least_gain(gains: Floats) -> float:
     return max(0.0, float(known.min())) if len(known) else 0.0
 
 
-def _distinguishable(true: Rival, other: Rival) -> bool:
-    return true is not other and not set(true.effects) <= set(other.effects)
+def _rivals(explanations: Sequence[Rival]) -> Iterator[tuple[int, list[int]]]:
+    """Yield each explanation with those from which it is distinguishable where these are true, by their indices."""
+    for j, other in enumerate(explanations):
+        found = [i for i, true in enumerate(explanations) if i != j and not set(true.effects) <= set(other.effects)]
+        if found:
+            yield j, found

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from torsight.core.parallel.threads import one_thread
+from torsight.core.parameter import REACH
 from torsight.core.progress import Progress, silent
 from torsight.core.series import rms, scatter
 from torsight.core.units import Floats
@@ -27,6 +29,7 @@ from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.quiet import aloud, heard
 from torsight.discovery.own.model.values import Curve
+from torsight.discovery.own.own_records import LEAST_ROWS
 from torsight.discovery.own.prepare import MUCH_BETTER, prepare
 from torsight.discovery.settings import Settings
 
@@ -35,9 +38,6 @@ _MOST_TRACES: Final = 20
 _MISJUDGED: Final = 1.5
 """Ratio of estimated to given noise, or its inverse, from which a warning is given: with it an interval of 95 % holds
 81 %, or 99.7 %."""
-_ROWS: Final = 64
-"""Fewest rows from which the ratio is estimated: its relative error, one over the root of twice their number, is then
-below a tenth."""
 
 
 def find_missing(
@@ -95,18 +95,11 @@ def find_missing(
         return replace(findings, warnings=_added(list(findings.warnings), printed))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownFit:
-    """The fit of a set of effects, and whether a further fit from its optimum would gain nothing that matters."""
-
-    explanation: Explanation
-    settled: bool
-
-
-def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -> KnownFit:
+def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -> tuple[Explanation, bool]:
     """Fit a model with effects that are known to act, given by their ids: a discovery without a choice.
 
-    The plain model is fitted first; then the effects are added one by one, each beside all earlier ones.
+    The plain model is fitted first; then the effects are added one by one, each beside all earlier ones. The second
+    result says whether a further fit from the optimum would gain nothing that matters.
     """
     check_problem(problem)
     fits, steps = SetFits(problem, progress=progress), 1 + len(members)
@@ -116,7 +109,7 @@ def fit_known(problem: Problem, members: Sequence[str], *, progress: Progress) -
         progress("fit", number, steps)
         found = fits.with_effect(found, name)
     progress("fit", steps, steps)
-    return KnownFit(found, fits.has_settled(found))
+    return found, fits.has_settled(found)
 
 
 def _added(notes: list[str], one: str | None) -> tuple[str, ...]:
@@ -128,10 +121,10 @@ def _search(
 ) -> Findings:
     declared, evaluator = problem, problem.evaluator
     progress("starts", 0, None)
-    prepared = prepare(problem)
-    problem, notes = prepared.problem, [*notes, *prepared.warnings]
+    problem, warnings = prepare(problem)
+    notes = [*notes, *warnings]
     # Only failures from here on count: the points tried in the preparation may lie where the model cannot work.
-    looked, before = len(evaluator.failures), evaluator.failed
+    looked = len(evaluator.failures)
     start = {p.name: p.value for p in problem.parameters}
     begun = problem.outputs(start, ())
     found = engine.find_missing(problem, settings=settings, seed=seed, progress=progress)
@@ -147,16 +140,16 @@ def _search(
     notes += bend_within(problem, found.decision.chosen, findings.price)
     # Computed while the processes exist: the findings show held-out predictions of other sets, too.
     _ = findings.best_fits, findings.parameters, findings.laws
-    failures, failed = evaluator.failures[looked:], evaluator.failed - before
+    failures = evaluator.failures[looked:]
     if failures:
         notes.append(
-            f"in {failed} of {evaluator.calls} calls the model gave no numbers, and the search kept away from there; "
-            f"first: {failures[0].sentence()}"
+            f"in {len(failures)} of {evaluator.calls} calls the model gave no numbers, and the search kept away from "
+            f"there; first: {failures[0].sentence()}"
         )
     # A model may keep a state between calls that changes its results only after many of them.
     check_same(problem, start, begun)
     traces = tuple(f"{one.sentence()}\n{one.trace}" for one in failures[:_MOST_TRACES])
-    return replace(findings, warnings=tuple(notes), failures=traces, failed=failed, calls=evaluator.calls)
+    return replace(findings, warnings=tuple(notes), failures=traces, failed=len(failures), calls=evaluator.calls)
 
 
 def _at_answer(problem: ModelProblem, found: engine.Findings) -> tuple[list[Called], dict[str, Curve]]:
@@ -181,15 +174,17 @@ def _noise_given(problem: ModelProblem, found: engine.Findings) -> list[str]:
     for k, output in enumerate(problem.model.outputs):
         pieces = [left[place][np.isfinite(left[place])] for _, own, place in problem.layout.places if own == k]
         rows = np.concatenate(pieces)
-        if len(rows) < _ROWS:
+        if len(rows) < LEAST_ROWS:
             continue
         between, whole = scatter(*pieces), rms(rows)
-        if between > _MISJUDGED:
+        # The relative standard deviation of a standard deviation of n values is 1/√(2n).
+        by_chance = REACH / math.sqrt(2.0 * len(rows))
+        if between > _MISJUDGED * (1.0 + by_chance):
             notes.append(
                 f"neighbouring rows of the residual of '{output}' scatter by {between:.2g} times the sigma that was "
                 "given: sigma is too small, or a fast effect is missing; without sigma the noise is measured"
             )
-        elif whole < 1.0 / _MISJUDGED:
+        elif whole < (1.0 - by_chance) / _MISJUDGED:
             notes.append(
                 f"the residual of '{output}' is {whole:.2g} times the sigma that was given: sigma is too large, and "
                 "hides effects that are smaller; without sigma the noise is measured"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -55,23 +55,15 @@ _LEAST_SCALE: Final = 0.2
 """Smallest scale of a fitted value that becomes a start, as a share of the declared scale: a start near 0 has none."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prepared:
-    """The problem with better starts, and warnings to the user."""
-
-    problem: ModelProblem
-    warnings: tuple[str, ...]
-
-
-def prepare(problem: ModelProblem) -> Prepared:
-    """Return a problem with good start values, in which values that only one block determines are initial states."""
+def prepare(problem: ModelProblem) -> tuple[ModelProblem, tuple[str, ...]]:
+    """Return a problem with good starts, and warnings; values that only one block determines are initial states."""
     stretches = Stretches.of(problem)
     fitter = Fitter(problem, information(stretches, first_scales(problem, stretches), _floor(problem)))
     base, warnings, stretched = _base(problem, fitter)
     if stretched is not None and not follows(problem, fitter, base):
         length_s = kept_s(problem, stretched)
         if math.isfinite(length_s):
-            again = prepare(begun_anew(problem, stretched, length_s))
+            again, said = prepare(begun_anew(problem, stretched, length_s))
             note = (
                 "small errors grow in this model, so that it cannot follow the whole record: the states that are "
                 f"measured begin anew every {length_s:.3g} s, and the model is compared with the record in between; "
@@ -79,7 +71,7 @@ def prepare(problem: ModelProblem) -> Prepared:
             )
             # A longer time only gives the fit the stretches' estimates as starts.
             restarts = length_s < span_s(problem)
-            return replace(again, warnings=(note, *again.warnings)) if restarts else again
+            return again, ((note, *said) if restarts else said)
     problem, left_out = without_readings(problem, base)
     problem, notes = _once(problem, fitter, base)
     notes += left_out
@@ -94,7 +86,7 @@ def prepare(problem: ModelProblem) -> Prepared:
     # A missing effect may have biased the fitted values: laws are measured from the declared values, too.
     elsewhere = ({p.name: p.value for p in problem.parameters if p.sigma is None},)
     problem = replace(problem, parameters=started, candidates=candidates, elsewhere=elsewhere, alike=not each_its_own)
-    return Prepared(problem, (*warnings, *notes))
+    return problem, (*warnings, *notes)
 
 
 def _floor(problem: ModelProblem) -> Floats:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -102,19 +102,27 @@ def holds_reading_error(driver: Pieces, predicted: Pieces, residual: Pieces) -> 
     if sum(map(np.sum, known)) < 8 * _PARTS or smallest <= 0.0:
         return False
 
-    def functions_of(signal: Pieces, smoothing: _Smoothing) -> _Functions:
-        rows = [has & smoothing.inner(len(has)) for has in known]
-        return _Functions.of(np.concatenate([smoothing(one) for one in signal]), np.concatenate(rows))
+    def left_beside_functions(smoothing: _Smoothing, *signals: Pieces) -> tuple[float, Floats]:
+        """Return the mean square that functions of smoothed signals leave of the driver, and the rest (n,) itself."""
+        rows = np.concatenate([has & smoothing.inner(len(has)) for has in known])
+        if not rows.any():
+            return math.inf, np.full(len(values), np.nan)
+        smooth = (np.concatenate([smoothing(one) for one in signal]) for signal in signals)
+        columns = np.hstack([_functions(one, rows) for one in smooth])[rows]
+        remains = np.full(len(values), np.nan)
+        remains[rows] = values[rows] - columns @ np.linalg.lstsq(columns, values[rows])[0]
+        return float(np.mean(remains[rows] ** 2)), remains
 
     @cache
     def left_by(smoothing: _Smoothing) -> float:
-        return functions_of(read, smoothing).left(values)[0]
+        return left_beside_functions(smoothing, read)[0]
 
     nearest = _nearest(left_by, max(map(len, driver)))
-    y, m, r = (functions_of(signal, nearest) for signal in (read, predicted, left))
-    (by_read, remains), by_both = y.left(values), y.together(m, r).left(values)[0] + smallest
-    by_read, by_one = by_read + smallest, min(m.left(values)[0], r.left(values)[0]) + smallest
-    count = y.rows.sum() / correlation_time([one[np.isfinite(one)] for one in np.split(remains, ends)])
+    by_read, remains = left_beside_functions(nearest, read)
+    alone = [left_beside_functions(nearest, *signals)[0] for signals in ((predicted,), (left,), (predicted, left))]
+    by_read, by_one, by_both = by_read + smallest, min(alone[:2]) + smallest, alone[2] + smallest
+    used = np.isfinite(remains)
+    count = used.sum() / correlation_time([one[np.isfinite(one)] for one in np.split(remains, ends)])
     # Of as many coefficients, in twice the log likelihood.
     price = _PARTS * math.log(max(count, math.e))
     if count * math.log(by_one / by_read) < price or count * math.log(by_read / by_both) > price:
@@ -136,7 +144,7 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
     pieces = [_Window.of(d / size, m, r) for d, m, r in three if size > 0.0 and len(d) > 4 * _WINDOW]
     if not pieces:
         return False
-    at = _Window(*(np.concatenate(some) for some in zip(*(one.members for one in pieces), strict=True)))
+    at = _Window(*(np.concatenate(some) for some in zip(*pieces, strict=True)))
     count, price = len(at.driver), (_WINDOW + 1) * math.log(max(len(at.driver), 2))
     if count <= 3 * (_WINDOW + 1):  # as many coefficients could fit anything
         return False
@@ -158,8 +166,7 @@ def follows_readings(driver: Pieces, predicted: Pieces, residual: Pieces) -> boo
     return bool(np.max(np.abs(together)) * math.sqrt(count) > _SURE_OF_ANY)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Window:
+class _Window(NamedTuple):
     """Rows with previous ones: a driver (n,); its past, prediction, residual, and the residual's innovations (n, k)."""
 
     driver: Floats
@@ -167,10 +174,6 @@ class _Window:
     predicted: Floats
     residual: Floats
     new: Floats
-
-    @property
-    def members(self) -> tuple[Floats, ...]:
-        return self.driver, self.past, self.predicted, self.residual, self.new
 
     @staticmethod
     def of(driver: Floats, predicted: Floats, residual: Floats) -> _Window:
@@ -281,36 +284,14 @@ def laws_called_with(problem: ModelProblem, values: Mapping[str, float], column:
     return list(dict.fromkeys(found))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Functions:
-    """Smooth basis functions of one signal: their values (n, k), and the rows (n,) that count."""
-
-    columns: Floats
-    rows: Flags
-
-    @staticmethod
-    def of(values: Floats, rows: Flags) -> _Functions:
-        """Return cubic splines whose pieces hold equally many rows."""
-        known = np.sort(values[rows]) if rows.any() else np.zeros(1)
-        # Quantiles, each once; NumPy's own functions for both take as long as all the rest.
-        inner = np.interp(np.linspace(0.0, len(known) - 1.0, _PARTS + 1), np.arange(len(known)), known)
-        inner = inner[np.diff(inner, prepend=-np.inf) > 0.0]
-        if len(inner) < 2:
-            return _Functions(np.ones((len(values), 1)), rows)
-        places = np.concatenate([[inner[0]] * 3, inner, [inner[-1]] * 3])
-        at = np.clip(values, inner[0], inner[-1])
-        return _Functions(BSpline.construct_fast(places, np.eye(len(places) - 4), 3)(at), rows)
-
-    def together(self, *others: _Functions) -> _Functions:
-        """Return the functions together with those of other signals, over the same rows."""
-        return _Functions(np.hstack([one.columns for one in others]), self.rows)
-
-    def left(self, values: Floats) -> tuple[float, Floats]:
-        """Return the mean square of the residual of a least-squares fit, and the residual (n,; NaN in other rows)."""
-        if not self.rows.any():
-            return math.inf, np.full(len(values), np.nan)
-        columns, known = self.columns[self.rows], values[self.rows]
-        remains = np.full(len(values), np.nan)
-        left = known - columns @ np.linalg.lstsq(columns, known)[0]
-        remains[self.rows] = left
-        return float(left @ left) / len(left), remains
+def _functions(values: Floats, rows: Flags) -> Floats:
+    """Return smooth functions (n, k) of a signal (n,): cubic splines whose pieces hold equally many of the rows."""
+    known = np.sort(values[rows])
+    # Quantiles, each once; NumPy's own functions for both take as long as all the rest.
+    inner = np.interp(np.linspace(0.0, len(known) - 1.0, _PARTS + 1), np.arange(len(known)), known)
+    inner = inner[np.diff(inner, prepend=-np.inf) > 0.0]
+    if len(inner) < 2:
+        return np.ones((len(values), 1))
+    places = np.concatenate([[inner[0]] * 3, inner, [inner[-1]] * 3])
+    at = np.clip(values, inner[0], inner[-1])
+    return np.asarray(BSpline.construct_fast(places, np.eye(len(places) - 4), 3)(at))

@@ -16,6 +16,7 @@ from torsight.core.errors import InputError
 from torsight.core.law import LawForm
 from torsight.core.series import rms
 from torsight.core.units import Flags, Floats
+from torsight.core.words.colours import LIGHT
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 from torsight.discovery.inference.explanation import Explanation, covariance, on_nodes
@@ -31,8 +32,6 @@ from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
 
-COLOURS: Final = {"measured": "#000000", "before": "#D55E00", "after": "#0072B2", "neutral": "#7f7f7f"}
-"""Distinguishable with every kind of colour vision (Okabe and Ito, 2008)."""
 _STEP: Final = 1e-3
 """Share of the measured spread by which a law moves the prediction in the difference that gives the law's scale."""
 _FORM_SHARE: Final = Settings().form_share
@@ -93,10 +92,10 @@ class MeasuredCurve(Shown):
 
     def _draw(self, axes: Any) -> None:
         known = self.covered
-        axes.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
+        axes.axhline(0.0, lw=0.5, color=LIGHT["muted"])
         low, high = self.values - 2 * self.sigma, self.values + 2 * self.sigma
         axes.fill_between(self.nodes[known], low[known], high[known], alpha=0.25)
-        axes.plot(self.nodes[known], self.values[known], "-", color=COLOURS["after"])
+        axes.plot(self.nodes[known], self.values[known], "-", color=LIGHT["after"])
         axes.set(title=self.id, xlabel=f"{self.driver} {self.driver_unit}".strip(), ylabel=self.unit)
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
-from torsight.discovery.own.answer.laws import COLOURS
+from torsight.core.words.colours import LIGHT
 from torsight.discovery.own.model.problem import ModelProblem
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from torsight.discovery.own.answer.findings import Findings
 
 
-_DPI: Final = 90
-"""Resolution of the picture in a notebook."""
 _MOST_PANELS: Final = 6
 _MOST_POINTS: Final = 4000
 """Number of curves that a picture shows (the first ones), and of points in each: several for a pixel of its width."""
@@ -114,18 +112,18 @@ def overview(found: Findings) -> Figure:
 def draw_motion(axis: Any, one: Series) -> None:
     """Draw what was measured and both models over time."""
     one = one.thinned
-    axis.plot(one.time, one.measured, ".", ms=2, color=COLOURS["measured"], label="measured")
-    axis.plot(one.time, one.before, "--", lw=1, color=COLOURS["before"], label="model")
-    axis.plot(one.time, one.after, "-", lw=1, color=COLOURS["after"], label="extended model")
+    axis.plot(one.time, one.measured, ".", ms=2, color=LIGHT["measured"], label="measured")
+    axis.plot(one.time, one.before, "--", lw=1, color=LIGHT["before"], label="model")
+    axis.plot(one.time, one.after, "-", lw=1, color=LIGHT["after"], label="extended model")
     axis.set(title=one.title, xlabel="time", ylabel=one.unit)
 
 
 def draw_residual(axis: Any, one: Series) -> None:
     """Draw the residuals of both models over time."""
     one = one.thinned
-    axis.axhline(0.0, lw=0.5, color=COLOURS["neutral"])
-    axis.plot(one.time, one.measured - one.before, "--", lw=0.8, color=COLOURS["before"])
-    axis.plot(one.time, one.measured - one.after, "-", lw=0.8, color=COLOURS["after"])
+    axis.axhline(0.0, lw=0.5, color=LIGHT["muted"])
+    axis.plot(one.time, one.measured - one.before, "--", lw=0.8, color=LIGHT["before"])
+    axis.plot(one.time, one.measured - one.after, "-", lw=0.8, color=LIGHT["after"])
     axis.set(title="measured less model", xlabel="time", ylabel=one.unit)
 
 
@@ -134,9 +132,9 @@ def draw_gains(axis: Any, found: Findings) -> None:
     base = found.field.base.log_evidence
     ranked = [(one.members[0], max(one.log_evidence - base, 0.0)) for one in found.ranked(1)][::-1]
     named = {*found.effects, *found.decision.chosen.members}
-    colours = [COLOURS["after"] if name in named else COLOURS["neutral"] for name, _ in ranked]
+    colours = [LIGHT["after"] if name in named else LIGHT["muted"] for name, _ in ranked]
     axis.barh([name for name, _ in ranked], [gain for _, gain in ranked], color=colours)
-    axis.axvline(found.price, lw=1, ls=":", color=COLOURS["before"], label="what one more must gain")
+    axis.axvline(found.price, lw=1, ls=":", color=LIGHT["before"], label="what one more must gain")
     axis.set_xscale("symlog", linthresh=1.0)
     axis.set(title="what each alone explains", xlabel="gain in log evidence")
     axis.legend(loc="lower right", fontsize="small", frameon=False)
@@ -153,12 +151,12 @@ def draw_by_driver(axis: Any, found: Findings) -> None:
     for fit, key in ((found.field.base, "before"), (found.decision.chosen, "after")):
         left = (problem.observed - fit.fit.solution.prediction)[problem.valid]
         step = max(1, len(left) // _MOST_POINTS)
-        axis.plot(values[::step], left[::step], ".", ms=2, color=COLOURS[key])
+        axis.plot(values[::step], left[::step], ".", ms=2, color=LIGHT[key])
     axis.set(title=f"measured less model over {names[0]}", xlabel=names[0])
 
 
 def as_image(figure: Figure) -> str:
     """Return a figure as a data URL (PNG)."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": None})
+    figure.savefig(stream, format="png", metadata={"Software": None})
     return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"

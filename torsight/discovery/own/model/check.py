@@ -12,15 +12,12 @@ from torsight.core.units import Floats
 from torsight.discovery.interface import Candidate, NeededMembers, OptionalMembers, Problem
 from torsight.discovery.own.model.declare import check_declarations
 from torsight.discovery.own.model.evaluate import place_of
-from torsight.discovery.own.model.ode import RTOL
+from torsight.discovery.own.model.ode import EQUAL
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.reading_error import laws_called_with
 
 _ROWS: Final = ("time_s", "observed", "sigma", "valid", "block", "rest")
 _NEEDED, _OPTIONAL = (tuple(name for name in vars(one) if name[0] != "_") for one in (NeededMembers, OptionalMembers))
-_NULL_SHARE: Final = 10.0 * RTOL
-"""Share of the measurement's spread by which two predictions may differ that should be equal: two integrations differ
-by ten times their tolerance."""
 _ELSEWHERE: Final = 0.3
 """Share of its range by which a parameter is moved to see whether the prediction depends on it."""
 
@@ -38,10 +35,10 @@ def check_problem(problem: Problem) -> tuple[str, ...]:
             do="add what is missing, derive the class from OptionalMembers, or make the problem with model_problem(…)",
         )
     where = type(problem).__name__
-    check_declarations(problem.parameters, problem.candidates, (), numbered=True)
     _check_rows(problem, where)
     if isinstance(problem, ModelProblem):
         return (*problem.warnings, *_check_model(problem))
+    check_declarations(problem.parameters, problem.candidates, ())
     start = {p.name: p.value for p in problem.parameters}
     _numbers(problem, problem.predict(start, ()), where)
     return ()
@@ -93,7 +90,7 @@ def _check_model(problem: ModelProblem) -> list[str]:
     before = [{name: values.copy() for name, values in record.items()} for record in problem.model.records]
     plain = problem.outputs(start, (), where=place)
     _check_unchanged(problem, before)
-    least = np.asarray(_NULL_SHARE * np.nanstd(np.concatenate(problem.measured()), axis=0))
+    least = np.asarray(EQUAL * np.nanstd(np.concatenate(problem.measured()), axis=0))
     notes = []
     for one in problem.candidates:
         notes += _check_candidate(problem, one, start, plain, least)

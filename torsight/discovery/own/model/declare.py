@@ -12,9 +12,8 @@ from torsight.core.parameter import Parameter
 from torsight.discovery.interface import Candidate
 from torsight.discovery.own.model import given
 
-_LEAST_NODES: Final = 2
 MOST_NODES: Final = 100
-"""Limits of the number of nodes of a law: two make a line, and each costs calls of the model."""
+"""Largest number of nodes of a law: each costs calls of the model."""
 _MODEL: Final = "the model"
 RESERVED: Final = "@"
 """Separates a name from the number of a record or of a node."""
@@ -151,8 +150,8 @@ def law(
     if ends[0] is not None and ends[1] is not None and not ends[0] < ends[1]:
         raise InputError("its range is empty", where=where, value=f"{low} to {high}", do="give low below high")
     count = given.number(nodes, f"{where}, nodes")
-    if not count.is_integer() or not _LEAST_NODES <= count <= MOST_NODES:
-        limit = f"a whole number from {_LEAST_NODES} to {MOST_NODES}: each costs calls of the model"
+    if not count.is_integer() or not 2 <= count <= MOST_NODES:
+        limit = f"a whole number from 2 to {MOST_NODES}: each costs calls of the model"
         raise InputError("has no such number of nodes", where=where, value=repr(nodes), limit=limit, do="give another")
     return LawPort(name, given.text(driver, f"{where}, driver"), **units, low=ends[0], high=ends[1], nodes=int(count))
 
@@ -173,13 +172,10 @@ def candidates_of(
 
 
 def check_declarations(
-    parameters: Sequence[Parameter], candidates: Sequence[Candidate], laws: Sequence[LawPort], *, numbered: bool = False
+    parameters: Sequence[Parameter], candidates: Sequence[Candidate], laws: Sequence[LawPort]
 ) -> None:
-    """Refuse invalid declarations: a name twice, a start outside its bounds, an effect that cannot be switched off.
-
-    ``numbered`` allows the names that :func:`name_in` gives to the initial states of records.
-    """
-    if not parameters:
+    """Refuse invalid declarations: a name twice, a start outside its bounds, an effect that cannot be switched off."""
+    if all(one.fixed for one in parameters):
         raise InputError("has no free parameter", where=_MODEL, do="give the parameters that the fit may change")
     known = [one.id for one in candidates] + [one.name for one in laws]
     own_names = {one.name for one in parameters} | {p.name for one in candidates for p in one.parameters}
@@ -204,13 +200,13 @@ def check_declarations(
                     do="give one of them another name",
                 )
             owners[one.name] = owner
-            _check_parameter(one, where=f"{owner}, {one.name}", numbered=numbered)
+            _check_parameter(one, where=f"{owner}, {one.name}")
     for one_candidate in candidates:
         _check_candidate(one_candidate)
 
 
-def _check_parameter(one: Parameter, *, where: str, numbered: bool) -> None:
-    if not one.name or (RESERVED in one.name and not numbered):
+def _check_parameter(one: Parameter, *, where: str) -> None:
+    if not one.name or RESERVED in one.name:
         raise InputError("is no name for a parameter", where=where, value=repr(one.name), limit=f"no '{RESERVED}'")
     if not one.lower < one.upper and not one.fixed:
         raise InputError(

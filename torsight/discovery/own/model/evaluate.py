@@ -269,7 +269,6 @@ class Evaluator:
         self.seconds = 0.0
         self.printed = ""
         self.failures: list[Failure] = []
-        self.failed = 0
         self._pool: Any = None
         self._ready: Future[None] | None = None
         self._lock = threading.Lock()
@@ -322,7 +321,6 @@ class Evaluator:
             self.seconds += done.seconds
             self.printed = (self.printed + done.printed)[:2000]
             if done.failure is not None:
-                self.failed += 1
                 self.failures.append(done.failure)
         future.set_result(done)
 

@@ -72,7 +72,8 @@ class Reading:
         for what, named in (("rest", self.rest), ("time", self.time)):
             if named is not None:
                 given.text(named, f"Reading, {what}")
-        if isinstance(self.blocks, bool) or not isinstance(self.blocks, _BLOCKS) or _below_one(self.blocks):
+        none = isinstance(self.blocks, (int, np.integer)) and self.blocks < 1
+        if none or isinstance(self.blocks, bool) or not isinstance(self.blocks, _BLOCKS):
             limit = "a whole number, 1 or more, a column's name, or an array for each record"
             raise InputError("are no blocks", where="Reading, blocks", value=repr(self.blocks), limit=limit)
 
@@ -88,6 +89,23 @@ class Layout:
     rows: tuple[int, ...]
     scale: Floats
     shift: Floats
+    resolution: float = 1.0
+    """Size of a difference that does not matter, in the series' unit."""
+
+    @classmethod
+    def of(
+        cls, records: Sequence[Record], outputs: tuple[str, ...], measured: Sequence[Floats], size: Floats
+    ) -> Layout:
+        """Return the layout of measured outputs (rows, outputs) with the resolutions ``size`` (outputs,)."""
+        rows, shift, top = tuple(record.rows_ for record in records), np.zeros(len(outputs)), 0.0
+        if len(outputs) == 1:
+            return cls(outputs, rows, np.ones(1), shift, float(size[0]))
+        for k in range(len(outputs)):
+            values = np.concatenate([own[:, k] for own in measured]) / size[k]
+            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+            shift[k] = top - low
+            top += 1.1 * (high - low)  # a tenth apart, so that no two ranges touch
+        return cls(outputs, rows, size, shift)
 
     def stack(self, values: Sequence[Floats], *, between: float = np.nan, scaled: bool = True) -> Floats:
         """Return a series (n,) from one array (rows, outputs) per record; ``between`` is the value that separates."""
@@ -119,10 +137,6 @@ class Layout:
         for record, output, place in self.places:
             made[record][:, output] = (values[place] - self.shift[output]) * self.scale[output]
         return made
-
-
-def _below_one(blocks: object) -> bool:
-    return isinstance(blocks, (int, np.integer)) and int(blocks) < 1
 
 
 def observed_of(records: Sequence[Record], outputs: Sequence[str]) -> list[Floats]:
@@ -180,16 +194,40 @@ def noise_of(observed: Sequence[Floats], output: int) -> float:
     return scatter(*[piece for piece in pieces if len(piece) >= LEAST_ROWS])
 
 
-def resolutions(given: Sequence[Floats], sigma: Sequence[Floats], observed: Sequence[Floats], outputs: int) -> Floats:
-    """Return the resolution per output: the one given, else a tenth of the noise."""
-    found = np.empty(outputs)
-    for k in range(outputs):
-        own = given[0][0, k]
-        noise = float(np.nanmedian(np.concatenate([s[:, k] for s in sigma])))
-        span = float(np.nanstd(np.concatenate([y[:, k] for y in observed])))
-        # A record without any noise is known to the digits that it was written with.
-        found[k] = own if np.isfinite(own) else max(_OF_NOISE * noise, 1e-5 * span, 1e-12)
-    return found
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """Noise of the readings: ``between`` neighbours by output, and ``sigma`` (rows, outputs), as given, else that.
+
+    ``given`` says whether the noise of every reading was given.
+    """
+
+    between: list[float]
+    sigma: list[Floats]
+    given: bool
+
+    @classmethod
+    def of(cls, wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], measured: list[Floats]) -> Noise:
+        """Return the noise of measured outputs (rows, outputs) of records, of which some may be given."""
+        sizes = per_output(wanted, records, outputs, what="sigma")
+        between = [noise_of(measured, k) for k in range(len(outputs))]
+        sigma = [np.where(np.isfinite(own), own, between) for own in sizes]
+        return cls(between, sigma, all(np.isfinite(own).all() for own in sizes))
+
+    @property
+    def usual(self) -> Floats:
+        """The median noise of each output (outputs,)."""
+        return np.asarray(np.nanmedian(np.concatenate(self.sigma), axis=0))
+
+
+def resolutions(
+    wanted: PerOutput, records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Floats], noise: Noise
+) -> Floats:
+    """Return the resolution (outputs,): the one given, else a tenth of the noise."""
+    known = per_output(wanted, records, outputs, what="resolution")[0][0]
+    span = np.nanstd(np.concatenate(measured), axis=0)
+    # A record without any noise is known to the digits that it was written with.
+    least = np.maximum.reduce([_OF_NOISE * noise.usual, 1e-5 * span, np.full(len(outputs), 1e-12)])
+    return np.asarray(np.where(np.isfinite(known), known, least))
 
 
 def blocks_of(

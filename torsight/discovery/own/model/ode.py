@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 RTOL: Final = 1e-7
 """Relative tolerance: derivatives are differences over 2 % of a parameter's scale, which an error of 1e-7 leaves good
 to four digits; SciPy's own default of 1e-3 would drown them."""
+EQUAL: Final = 10.0 * RTOL
+"""Share of a signal's spread by which two signals may differ that should be equal: two integrations differ by ten times
+their tolerance, and a table's digits are no finer."""
 LINES: Final = "lines"
 HELD: Final = "held"
 """Course of an input between two rows."""

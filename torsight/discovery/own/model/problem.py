@@ -30,13 +30,13 @@ from torsight.discovery.own.model.declare import (
     parameters_of,
     per_record,
 )
-from torsight.discovery.own.model.evaluate import Called, Evaluator, Failure, Model, Predict
+from torsight.discovery.own.model.evaluate import Called, Evaluator, Model, Predict
 from torsight.discovery.own.model.law_ports import added_laws, nodes_of, port_law
 from torsight.discovery.own.model.layout import Layout, Reading
 from torsight.discovery.own.model.ode import Ode
 from torsight.discovery.own.model.signals import drivers_of, rest_of
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.own_records import Record, Table, read_records, time_column, time_of
+from torsight.discovery.own.own_records import Table, read_records, time_column, time_of
 
 _FAR: Final = 1e3
 """Where the model gives no numbers the prediction is off by this many times the measurement's own spread: no fit goes
@@ -191,11 +191,6 @@ class ModelProblem(GivenProblem):
         """Return the time (rows,) of every record."""
         return [time_of(record, self.time_name) for record in self.model.records]
 
-    @property
-    def failures(self) -> tuple[Failure, ...]:
-        """Calls that gave no numbers."""
-        return tuple(self.evaluator.failures)
-
 
 def model_problem(
     predict: Predict,
@@ -240,74 +235,65 @@ def model_problem(
     given.one_of(reading, Reading, "reading", do="give reading=Reading(sigma=…, blocks=…)")
     outputs, initial = given.names(output, "output"), given.names(initial, "initial")
     drivers = None if drivers is None else given.names(drivers, "drivers")
-    may_lack = candidates_of(candidates, "candidates")
-    declared = parameters_of(parameters)
+    may_lack, named = candidates_of(candidates, "candidates"), parameters_of(parameters)
     ports = tuple(one for one in may_lack if isinstance(one, LawPort))
     offered = tuple(one for one in may_lack if isinstance(one, Candidate))
-    check_declarations(declared, offered, ports)
-    _known(initial, [p.name for p in declared if not p.fixed], what="initial")
+    _known(initial, [p.name for p in named if not p.fixed], what="initial")
     if not outputs:
         raise InputError("no output is named", where="output", do="name the column that predict gives")
     records = read_records(observed)
     if (reading.time or time_column(records[0])) in outputs:
         raise InputError("is the time", where="output", value=", ".join(outputs), do="name what predict gives")
     measured, times = lay.observed_of(records, outputs), [time_of(record, reading.time) for record in records]
-    sigmas = lay.per_output(reading.sigma, records, outputs, what="sigma")
-    noise = [lay.noise_of(measured, k) for k in range(len(outputs))]
-    known = all(np.isfinite(own).all() for own in sigmas)
-    believed = [np.where(np.isfinite(own), own, noise) for own in sigmas]
-    errors = _start_errors(predict, declared, outputs, believed)
-    check_declarations((*declared, *errors), offered, ports)
-    declared, initial = (*declared, *errors), (*initial, *(p.name for p in errors))
-    size = lay.resolutions(
-        lay.per_output(reading.resolution, records, outputs, what="resolution"), believed, measured, len(outputs)
+    noise = lay.Noise.of(reading.sigma, records, outputs, measured)
+    errors = _start_errors(predict, named, outputs, noise)
+    declared, initial = (*named, *errors), (*initial, *(p.name for p in errors))
+    check_declarations(declared, offered, ports)
+    layout = Layout.of(
+        records, outputs, measured, lay.resolutions(reading.resolution, records, outputs, measured, noise)
     )
-    layout = _layout(records, outputs, measured, size)
     stacked = layout.stack(measured)
-    valid = np.isfinite(stacked)
     labels = lay.blocks_of(reading.blocks, records, times)
     block = np.asarray(layout.spread([own.astype(np.float64) for own in labels]), np.int64)
-    at_rest, warnings = rest_of(reading.rest, records, outputs, measured, noise)
-    warnings += lay.check_blocks(block, valid)
-    found, more = drivers_of(drivers, records, outputs, times, reading=reading)
+    at_rest, about_rest = rest_of(reading.rest, records, outputs, measured, noise.between)
+    found, about_drivers = drivers_of(drivers, records, outputs, times, reading=reading)
     model = Model(predict, records, outputs, tuple(one.name for one in ports))
-    free = tuple(p for p in declared if not p.fixed)
+    free, count = tuple(p for p in declared if not p.fixed), len(records)
     # One output without a given noise: the engine measures it from the residual, which holds less of the motion.
-    left = layout.stack([own / layout.scale for own in believed], between=0.0, scaled=False)
-    engine_sigma = np.zeros(len(stacked)) if not known and len(outputs) == 1 else left
+    left_open = len(outputs) == 1 and not noise.given
+    sigma = layout.stack([own / layout.scale for own in noise.sigma], between=0.0, scaled=False)
     return ModelProblem(
         model=model,
         declared=declared,
-        initial=tuple(initial),
+        initial=initial,
         ports=ports,
         layout=layout,
         evaluator=Evaluator(model),
-        parameters=per_record(free, initial, len(records)),
+        parameters=per_record(free, initial, count),
         candidates=offered,
         time_s=lay.engine_time(times, len(outputs)),
         observed=stacked,
-        sigma=engine_sigma,
-        valid=valid,
+        sigma=np.zeros(len(stacked)) if left_open else sigma,
+        valid=np.isfinite(stacked),
         block=block,
         rest=layout.spread([own.astype(np.float64) for own in at_rest]) > 0.5,
         drivers={name: layout.spread(own) for name, own in found.items()},
-        resolution=float(size[0] / layout.scale[0]),
+        resolution=layout.resolution,
         nodes={one.name: nodes_of(one) for one in ports},
-        once=tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, len(records))),
-        sigma_known=known,
+        once=tuple(p.name for p in per_record([p for p in free if p.name in initial], initial, count)),
+        sigma_known=noise.given,
         time_name=reading.time,
-        warnings=tuple(warnings + more),
+        warnings=(*about_rest, *lay.check_blocks(block, np.isfinite(stacked)), *about_drivers),
     )
 
 
 def _start_errors(
-    predict: Predict, declared: Sequence[Parameter], outputs: Sequence[str], sigma: Sequence[Floats]
+    predict: Predict, declared: Sequence[Parameter], outputs: Sequence[str], noise: lay.Noise
 ) -> tuple[Parameter, ...]:
     """Return the errors of the first readings of an ODE's measured states, each of the size of that output's noise."""
     if not isinstance(predict, Ode):
         return ()
-    usual = np.nanmedian(np.concatenate(sigma), axis=0)
-    return tuple(predict.start_errors(declared, outputs, dict(zip(outputs, usual, strict=True))))
+    return predict.start_errors(declared, outputs, dict(zip(outputs, noise.usual.tolist(), strict=True)))
 
 
 def _known(names: Sequence[str], among: Sequence[str], *, what: str) -> None:
@@ -319,16 +305,3 @@ def _known(names: Sequence[str], among: Sequence[str], *, what: str) -> None:
                 limit=", ".join(among),
                 do="declare it with parameter(name, start), or leave it out",
             )
-
-
-def _layout(records: Sequence[Record], outputs: Sequence[str], measured: Sequence[Floats], size: Floats) -> Layout:
-    rows = tuple(record.rows_ for record in records)
-    if len(outputs) == 1:
-        return Layout(tuple(outputs), rows, np.ones(1), np.zeros(1))
-    shift, top = np.zeros(len(outputs)), 0.0
-    for k in range(len(outputs)):
-        values = np.concatenate([own[:, k] for own in measured]) / size[k]
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        shift[k] = top - low
-        top += 1.1 * (high - low)  # a tenth apart, so that no two ranges touch
-    return Layout(tuple(outputs), rows, size, shift)

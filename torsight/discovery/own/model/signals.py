@@ -10,12 +10,9 @@ import numpy as np
 from torsight.core.errors import InputError
 from torsight.core.units import Flags, Floats
 from torsight.discovery.own.model import layout as lay
+from torsight.discovery.own.model.ode import EQUAL
 from torsight.discovery.own.own_records import Record, column_of, time_column
 
-_SAME: Final = 1e-6
-"""Largest residual, as a share of the measured signal's spread, of a column that is the same signal in other units: the
-digits of a table. Other columns that are computed from the signal are recognised once the model is fitted
-(:mod:`torsight.discovery.own.reading_error`)."""
 _MUCH_STILL: Final = 0.5
 """Share of a record at rest that is worth a warning where no rest is marked."""
 
@@ -85,10 +82,14 @@ def _twin(own: Sequence[Floats], records: Sequence[Record], outputs: Sequence[st
 
 
 def _same(values: Floats, measured: Floats) -> bool:
-    """Return whether two signals are equal up to scale and offset, noise included."""
+    """Return whether two signals are equal up to scale and offset, noise included: one in other units.
+
+    Other columns that are computed from the signal are recognised once the model is fitted
+    (:mod:`torsight.discovery.own.reading_error`).
+    """
     if min(np.ptp(values), np.ptp(measured)) <= 0.0:
         return False
-    return float(np.std(left_beside(values[:, None], measured))) < _SAME * float(np.std(measured))
+    return float(np.std(left_beside(values[:, None], measured))) < EQUAL * float(np.std(measured))
 
 
 def left_beside(columns: Floats, values: Floats) -> Floats:

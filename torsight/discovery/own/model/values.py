@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_right
 from collections import namedtuple
 from collections.abc import Iterator, Mapping
-from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -64,7 +61,6 @@ class Curve:
     """
 
     def __init__(self, nodes: Floats | None = None, values: Floats | None = None) -> None:
-        self.off = nodes is None or values is None
         # Contiguous float64, as compiled code reads them.
         self.nodes = np.zeros(1) if nodes is None else np.ascontiguousarray(nodes, np.float64)
         self.values = np.zeros(1) if values is None else np.ascontiguousarray(values, np.float64)
@@ -72,37 +68,18 @@ class Curve:
 
     def __call__(self, at: Any) -> Any:
         """Return the function's value, a float for a float."""
-        if isinstance(at, float):
-            return self._at_one(float(at))  # numpy's own floats are slow
+        if isinstance(at, float):  # as Python integrators call a law, at every step
+            self._remember(at, at)
+            return float(np.interp(at, self.nodes, self.values))
         given = np.asarray(at, np.float64)
         if given.size:
             self._remember(float(np.min(given)), float(np.max(given)))
         found = np.interp(given, self.nodes, self.values)
         return float(found) if given.ndim == 0 else found
 
-    def _at_one(self, at: float) -> float:
-        """Return the result of ``numpy.interp`` in a third of its time: Python integrators call a law at every step."""
-        self._remember(at, at)
-        if self.off:
-            return 0.0
-        nodes, values = self._lines
-        if at <= nodes[0]:
-            return values[0]
-        if at >= nodes[-1]:
-            return values[-1]
-        if math.isnan(at):
-            return at
-        left = bisect_right(nodes, at) - 1
-        slope = (values[left + 1] - values[left]) / (nodes[left + 1] - nodes[left])
-        return slope * (at - nodes[left]) + values[left]
-
     def afresh(self) -> Curve:
         """Return a copy of the law that has not been called yet."""
         return Curve(self.nodes, self.values)
-
-    @cached_property
-    def _lines(self) -> tuple[list[float], list[float]]:
-        return self.nodes.tolist(), self.values.tolist()
 
     def _remember(self, low: float, high: float) -> None:
         if low < self.asked.item(0):
