@@ -11,11 +11,7 @@ the characterised values and never names it. Source: the paper, section 3.3, equ
 
 from __future__ import annotations
 
-from typing import Final
-
-from torsight.actuator.effects import Effect, Values
-from torsight.actuator.ports import Ports
-from torsight.core.parameter import Parameter
+from torsight.actuator.effects import Effect, Parameter, Ports, Values
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -23,7 +19,7 @@ def apply(ports: Ports, values: Values) -> Ports:
     return ports.changed(renewal=values["renewal"])
 
 
-EFFECT: Final = Effect(
+EFFECT = Effect(
     id="reference_state",
     family="form",
     acts_on="phase",
