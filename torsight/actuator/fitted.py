@@ -340,7 +340,8 @@ def read_model(path: AnyPath) -> FittedModel:
     try:
         return _model_from(content)
     except TorsightError as error:
-        raise InputError(f"is damaged ({error})", where=str(path), do="fit the record again") from error
+        text = f"is damaged, or of another version of torsight ({error})"
+        raise InputError(text, where=str(path), do="fit the record again") from error
 
 
 def _optional_deg(content: Mapping[str, Any], key: str, *, where: str, lower: float) -> float | None:
