@@ -50,9 +50,11 @@ class Separable:
 
 def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separable:
     """Return which effects a record with this drive would show, and which of them it could distinguish."""
-    effects = [effect for effect in load_effects().values() if effect.event is None and _at_usual_size(effect)]
+    fitted = always_fitted()
+    missing = [effect for effect in load_effects().values() if effect not in fitted and effect.event is None]
+    effects = [effect for effect in missing if _at_usual_size(effect)]
     weight = np.gradient(drive.time_s) / _CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
-    always = tuple(effect.id for effect in always_fitted())
+    always = tuple(effect.id for effect in fitted)
     models = {chosen: ActuatorModel(spec, chosen) for chosen in [always, *((*always, effect.id) for effect in effects)]}
     explanations = [
         Rival(chosen, chosen, model.parameters, np.array([parameter.value for parameter in model.parameters]))
