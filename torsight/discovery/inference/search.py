@@ -159,20 +159,21 @@ class Search:
         work: list[tuple[EffectSet, str]] = []
         planned: set[EffectSet] = set()
         for parent in parents:
-            for name in self._choices(size):
+            for name in self._choices(size, beside=parent):
                 members = with_member(parent.members, name)
                 if name not in parent.members and members not in planned:
                     planned.add(members)
                     work.append((parent.members, name))
         self._grow(work, step="effects and laws" if size == 1 else f"sets of {size}")
 
-    def _choices(self, size: int) -> list[str]:
+    def _choices(self, size: int, *, beside: Explanation | None = None) -> list[str]:
         """Return the possible members of a set of ``size``: laws, which take longest, first.
 
         A law of time says when something differs and not why: beside an explanation it would absorb the explanation's
-        error.
+        error. Beside another law of time, as of two sensors that drift, there is no explanation that it could spoil.
         """
-        laws = [law.id for law in self._problem.laws if size == 1 or not law.says_when]
+        when = size == 1 or (beside is not None and self._says_when(beside))
+        laws = [law.id for law in self._problem.laws if when or not law.says_when]
         return [*laws, *(candidate.id for candidate in self._problem.candidates)]
 
     def _grow_otherwise(self, size: int) -> None:
