@@ -174,6 +174,22 @@ def test_a_hold_on_the_way_up_is_its_level():
     assert np.sqrt(np.mean(np.square(over))) < 2.0 * 0.03 / np.sqrt(60.0 / 0.25)
 
 
+def test_corners_of_stairs_are_as_far_off_as_is_said():
+    """Where a hold ends, its noise may seem to turn: the row after it is on the ramp all the same."""
+    off, likely = [], []
+    for seed in range(12):
+        time_s = np.arange(0.0, 400.0, 0.25)
+        edges_s = np.array([64.0, 124.0, 136.0, 196.0, 208.0, 268.0, 280.0, 340.0])
+        wire_c = np.interp(time_s, [0.0, *edges_s, 380.0], [24.0, 50.0, 50.0, 56.0, 56.0, 62.0, 62.0, 68.0, 68.0, 88.0])
+        found = condition(time_s, wire_c + 0.03 * np.random.default_rng(seed).standard_normal(len(time_s)))
+        near = np.min(np.abs(time_s[:, None] - edges_s), axis=1) <= 1.0
+        off.append(np.abs(found.temp_c - wire_c)[near].max())
+        likely.append(np.mean(((found.temp_c - wire_c) / found.sigma_c)[near] ** 2))
+    # A quarter of the change within a row; a row off its place would be 0.125 °C.
+    assert np.median(off) < 0.25 * 0.125 * 2.0
+    assert np.mean(likely) < 2.0
+
+
 @pytest.mark.parametrize("interval_s", [0.04, 0.25])
 def test_the_overshoot_of_a_controlled_top_stays(interval_s):
     """A top that a controller overshoots by 0.3 °C and lets sink: its highest, not the level that it comes to."""

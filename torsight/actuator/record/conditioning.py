@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.actuator.record.holds import level_holds
+from torsight.actuator.record.holds import beside_corners, level_holds
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
 from torsight.actuator.record.slow_log import SLOW_S, between, corner_gaps, own_readings, turns_reached
@@ -66,7 +66,7 @@ def conditioned(readings: Readings, time_s: Floats, temp_c: Floats) -> Condition
     value, rate, sigma = found.temp_c, found.rate_c_s, found.sigma_c
     found = replace(found, peaks_c=ripple_peaks(time_s, temp_c, value, readings.digit_noise_c, readings.alike))
     level_holds(time_s, temp_c, noise * math.sqrt(readings.alike), value=value, rate=rate, left_over=sigma)
-    return found
+    return replace(found, sigma_c=np.hypot(sigma, beside_corners(value)))
 
 
 def _between_readings(readings: Readings, wanted_s: Floats) -> Conditioned:
@@ -136,7 +136,6 @@ class Readings:
         else:
             value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
             value, sigma = turns_reached(wanted_s, value, sigma)
-            sigma = np.hypot(sigma, np.interp(wanted_s, self.time_s, _beside_corners(known_c)))
             known = Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
         return replace(known, log_evidence=evidence)
 
@@ -162,24 +161,6 @@ class Readings:
         sigma = np.hypot(np.interp(wanted_s, self.time_s, left_over), doubt)
         rate = np.asarray(np.gradient(value, wanted_s))
         return Conditioned(value, rate, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
-
-
-def _beside_corners(temp_c: Floats) -> Floats:
-    """Return the standard deviation (n,) of temperatures due to corners that lie between rows.
-
-    The smoother's corners lie on rows. Two lines whose slopes differ by Δ and that meet within half a row of a row pass
-    it at temperatures that differ by up to Δ/2 (per row); a corner on the row halves this difference. So the row errs
-    by Δ/4 at most and by Δ/√48 in the root mean square. Δ is the bend in excess of that beside it, as of a cooling.
-    What a spring reached at a turn, or in the hold before a cooling, is known better (:func:`turns_reached`,
-    :func:`level_holds`): there nothing is added.
-    """
-    found = np.zeros(len(temp_c))
-    slope = np.diff(temp_c)
-    before, after = slope[:-1], slope[1:]
-    reached = (before * after < 0.0) | ((after < before) & (after + before < 0.0))
-    bend = np.pad(np.where(reached, 0.0, np.abs(after - before)), 1)
-    found[1:-1] = np.maximum(bend[1:-1] - np.maximum(bend[:-2], bend[2:]), 0.0) / math.sqrt(48.0)
-    return found
 
 
 def _blocks(time_s: Floats, temp_c: Floats, block_s: float) -> tuple[Floats, Floats]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from torsight.actuator.record.log_noise import hidden_by_rounding, last_digit
 from torsight.actuator.record.segments import turn_of
-from torsight.actuator.record.turns import turning_points
+from torsight.actuator.record.turns import REVERSAL_C, turning_points, turns_of
 from torsight.core.parameter import REACH
 from torsight.core.series import runs, usual_step
 from torsight.core.units import Floats
@@ -35,7 +35,7 @@ _LEVEL: Final = 0.7
 def level_holds(
     time_s: Floats, temp_c: Floats, noise_c: float, *, value: Floats, rate: Floats, left_over: Floats
 ) -> None:
-    """Replace the smoother's temperature by the level in every held top.
+    """Replace the smoother's temperature by the level in every held top and in every hold on the way.
 
     ``value``, ``rate`` and ``left_over``, the smoother's temperature, slope and standard deviation (n,), are changed in
     place; the noise of the log's rows is taken as independent. The uncertainty of a level due to rounding is included.
@@ -43,20 +43,42 @@ def level_holds(
     digit_c = last_digit(temp_c)
     sense = turning_points(value, np.zeros(len(value), np.int64), turn_of(noise_c))
     tops = [_longest_level(time_s, temp_c, noise_c, int(edge)) for edge in np.flatnonzero(np.diff(sense) < 0)]
-    for first, last in (*_holds_between(time_s, temp_c, noise_c, rate), *(top for top in tops if top is not None)):
+    between, corner_c = _holds_between(time_s, temp_c, noise_c, rate), beside_corners(value)
+    windows = [*((first, last, 0.0) for first, last in between), *((*top, LEAST_HOLD_S) for top in tops if top)]
+    for first, last, after_s in windows:
         level, slope, sigma = _level(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
         rows = np.arange(first, last + 1)
         # The window may extend beyond a corner by a row or two: there the smoother's estimate is kept, which is below
         # the level by more than its 95 % interval.
         inside = value[rows] >= level - REACH * left_over[rows]
+        if after_s == 0.0:
+            # What follows a hold on the way may rise: the hold ends before the last rows that are above it.
+            inside &= rows <= rows[value[rows] <= level + REACH * left_over[rows]].max(initial=first - 1)
         rows = rows[inside]
         value[rows], rate[rows] = level[inside], slope[inside]
         hidden = hidden_by_rounding(temp_c[first : last + 1], digit_c)
         left_over[rows] = np.hypot(np.minimum(left_over[rows], sigma[inside]), hidden)
         # An excess beside the level has the same cause, unless it is significant: cut it to the level.
-        beside = slice(*np.searchsorted(time_s, [time_s[first] - LEAST_HOLD_S, time_s[last] + LEAST_HOLD_S]))
-        above = value[beside] - level.max()
-        value[beside] -= np.where((above > 0.0) & (above <= REACH * left_over[beside]), above, 0.0)
+        beside = slice(*np.searchsorted(time_s, [time_s[first] - LEAST_HOLD_S, time_s[last] + after_s]))
+        above, known_c = value[beside] - level.max(), np.hypot(left_over[beside], corner_c[beside])
+        value[beside] -= np.where((above > 0.0) & (above <= REACH * known_c), above, 0.0)
+
+
+def beside_corners(temp_c: Floats) -> Floats:
+    """Return the standard deviation (n,) of temperatures due to corners that lie between rows.
+
+    The smoother's corners lie on rows, or on two rows beside each other. Two lines whose slopes differ by Δ and that
+    meet within half a row of a row pass it at temperatures that differ by up to Δ/2 (per row); a corner on the row
+    halves this difference. So the row errs by Δ/4 at most and by Δ/√48 in the root mean square. Δ is the bend over
+    three rows in excess of that beside them, as of a cooling. What a spring reached at a turn, or in the hold before a
+    cooling, is known better: there nothing is added.
+    """
+    slope = np.diff(temp_c)
+    before, after = slope[:-1], slope[1:]
+    bend = np.pad(np.where((after < before) & (after + before < 0.0), 0.0, np.abs(after - before)), 3)
+    bend[2 + turns_of(temp_c, REVERSAL_C)[:, None] + np.arange(-1, 2)] = 0.0
+    whole, beside = bend[1:-3] + bend[2:-2] + bend[3:-1], 3.0 * np.maximum(bend[:-4], bend[4:])
+    return np.asarray(np.maximum(whole - beside, 0.0) / math.sqrt(48.0))
 
 
 def _holds_between(time_s: Floats, temp_c: Floats, noise_c: float, rate: Floats) -> list[tuple[int, int]]:

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.record.log_noise import SHORTEST
+from torsight.actuator.record.turns import REVERSAL_C, turns_of
 from torsight.core.series import BY_CHANCE, usual_step
 from torsight.core.units import Flags, Floats, Ints
 
@@ -105,9 +106,12 @@ def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> tuple[Floa
     """Return temperatures (n,) of a wire and their sigmas, with turns between two readings placed at the later reading.
 
     At the later reading a transformation that only advances is still in the state that it reached at the turn
-    (:func:`torsight.actuator.record.turns.at_places`).
+    (:func:`torsight.actuator.record.turns.at_places`). Where a held temperature goes on, it only seems to turn.
     """
-    gaps, turn_c, doubt_c = turns_between(time_s, temp_c, corner_gaps(time_s, temp_c, sigma_c[:-1]))
+    turns = turns_of(temp_c, REVERSAL_C)
+    corners = corner_gaps(time_s, temp_c, sigma_c[:-1])
+    corners &= np.isin(np.arange(len(corners)), [turns - 1, turns])
+    gaps, turn_c, doubt_c = turns_between(time_s, temp_c, corners)
     reached, sigma = temp_c.copy(), sigma_c.copy()
     reached[gaps + 1] = turn_c
     sigma[gaps + 1] = np.hypot(sigma[gaps + 1], doubt_c)
