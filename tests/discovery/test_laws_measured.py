@@ -52,8 +52,8 @@ def test_a_law_beside_a_late_clock_is_followed_where_the_linear_model_fails() ->
     problem = rig(effects, 75.0, 75.0, 75.0, 75.0, 58.0, 60.0, seed=6, as_declared=False)
     fits, law = SetFits(problem, progress=silent), next(one for one in problem.laws if one.id == "friction_angle_deg")
     plain = fits.plain()
-    # The law can do what its usual form does, and more. Where a step may end between two members of the bank, at a curve
-    # that is charged to neither of them, it gained 16 units more than the form, else 24 to 46.
+    # The law can do what its usual form does, and more. Where a step may end between two members of the bank, at a
+    # curve that is charged to neither of them, it gained 16 units more than the form, else 24 to 46.
     form = fits.with_effect(plain, "position_friction")
     assert fits.with_law(plain, law).log_evidence > form.log_evidence + 20.0
 
