@@ -1,9 +1,10 @@
-"""Held tops of a noisy temperature, at whose level an incomplete transformation ends.
+"""Held temperatures of a noisy log, at whose level an incomplete transformation ends or waits.
 
 A heating that is held for some seconds before cooling ends in a level top. The remaining noise bows up there, the
 one-way transformation keeps the bow's maximum, and the angle is wrong throughout the rest that follows. Where the log
 shows that a top is level to within less than its noise, the mean replaces the bow, together with the significant part
-of a slope and a bow: a controlled top overshoots and sinks slowly to its level.
+of a slope and a bow: a controlled top overshoots and sinks slowly to its level. In a hold on the way the transformation
+waits at the maximum of the noise in the same way.
 """
 
 from __future__ import annotations

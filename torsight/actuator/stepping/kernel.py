@@ -80,8 +80,6 @@ _LETS_STAND: Final = 0.1
 """Drop of friction, as a share of its sliding value, from which a disk counts as having come to a standstill; a choice.
 Without it an overshoot of zero length would change the angle. On records of a rig with mass the evidence is the same
 with half this value and 50 log units lower with twice."""
-
-
 _STANDS_RAD_S: Final = 0.05 * DEG
 """Speed below which the disk counts as standing: a hundredth of that in mid-stroke at usual rates of heating, and about
 what the remaining noise of a held temperature (0.01 °C in 10 s) moves it by."""
@@ -303,7 +301,8 @@ def _stand(per_s: float, s: Scalars, q: Scalars, p: Scalars) -> None:
     before = p["renewal"] * (1.0 - np.exp(-q["stood_s"] / _STANDS_S))
     q["stood_s"] += 1.0 / per_s
     after = p["renewal"] * (1.0 - np.exp(-q["stood_s"] / _STANDS_S))
-    renew((after - before) / (1.0 - before), s["x"], s["xi"], q, p)
+    if before < 1.0:
+        renew((after - before) / (1.0 - before), s["x"], s["xi"], q, p)
 
 
 @inlined
