@@ -154,19 +154,22 @@ def factor_for(wanted: float, change: Callable[[float], float], *, first: float,
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """Something hidden as a function of its strength, and the strength to begin with and the largest one."""
+    """Something hidden as a function of its strength, and the strength to begin with and the largest one.
+
+    ``at`` takes the strength and the share of it that acts: at 0 the rig is as it would be without the piece.
+    """
 
     name: str
-    at: Callable[[float], Hidden]
+    at: Callable[[float, float], Hidden]
     first: float
     most: float
 
-    def sized(self, rig: DrawnRig, plain: Run, *, wanted_deg: float) -> tuple[float, float]:
+    def sized(self, rig: DrawnRig, *, wanted_deg: float) -> tuple[float, float]:
         """Return the strength that makes the wanted size, and the size."""
         sizes: dict[float, float] = {}
 
         def size(factor: float) -> float:
-            change = on_log_clock(rig, self.at(factor)) - plain.angle_deg
+            change = on_log_clock(rig, self.at(factor, 1.0)) - on_log_clock(rig, self.at(factor, 0.0))
             sizes[factor] = float(np.sqrt(np.mean(change**2)))
             return sizes[factor]
 
@@ -179,12 +182,17 @@ def effect_piece(name: str, drawn: Mapping[str, object]) -> Piece:
     strength = next(iter(drawn))
     null = 1.0 if strength == "gain" else 0.0
     own = float(str(drawn[strength])) - null
-    return Piece(
-        name,
-        lambda factor: ({name: {**drawn, strength: null + factor * own}}, ()),
-        first=1.0,
-        most=abs(_STRONGEST[strength] - null) / abs(own),
-    )
+
+    def at(factor: float, acts: float) -> Hidden:
+        return {name: {**drawn, strength: null + factor * acts * own}}, ()
+
+    def crosstalk(factor: float, acts: float) -> Hidden:
+        # Heat that passes between the wires is in the log: only what the other spring's transformation does is hidden.
+        warm = acts * float(str(drawn.get("share", 1.0)))
+        return {name: {**drawn, strength: factor * own, "share": warm}}, ()
+
+    most = abs(_STRONGEST[strength] - null) / abs(own)
+    return Piece(name, crosstalk if name == "heat_crosstalk" else at, first=1.0, most=most)
 
 
 def law_piece(place: Key, rng: np.random.Generator, rig: DrawnRig, plain: Run) -> Piece:
@@ -192,12 +200,13 @@ def law_piece(place: Key, rng: np.random.Generator, rig: DrawnRig, plain: Run) -
     rule, name = PLACES[place], "-over-".join(place)
     if place == ("values", "spring"):
         a, m, e = rng.uniform(-1.0, 1.0, 3).tolist()
+
+        def unlike(by: float) -> dict[str, float]:
+            return {"a_shift_c": 4 * by * a, "m_shift_c": 4 * by * m, "modulus_scale": 1 + 0.2 * by * e}
+
         return Piece(
             name,
-            lambda f: (
-                {"unlike_springs": {"a_shift_c": 4 * f * a, "m_shift_c": 4 * f * m, "modulus_scale": 1 + 0.2 * f * e}},
-                (),
-            ),
+            lambda factor, acts: ({"unlike_springs": unlike(factor * acts)}, ()),
             first=0.2,
             most=rule.most,
         )
@@ -206,15 +215,15 @@ def law_piece(place: Key, rng: np.random.Generator, rig: DrawnRig, plain: Run) -
     unit = rig.values.rig.k_stress_induced if place[1] in ("angle", "winding") else 1.0
     slope = float(np.max(np.abs(np.gradient(law.values)))) * (len(law.values) - 1) / (stop - start)
     most = min(rule.most, _STEEPEST.get(place, np.inf) * unit / slope)
-    return Piece(name, lambda factor: ({}, (law.scaled(factor),)), first=0.1 * most, most=most)
+    return Piece(name, lambda factor, acts: ({}, (law.scaled(factor * acts),)), first=0.1 * most, most=most)
 
 
-def together(pieces: Sequence[Piece], factors: Sequence[float]) -> Hidden:
-    """Return all pieces at their strengths."""
+def together(pieces: Sequence[Piece], factors: Sequence[float], acting: Sequence[float]) -> Hidden:
+    """Return all pieces at their strengths, each with the share of it that acts."""
     details: dict[str, Mapping[str, object]] = {}
     laws: tuple[RigLaw, ...] = ()
-    for piece, factor in zip(pieces, factors, strict=True):
-        own, more = piece.at(factor)
+    for piece, factor, acts in zip(pieces, factors, acting, strict=True):
+        own, more = piece.at(factor, acts)
         details, laws = details | dict(own), laws + more
     return details, laws
 
@@ -225,8 +234,7 @@ def shown_deg(rig: DrawnRig, pieces: Sequence[Piece], factors: Sequence[float]) 
 
     def angle_deg(off: Mapping[str, float], times: Sequence[float]) -> Array:
         values = {name: value + off.get(name, 0.0) for name, value in rig.values.public.items()}
-        strengths = [factor * by for factor, by in zip(factors, times, strict=True)]
-        return on_log_clock(replace(rig, values=rig_values(values)), together(pieces, strengths))
+        return on_log_clock(replace(rig, values=rig_values(values)), together(pieces, factors, times))
 
     return dict(zip((piece.name for piece in pieces), shown(angle_deg, spread, len(pieces)), strict=True))
 

@@ -29,7 +29,7 @@ def shown(
     Parameters
     ----------
     angle_deg : callable
-        The angle (n,) of a rig whose values are off by so much, with each piece at so many times its strength.
+        The angle (n,) of a rig whose values are off by so much, with such a share of each piece's strength acting.
     spread : mapping of str to float
         One standard deviation of each value that is not exact.
     count : int
@@ -41,11 +41,11 @@ def shown(
     zero = np.full(len(whole), 1e3)
     values = [(angle_deg({name: _STEP * sigma}, ones.tolist()) - whole) / _STEP for name, sigma in spread.items()]
     each = np.eye(count)
-    stronger = [(angle_deg({}, (ones + _STEP * each[i]).tolist()) - whole) / _STEP for i in range(count)]
+    weaker = [(angle_deg({}, (ones - _STEP * each[i]).tolist()) - whole) / _STEP for i in range(count)]
     found = []
     for i in range(count):
         change = angle_deg({}, (ones - each[i]).tolist()) - whole
-        found.append(left_over(change, [zero, *values, *(column for k, column in enumerate(stronger) if k != i)]))
+        found.append(left_over(change, [zero, *values, *(column for k, column in enumerate(weaker) if k != i)]))
     return found
 
 
