@@ -104,7 +104,8 @@ def same_by_both_ways(drive, model, monkeypatch, more=None):
     monkeypatch.setattr(kernel, "glide", counted)
     model.simulate(drive, values)
     moves = np.count_nonzero(np.abs(np.diff(short.phi_rad)) > 1e-9)
-    assert sum(slid) > 0.8 * moves
+    # Before it slides, a disk with presliding displacement moves, too: in a quarter of the rows in which it moves.
+    assert sum(slid) > max(0.7 * moves, 0.9 * len(slid))
 
     monkeypatch.setattr(kernel, "glide", lambda *_: False)
     monkeypatch.setattr(kernel, "_nothing_to_do", lambda *_: False)

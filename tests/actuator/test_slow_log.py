@@ -62,7 +62,7 @@ def switched_off(time_s, rate_c_s, *, noise_c=0.0):
 
 @pytest.mark.parametrize(
     ("rate_c_s", "interval_s", "noise_c", "within_deg"),
-    [(0.2, 5.0, 0.0, 3.0), (0.5, 5.0, 0.0, 6.0), (0.5, 3.0, 0.07, 8.0), (0.5, 1.0, 0.02, 3.0)],
+    [(0.2, 5.0, 0.0, 3.0), (0.5, 5.0, 0.0, 6.0), (0.5, 3.0, 0.07, 9.0), (0.5, 1.0, 0.02, 3.0)],
 )
 def test_a_slow_log_is_predicted_as_a_fast_one(rate_c_s, interval_s, noise_c, within_deg):
     model = ActuatorModel(reference_spec())
@@ -89,6 +89,42 @@ def test_a_top_between_two_readings_is_as_far_off_as_is_said():
         top = int(np.argmax(found.temp_c))
         assert abs(found.temp_c[top] - 57.5) < 3.0 * found.sigma_c[top]
         assert found.sigma_c[top] < 0.15
+
+
+def held(top_c, rate_c_s, hold_s, gone_s, time_s):
+    """Return a wire's temperature that is heated from 20 s on, held at its top and let cool."""
+    up_s = (top_c - 23.0) / rate_c_s
+    past_s = np.maximum(time_s - 20.0 - up_s - hold_s, 0.0)
+    return 23.0 + np.clip(rate_c_s * (time_s - 20.0), 0.0, top_c - 23.0) * np.exp(-past_s / gone_s)
+
+
+def test_a_top_that_is_held_over_a_single_reading_is_that_reading():
+    """The reading lies below the line of the heating and that of the cooling, so that neither leads to the top."""
+    for late_s in np.arange(0.5, 10.0, 1.0):
+        time_s = np.arange(late_s, 900.0, 10.0)
+        # Held from 246.7 to 258.7 s.
+        read = np.round(held(57.0, 0.15, 12.0, 60.0, time_s), 2)
+        inside = np.any((time_s > 248.5) & (time_s < 257.5))
+        found = condition(ROWS_S, np.interp(ROWS_S, time_s, read))
+        top_c = found.temp_c[(ROWS_S > 200.0) & (ROWS_S < 300.0)].max()
+        assert top_c == pytest.approx(57.0, abs=0.1 if inside else 0.8)
+
+
+@pytest.mark.parametrize("interval_s", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("longest_s", [0.0, 15.0])
+def test_tops_are_as_uncertain_as_is_said_whether_they_are_held_or_not(interval_s, longest_s):
+    rng = np.random.default_rng(7)
+    ratios = []
+    for _ in range(40):
+        top_c, rate_c_s = rng.uniform(58.0, 76.0), rng.uniform(0.15, 0.6)
+        time_s = np.arange(rng.uniform(0.0, interval_s), 900.0, interval_s)
+        wire_c = held(top_c, rate_c_s, longest_s * rng.random(), rng.uniform(25.0, 60.0), time_s)
+        found = condition(
+            ROWS_S, np.interp(ROWS_S, time_s, np.round(wire_c + 0.03 * rng.standard_normal(len(time_s)), 2))
+        )
+        row = int(np.argmax(found.temp_c))
+        ratios.append((found.temp_c[row] - top_c) / np.hypot(found.sigma_c[row], 0.01))
+    assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 2.0
 
 
 @pytest.mark.parametrize("digit_c", [0.01, 0.25])

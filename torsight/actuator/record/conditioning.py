@@ -21,7 +21,7 @@ import numpy as np
 from torsight.actuator.record.holds import beside_corners, level_holds
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
-from torsight.actuator.record.slow_log import SLOW_S, between, corner_gaps, own_readings, turns_reached
+from torsight.actuator.record.slow_log import SLOW_S, between, own_readings, turns_reached
 from torsight.actuator.record.smoother import Smoothed, smoothed
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
@@ -156,8 +156,7 @@ class Readings:
         It consists of lines, with corners between readings where the wire has them. The smoother's own corners lie at
         readings; corners between two readings that are seconds apart are found after smoothing.
         """
-        corners = corner_gaps(self.time_s, known_c, left_over[:-1])
-        value, doubt = between(self.time_s, known_c, corners, wanted_s)
+        value, doubt = between(self.time_s, known_c, left_over, wanted_s)
         sigma = np.hypot(np.interp(wanted_s, self.time_s, left_over), doubt)
         rate = np.asarray(np.gradient(value, wanted_s))
         return Conditioned(value, rate, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))

@@ -5,19 +5,21 @@ seconds apart, interpolation cuts corners off: a heating that ends between two r
 the wire, and an incomplete transformation keeps that difference. The lines meet at the readings, so that the readings
 can be recovered from the table, as they can where it repeats every reading until the next. A ramp continues to the
 corner and the next ramp begins there, so that the lines on both sides of a gap, extrapolated into it, meet at the
-corner.
+corner. A heating that is held for a short time ends below this meeting, and as far below it as the readings between the
+lines say.
 """
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from torsight.actuator.record.log_noise import SHORTEST
 from torsight.actuator.record.turns import REVERSAL_C, turns_of
-from torsight.core.series import BY_CHANCE, usual_step
-from torsight.core.units import Flags, Floats, Ints
+from torsight.core.series import APART, BY_CHANCE, usual_step
+from torsight.core.units import Flags, Floats
 
 SLOW_S: Final = 1.0
 """Interval above which rows miss the temperature's corners, where a heating ends (benchmarks/actuator/slow_logs.py)."""
@@ -32,9 +34,15 @@ _FEW_ROWS: Final = 2.5
 """Least rows per line: lines of fewer rows than three cannot be distinguished from noise."""
 _LONGEST_HOLD_S: Final = 40.0
 """Prior of holds: half of all heatings are switched off at their top, the others are held, for times evenly distributed
-up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.81
-and 0.79° (0.78°) where nothing is held, and 1.57 and 1.62° (1.60°) where tops are held for up to 15 s
-(benchmarks/actuator/slow_logs.py)."""
+up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.62
+and 0.53° (0.51°) where nothing is held, and 0.89 and 0.90° (0.91°) where tops are held for up to 15 s
+(benchmarks/actuator/slow_logs.py, --seeds 10)."""
+_PLACES: Final = 81
+"""Heights and times at which the posterior of a top is computed: a grid 80 times finer than what is not known."""
+_REACH: Final = 5.0
+"""Standard deviations within which a reading tells the height of a hold: less than 10⁻⁶ lie outside."""
+_LEAST_C: Final = 1e-4
+"""Noise of readings that have none: of their last digit in the table."""
 _SHARP: Final = 4.0
 """Least change of slope at a corner, relative to that of the gaps beside it: for a wire that bends evenly it is two."""
 
@@ -66,6 +74,160 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     return wanted_s, np.interp(wanted_s, *ends)
 
 
+class _Line(NamedTuple):
+    """The wire's course on one side of an extremum, counted upwards to it: a parabola from its nearest reading on.
+
+    ``value`` (°C) and ``sigma`` are those of the reading, ``slope`` is per s beyond it and ``bend`` per s²; ``span_s``
+    is the distance of the readings.
+    """
+
+    value: float
+    sigma: float
+    slope: float
+    bend: float
+    span_s: float
+
+    @classmethod
+    def towards(cls, time_s: Floats, temp_c: Floats, sigma_c: float) -> _Line:
+        """Return the course beyond the last of three readings; a bend counts as far as noise does not explain it."""
+        spans_s, steps_c = np.abs(np.diff(time_s)), np.diff(temp_c)
+        before, slope = (steps_c / spans_s).tolist()
+        span_s = float(np.mean(spans_s))
+        bend, noise = (slope - before) / span_s, math.sqrt(6.0) * sigma_c / span_s**2
+        sure = max(0.0, 1.0 - (noise / bend) ** 2) if bend != 0.0 else 0.0
+        return cls(float(temp_c[-1]), sigma_c, slope + 0.5 * sure * bend * span_s, sure * bend, span_s)
+
+    def at(self, past_s: Floats) -> Floats:
+        """Return the temperature at times (n,) beyond the reading."""
+        return self.value + (self.slope + 0.5 * self.bend * past_s) * past_s
+
+    def spread(self, past_s: Floats) -> Floats:
+        """Return the standard deviation there: by the noise of two readings, and by half of what the bend adds."""
+        share = past_s / self.span_s
+        noise = self.sigma * np.hypot(1.0 + share, share)
+        return np.hypot(noise, 0.25 * self.bend * past_s * (past_s + self.span_s))
+
+
+class Top(NamedTuple):
+    """An extremum of the wire's temperature beside a few readings, between the lines of the other readings.
+
+    ``begin_s`` and ``end_s`` are the times of the last reading before and the first one after it, ``at_s`` that at
+    which the wire reaches it. ``height`` and ``sigma`` are its temperature, times ``sense`` (−1 for a lowest one), and
+    the standard deviation.
+    """
+
+    begin_s: float
+    end_s: float
+    at_s: float
+    sense: float
+    height: float
+    sigma: float
+    up: _Line
+    down: _Line
+
+    def course(self, time_s: Floats) -> Floats:
+        """Return the wire's temperature at times (n,) within."""
+        lines = np.minimum(self.up.at(time_s - self.begin_s), self.down.at(self.end_s - time_s))
+        return self.sense * np.minimum(lines, self.height)
+
+
+def tops_of(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> list[Top]:
+    """Return the extrema of a wire's temperature (n,) that lie between readings or are held over two at most.
+
+    A heating ends anywhere below the meeting of the lines before and after its top: at the meeting if it is not held.
+    The height has a posterior: the prior of a hold's duration, and the readings between the lines.
+    """
+    found = []
+    for turn in turns_of(temp_c, REVERSAL_C).tolist():
+        first = last = turn
+        least = APART * float(sigma_c[turn])
+        while first > 0 and abs(temp_c[first - 1] - temp_c[turn]) <= least:
+            first -= 1
+        while last < len(temp_c) - 1 and abs(temp_c[last + 1] - temp_c[turn]) <= least:
+            last += 1
+        if last - first <= 1 and first >= 3 and last <= len(temp_c) - 4:
+            top = _top(time_s, temp_c, sigma_c, (first, last))
+            found += [] if top is None else [top]
+    return found
+
+
+def _top(time_s: Floats, temp_c: Floats, sigma_c: Floats, ends: tuple[int, int]) -> Top | None:
+    """Return the extremum beside the readings from the first to the last; None where no lines lead to it."""
+    before, after = ends[0] - 1, ends[1] + 1
+    sense = 1.0 if temp_c[ends[0]] > temp_c[before] else -1.0
+    begin_s, end_s, course = time_s[before], time_s[after], sense * temp_c
+    up = _Line.towards(time_s[before - 2 : before + 1], course[before - 2 : before + 1], float(sigma_c[before]))
+    down = _Line.towards(time_s[after : after + 3][::-1], course[after : after + 3][::-1], float(sigma_c[after]))
+    if min(up.slope, down.slope) <= 0.0:
+        return None
+    past_s = np.linspace(0.0, end_s - begin_s, _PLACES)
+    limit = np.minimum(up.at(past_s), down.at(past_s[::-1]))
+    meets = int(np.argmax(limit))
+    own_s, own, own_sigma = time_s[ends[0] : after], course[ends[0] : after], sigma_c[ends[0] : after] + _LEAST_C
+    # A grid that is fine where a reading leaves little doubt.
+    near = (own[:, None] + own_sigma[:, None] * np.linspace(-_REACH, _REACH, _PLACES)).ravel()
+    least = max(course[before], course[after])
+    if limit[meets] <= least or np.max(own - _REACH * own_sigma) > limit[meets]:
+        return None
+    height = np.unique(np.clip(np.r_[np.linspace(least, limit[meets], _PLACES), near], least, limit[meets]))
+    ends_s = np.interp(-height, -limit[meets:], past_s[meets:])
+    lasts_s = ends_s - np.interp(height, limit[: meets + 1], past_s[: meets + 1])
+    # Half of all heatings are held, for any time up to the longest; the others end where the lines meet.
+    prior = np.append(np.abs(np.gradient(lasts_s)) / _LONGEST_HOLD_S, 1.0)
+    height = np.append(height, limit[meets])
+    ways = np.stack([up.at(own_s - begin_s), down.at(end_s - own_s)])
+    nearer = np.argmin(ways, axis=0), np.arange(len(own_s))
+    spread = np.stack([up.spread(own_s - begin_s), down.spread(end_s - own_s)])[nearer]
+    free = height[:, None] >= ways[nearer]
+    spread = np.where(free, np.hypot(spread, own_sigma), own_sigma)
+    off = (own - np.minimum(ways[nearer], height[:, None])) / spread
+    log = -np.sum(0.5 * off**2 + np.log(spread), axis=1)
+    weight = prior * np.exp(log - log.max())
+    weight /= weight.sum()
+    mean = float(weight @ height)
+    # The meeting is as uncertain as both lines are there.
+    by_up = float(up.spread(past_s)[meets]) * down.slope
+    by_down = float(down.spread(past_s[::-1])[meets]) * up.slope
+    meeting = math.hypot(by_up, by_down) / (up.slope + down.slope)
+    sigma = math.sqrt(float(weight @ (height - mean) ** 2) + float(weight[-1]) * meeting**2)
+    at_s = begin_s + past_s[np.argmax(limit >= min(mean, limit[meets]))]
+    return Top(float(begin_s), float(end_s), float(at_s), sense, mean, sigma, up, down)
+
+
+def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> tuple[Floats, Floats]:
+    """Return temperatures (n,) of a wire and their sigmas, with turns between two readings placed at the later reading.
+
+    At the later reading a transformation that only advances is still in the state that it reached at the turn
+    (:func:`torsight.actuator.record.turns.at_places`).
+    """
+    reached, sigma = temp_c.copy(), sigma_c.copy()
+    for top in tops_of(time_s, temp_c, sigma_c):
+        place = int(np.searchsorted(time_s, top.at_s))
+        reached[place], sigma[place] = top.sense * top.height, math.hypot(sigma[place], top.sigma)
+    return reached, sigma
+
+
+def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -> tuple[Floats, Floats]:
+    """Return the temperatures (m,) between readings (n,), and the standard deviation (m,) due to tops there.
+
+    The temperatures lie on the line between two readings. In a gap with a corner they lie on the lines beside the gap,
+    and beside a top on the lines to it, limited to its height.
+    """
+    slope = np.diff(temp_c) / np.diff(time_s)
+    low = np.clip(np.searchsorted(time_s, wanted_s, side="right") - 1, 0, len(slope) - 1)
+    before, after = _beside(slope, -1)[low], _beside(slope, 1)[low]
+    past_s, left_s = wanted_s - time_s[low], time_s[low + 1] - wanted_s
+    from_before, from_after = temp_c[low] + before * past_s, temp_c[low + 1] - after * left_s
+    outer = np.where(before > after, np.minimum(from_before, from_after), np.maximum(from_before, from_after))
+    corners = corner_gaps(time_s, temp_c, sigma_c[:-1])
+    known_c = np.where(corners[low], outer, temp_c[low] + slope[low] * past_s)
+    doubt = np.zeros(len(wanted_s))
+    for top in tops_of(time_s, temp_c, sigma_c):
+        here = (wanted_s > top.begin_s) & (wanted_s < top.end_s)
+        known_c[here], doubt[here] = top.course(wanted_s[here]), top.sigma
+    return known_c, doubt
+
+
 def corner_gaps(time_s: Floats, temp_c: Floats, noise_c: Floats | float) -> Flags:
     """Return the mask (n − 1,) of the gaps between readings (n,) in which the wire has a corner.
 
@@ -82,61 +244,6 @@ def corner_gaps(time_s: Floats, temp_c: Floats, noise_c: Floats | float) -> Flag
 def _beside(slope: Floats, step: int) -> Floats:
     """Return the slopes (n − 1,) shifted by ``step`` gaps, with the end values repeated."""
     return slope[np.clip(np.arange(len(slope)) + step, 0, len(slope) - 1)]
-
-
-def turns_between(time_s: Floats, temp_c: Floats, corners: Flags) -> tuple[Ints, Floats, Floats]:
-    """Return the gaps (k,) between readings (n,) in which the wire turns, the turns' temperatures and their sigma.
-
-    A heating that is switched off between two readings ends above both: at the meeting of the lines beside the gap if
-    it is not held, and anywhere below this point if it is held for less than the gap.
-    """
-    slope, span_s = np.diff(temp_c) / np.diff(time_s), np.diff(time_s)
-    before, after = _beside(slope, -1), _beside(slope, 1)
-    gaps = np.flatnonzero(corners & (before * after < 0.0))
-    low, high, before, after, span_s = temp_c[gaps], temp_c[gaps + 1], before[gaps], after[gaps], span_s[gaps]
-    meet = low + before * np.clip((high - after * span_s - low) / (before - after), 0.0, span_s)
-    nearest = np.where(before > 0.0, np.maximum(low, high), np.minimum(low, high))
-    # Posterior share of tops that are held: of all held ones only those held for less than the gap are possible here.
-    held = 1.0 / (1.0 + _LONGEST_HOLD_S / span_s)
-    turn_c = meet + 0.5 * held * (nearest - meet)
-    return gaps, turn_c, np.abs(meet - nearest) * np.sqrt(held / 12.0 + held * (1.0 - held) / 4.0)
-
-
-def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> tuple[Floats, Floats]:
-    """Return temperatures (n,) of a wire and their sigmas, with turns between two readings placed at the later reading.
-
-    At the later reading a transformation that only advances is still in the state that it reached at the turn
-    (:func:`torsight.actuator.record.turns.at_places`). Where a held temperature goes on, it only seems to turn.
-    """
-    turns = turns_of(temp_c, REVERSAL_C)
-    corners = corner_gaps(time_s, temp_c, sigma_c[:-1])
-    corners &= np.isin(np.arange(len(corners)), [turns - 1, turns])
-    gaps, turn_c, doubt_c = turns_between(time_s, temp_c, corners)
-    reached, sigma = temp_c.copy(), sigma_c.copy()
-    reached[gaps + 1] = turn_c
-    sigma[gaps + 1] = np.hypot(sigma[gaps + 1], doubt_c)
-    return reached, sigma
-
-
-def between(time_s: Floats, temp_c: Floats, corners: Flags, wanted_s: Floats) -> tuple[Floats, Floats]:
-    """Return the temperatures (m,) between readings (n,), and the standard deviation (m,) due to turns there.
-
-    The temperatures lie on the line between two readings. In a gap with a corner they lie on the lines beside the gap,
-    limited to the turn's temperature.
-    """
-    slope = np.diff(temp_c) / np.diff(time_s)
-    low = np.clip(np.searchsorted(time_s, wanted_s, side="right") - 1, 0, len(slope) - 1)
-    before, after = _beside(slope, -1)[low], _beside(slope, 1)[low]
-    past_s, left_s = wanted_s - time_s[low], time_s[low + 1] - wanted_s
-    from_before, from_after = temp_c[low] + before * past_s, temp_c[low + 1] - after * left_s
-    gaps, turn_c, doubt_c = turns_between(time_s, temp_c, corners)
-    held_c, doubt = np.full(len(slope), np.nan), np.zeros(len(slope))
-    held_c[gaps], doubt[gaps] = turn_c, doubt_c
-    # NaN marks a corner that is no turn, where no temperature limits the lines.
-    top = np.fmin(np.minimum(from_before, from_after), held_c[low])
-    bottom = np.fmax(np.maximum(from_before, from_after), held_c[low])
-    known_c = np.where(corners[low], np.where(before > after, top, bottom), temp_c[low] + slope[low] * past_s)
-    return known_c, doubt[low]
 
 
 def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
