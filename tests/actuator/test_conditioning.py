@@ -76,6 +76,15 @@ def test_stairs_of_a_log_without_noise_of_its_own_are_noise(digit_c: float) -> N
     assert 0.5 < noise / (digit_c / math.sqrt(12.0)) < 2.0
 
 
+def test_two_or_three_equal_readings_of_a_slow_log_are_no_rest() -> None:
+    # Readings 2 s apart, rounded to 1 °C: the ramp of 0.2 °C/s has the same reading twice or three times.
+    time_s = np.arange(0.0, 2000.0, 2.0)
+    ramp = 23.0 + np.clip(0.2 * (time_s - 900.0), 0.0, 50.0)
+    for seed in range(8):
+        noise, _ = measure_noise(time_s, np.round(ramp + 0.03 * np.random.default_rng(seed).standard_normal(1000)))
+        assert 0.5 < noise * math.sqrt(12.0) < 2.0
+
+
 def test_noise_that_was_interpolated_onto_a_faster_clock_is_found():
     time_s, _, read = logged(0.25, 0.05)
     fast = np.arange(0.0, 899.0, 0.04)

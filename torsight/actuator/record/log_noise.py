@@ -60,7 +60,7 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     whole = _whole(temp_c, strides)
     if whole.max() <= NEGLIGIBLE_C < last_digit(temp_c) / math.sqrt(12.0):
         # Most of the time the log is constant to its last digit, which hides its noise.
-        temp_c = _without_rests(temp_c, longest)
+        temp_c = _without_rests(temp_c, 4 * longest)
         whole = _whole(temp_c, strides)
     # Parts with as many of the longest strides as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
@@ -114,7 +114,10 @@ def _whole(temp_c: Floats, strides: Ints) -> Floats:
 
 
 def _without_rests(temp_c: Floats, longest: int) -> Floats:
-    """Return readings (n,) with NaN where more than ``longest`` in a row are equal: rounding hides their noise."""
+    """Return readings (n,) with NaN where more than ``longest`` in a row are equal: rounding hides their noise.
+
+    Third differences take in four readings: of more equal ones they vanish, on a slow ramp of a coarse log they do not.
+    """
     changes = np.cumsum(np.abs(np.diff(temp_c, prepend=temp_c[0])) > _STILL_C)
     out = temp_c.copy()
     for begin, end in constant_runs(changes):
