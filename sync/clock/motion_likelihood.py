@@ -20,7 +20,7 @@ from sync.clock.gaussian_mixture import (
     mixed,
 )
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
-from sync.clock.offset_search import ALIKE, OffsetRange, assignments, explained_share, find_ranges
+from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import refine, scan, scatter_c
 from sync.log.outliers import noise_c, rounding_c
@@ -144,11 +144,10 @@ def _from_start(
     inputs = _Inputs(angles, log, strokes, signals, changepoints, lag, tuple(gaps), stop)
     # Strokes have other segments at other offsets: each piece of a range has its own crossings.
     pieces = [piece for one in ranges[:MOST_HYPOTHESES] for piece in assignments(strokes, signals.segments, one)]
-    lost = [PRIORS.no_segment_log * sum(segment is None for segment in assigned) for _, assigned in pieces]
-    likely = [k for k in np.argsort(lost, kind="stable")[:MOST_HYPOTHESES] if lost[k] < min(lost) + NEGLIGIBLE_LOG]
-    found = [
-        part for piece, assigned in (pieces[k] for k in likely) if (part := _weigh(inputs, piece, assigned, prior))
-    ]
+    least = min(piece.lost for piece in pieces)
+    likely = sorted(pieces, key=lambda piece: piece.lost)[:MOST_HYPOTHESES]
+    likely = [piece for piece in likely if piece.lost < least + NEGLIGIBLE_LOG]
+    found = [part for piece in likely if (part := _weigh(inputs, piece, prior))]
     if not found:
         return None
     best = max(found, key=lambda part: part.weight)
@@ -186,12 +185,10 @@ class _Weighed:
         return max(gaussian.log_weight for gaussian in self.mixture)
 
 
-def _weigh(
-    inputs: _Inputs, offset_range: OffsetRange, segments: Sequence[HeatingSegment | None], prior: Gaussian | None
-) -> _Weighed | None:
+def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> _Weighed | None:
     """Refine one range of offsets: by the thresholds, then for every possible lag, then by the stops."""
-    matched = sum(segment is not None for segment in segments)
-    offset_range = _possible(offset_range, inputs.strokes, segments, slack_s=1.0 + (inputs.lag.value_s or MAX_LAG_S))
+    segments, matched, lost = piece.segments, piece.driven.count(True), piece.lost
+    offset_range = _possible(piece.where, inputs.strokes, segments, slack_s=1.0 + (inputs.lag.value_s or MAX_LAG_S))
     crossings = collect_crossings(inputs.strokes, segments)
     if crossings is None:
         return None
@@ -201,7 +198,6 @@ def _weigh(
     delays = _delays(inputs, crossings, offset_range, wide, lag_s=assumed_s)
     if not delays:
         return None
-    lost = PRIORS.no_segment_log * (len(inputs.strokes) - matched)
     mixture: list[Gaussian] = []
     late: list[float] = []
     paired = _paired_stops(inputs, segments)

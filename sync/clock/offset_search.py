@@ -1,8 +1,9 @@
 """Search for the possible ranges of the offset: motion against heating and cooling over the whole log.
 
-Every stroke must lie within a heating or cooling that drives the angle in its direction. The share of the strokes' time
-for which this holds, as a function of the offset, has plateaus: ranges in which every stroke can be assigned to the
-segment that drove it.
+Every stroke must lie within a heating or cooling that drives the angle in its direction, and not where the temperature
+is held, because then nothing moves: that distinguishes the stairs of a programme from each other. The share of the
+strokes' time for which this holds, as a function of the offset, has plateaus: ranges in which every stroke can be
+assigned to the segment that drove it.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,8 @@ _LEAST_EXPLAINED: Final = 0.3
 direction, minus the loss by idle heatings. Half and twice this value give the same clock
 (benchmarks/sync/constants.py)."""
 
+_LEAST_SHARED: Final = 0.4
+"""Least share of a stroke's time that lies in its segment: its ends may lie beyond, where the motion is late."""
 _MOST_STEPS: Final = 60
 """Largest number of steps at which a range of offsets is searched for other pairs of strokes and segments:
 steps of two seconds for the two minutes of a slow programme."""
@@ -47,6 +50,19 @@ class OffsetRange:
     low_s: float
     high_s: float
     score: float
+
+
+class Assignment(NamedTuple):
+    """A part of a range, with the segment of each stroke (None without any), and whether that segment drives it."""
+
+    where: OffsetRange
+    segments: list[HeatingSegment | None]
+    driven: list[bool]
+
+    @property
+    def lost(self) -> float:
+        """Decrease of the log-likelihood by strokes that nothing drives."""
+        return PRIORS.no_segment_log * self.driven.count(False)
 
 
 def find_ranges(
@@ -87,7 +103,7 @@ def explained_share(strokes: Sequence[Stroke], segments: Sequence[HeatingSegment
         inside = np.zeros(len(offset_s))
         for segment in segments:
             if segment.sign == stroke.sign:
-                inside += np.maximum(0.0, np.minimum(end, segment.until_s) - np.maximum(begin, segment.begin_s))
+                inside += segment.drives_s(begin, end)
         share += weight * np.minimum(1.0, inside / max(stroke.end_s - stroke.begin_s, 1e-9))
     return share
 
@@ -119,18 +135,27 @@ def _idle_share(
 
 def assignments(
     strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_range: OffsetRange
-) -> list[tuple[OffsetRange, list[HeatingSegment | None]]]:
-    """Return the parts of a range in which each stroke has the same segment, with those segments."""
+) -> list[Assignment]:
+    """Return the parts of a range in which each stroke has the same segment, and the same strokes are driven by it."""
     count = int(np.clip((offset_range.high_s - offset_range.low_s) / _STEP_S, 1, _MOST_STEPS))
     edges_s = np.linspace(offset_range.low_s, offset_range.high_s, count + 1)
-    found: list[tuple[OffsetRange, list[HeatingSegment | None]]] = []
+    found: list[Assignment] = []
     for low_s, high_s in itertools.pairwise(edges_s):
-        assigned = assign(strokes, segments, 0.5 * (low_s + high_s))
-        if found and found[-1][1] == assigned:
-            found[-1] = (replace(found[-1][0], high_s=float(high_s)), assigned)
+        offset_s = 0.5 * (low_s + high_s)
+        assigned = assign(strokes, segments, offset_s)
+        driven = [_is_driven(stroke, one, offset_s) for stroke, one in zip(strokes, assigned, strict=True)]
+        if found and found[-1].segments == assigned and found[-1].driven == driven:
+            found[-1] = found[-1]._replace(where=replace(found[-1].where, high_s=float(high_s)))
         else:
-            found.append((replace(offset_range, low_s=float(low_s), high_s=float(high_s)), assigned))
+            part = replace(offset_range, low_s=float(low_s), high_s=float(high_s))
+            found.append(Assignment(part, assigned, driven))
     return found
+
+
+def _is_driven(stroke: Stroke, segment: HeatingSegment | None, offset_s: float) -> bool:
+    """Return whether a stroke lies in its segment, and not where the temperature is held."""
+    begin_s, end_s = np.array(stroke.begin_s + offset_s), np.array(stroke.end_s + offset_s)
+    return segment is not None and float(segment.drives_s(begin_s, end_s)) > _LEAST_SHARED * float(end_s - begin_s)
 
 
 def assign(
@@ -141,7 +166,7 @@ def assign(
     for stroke in strokes:
         begin, end = stroke.begin_s + offset_s, stroke.end_s + offset_s
         best: HeatingSegment | None = None
-        most = 0.4 * (end - begin)
+        most = _LEAST_SHARED * (end - begin)
         for segment in segments:
             shared = min(end, segment.until_s) - max(begin, segment.begin_s)
             if segment.sign == stroke.sign and shared > most:

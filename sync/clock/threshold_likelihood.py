@@ -36,13 +36,12 @@ from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import LIGHT, Gaussian, UnknownGap, log_time, mixed, moments
 from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.signals.even_signal import EvenSignal
-from sync.signals.heating_segments import LogSignals, Spring
+from sync.signals.heating_segments import LATEST_S, LogSignals, Spring
 from torsight.core.units import Flags, Floats, Ints
 
 SCATTERS_C: Final = tuple(float(value) for value in np.geomspace(0.004, 2.5, 12))
-_DELAYS_S: Final = tuple(float(value) for value in np.geomspace(0.01, 10.0, 7))
-"""Sizes of the delay: from a row of a fast log to the time constant of a friction that stops the actuator from
-following, half a decade apart."""
+_DELAYS_S: Final = tuple(float(value) for value in np.geomspace(0.01, LATEST_S, 7))
+"""Sizes of the delay: from a row of a fast log to the longest delay, half a decade apart."""
 _KINDS: Final[tuple[tuple[Spring, bool], ...]] = (("a", True), ("a", False), ("b", True), ("b", False))
 """Kinds of strokes: the spring, and whether it is heated."""
 _FEWEST: Final = 2 + len(_KINDS)

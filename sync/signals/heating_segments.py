@@ -11,12 +11,19 @@ import numpy as np
 
 from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
-from torsight.core.series import extremes
+from torsight.core.series import BY_CHANCE, extremes, runs
+from torsight.core.units import Floats
 from torsight.core.words.plausible import HEATED_C
 
 _HEATING_SHARE: Final = 0.03
 """Share of a heating over which its temperature is smoothed for the thresholds: over 3 % it is nearly straight. Half
 and twice this value move a clock by 0.34 of its standard deviations at most (benchmarks/sync/constants.py)."""
+
+_HELD_SHARE: Final = 0.1
+"""Rate, relative to the mean of its heating, below which a temperature is held: a motion is then ten times slower."""
+LATEST_S: Final = 10.0
+"""Longest delay of a motion behind its temperature: the time constant of a friction that stops the actuator from
+following."""
 
 Spring = Literal["a", "b"]
 
@@ -26,7 +33,8 @@ class HeatingSegment:
     """One heating or cooling of one spring: times of the log, and temperatures at its cold and its hot end.
 
     ``until_s`` is the time until which the segment may drive a motion: for a cooling until the temperature turns,
-    beyond the end of its steep part, but not into the next heating of either spring.
+    beyond the end of its steep part, but not into the next heating of either spring. During ``held_s`` a heating holds
+    its temperature, so that nothing moves.
     """
 
     spring: Spring
@@ -36,6 +44,18 @@ class HeatingSegment:
     low_c: float
     high_c: float
     until_s: float
+    held_s: tuple[tuple[float, float], ...] = ()
+
+    def drives_s(self, begin_s: Floats, end_s: Floats) -> Floats:
+        """Return how long the segment may drive a motion between given times (n,), s."""
+        whole = _shared_s(begin_s, end_s, self.begin_s, self.until_s)
+        return np.asarray(whole - sum(_shared_s(begin_s, end_s, *held) for held in self.held_s))
+
+    @property
+    def rise_s(self) -> float:
+        """Mean time for which the temperature rises between two holds."""
+        held_s = sum(stop - first + LATEST_S for first, stop in self.held_s)
+        return (self.end_s - self.begin_s - held_s) / (len(self.held_s) + 1)
 
     @property
     def sign(self) -> int:
@@ -60,11 +80,22 @@ def log_signals(log: TemperatureLog, *, max_gap_s: float, slope_window_s: float 
     """Return both temperatures smoothed (their slopes over a separate window, if given) and their segments."""
     springs = _even(log, window_s=WINDOW_S, max_gap_s=max_gap_s, slope_window_s=slope_window_s)
     segments = _driven([segment for name, signal in springs.items() for segment in _segments(name, signal)], springs)
-    heatings_s = [segment.end_s - segment.begin_s for segment in segments if segment.heating]
-    # At least the window of the other signals; beyond 20 s the corners of slow programmes would vanish.
-    window_s = float(np.clip(_HEATING_SHARE * np.median(heatings_s), WINDOW_S, 20.0)) if heatings_s else WINDOW_S
-    heated = springs if window_s == WINDOW_S else _even(log, window_s=window_s, max_gap_s=max_gap_s)
+    heatings = [segment for segment in segments if segment.heating]
+    heated = _heated(log, springs, [one.end_s - one.begin_s for one in heatings], max_gap_s)
+    held = {one: _with_holds(one, heated[one.spring]) for one in heatings}
+    segments = [held.get(one, one) for one in segments]
+    if any(one.held_s for one in segments):
+        heated = _heated(log, springs, [one.rise_s for one in held.values()], max_gap_s)
     return LogSignals(springs, heated, _until_the_next(sorted(segments, key=lambda segment: segment.begin_s)))
+
+
+def _heated(
+    log: TemperatureLog, springs: dict[Spring, EvenSignal], rises_s: Sequence[float], max_gap_s: float
+) -> dict[Spring, EvenSignal]:
+    """Return the signals smoothed over a share of the usual rise of a temperature, ``rises_s`` (k,)."""
+    # At least the window of the other signals; beyond 20 s the corners of slow programmes would vanish.
+    window_s = float(np.clip(_HEATING_SHARE * np.median(rises_s), WINDOW_S, 20.0)) if rises_s else WINDOW_S
+    return springs if window_s == WINDOW_S else _even(log, window_s=window_s, max_gap_s=max_gap_s)
 
 
 def _driven(segments: Sequence[HeatingSegment], springs: Mapping[Spring, EvenSignal]) -> list[HeatingSegment]:
@@ -147,3 +178,21 @@ def _segments(spring: Spring, signal: EvenSignal) -> list[HeatingSegment]:
             HeatingSegment(spring, heating, float(time_s[begin]), float(time_s[end]), low, high, float(time_s[last]))
         )
     return found
+
+
+def _with_holds(segment: HeatingSegment, signal: EvenSignal) -> HeatingSegment:
+    """Return a heating with the times at which its temperature has been held for long enough.
+
+    The motion may go on for a while, because it is late.
+    """
+    time_s = signal.time_s
+    begin, end = np.searchsorted(time_s, [segment.begin_s, segment.end_s])
+    usual = (segment.high_c - segment.low_c) / max(segment.end_s - segment.begin_s, signal.step_s)
+    held = signal.slope[begin:end] + BY_CHANCE * signal.slope_sigma < _HELD_SHARE * usual
+    spans = [(float(time_s[begin + i]) + LATEST_S, float(time_s[begin + k])) for i, k in runs(held)]
+    return replace(segment, held_s=tuple(span for span in spans if span[1] > span[0]))
+
+
+def _shared_s(begin_s: Floats, end_s: Floats, first_s: float, last_s: float) -> Floats:
+    """Return how long two spans of time have in common, s."""
+    return np.asarray(np.maximum(0.0, np.minimum(end_s, last_s) - np.maximum(begin_s, first_s)))

@@ -8,14 +8,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sync.log.outliers import noise_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.even_signal import EvenSignal, even_signal
-from torsight.core.series import BY_CHANCE, constant_runs, extent
+from torsight.core.series import BY_CHANCE, constant_runs, extent, usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
 """Least length of a stroke. Half and twice this value give the same clock (benchmarks/sync/constants.py)."""
+_WINDOW_S: Final = 1.0
+"""Time over which a film's angle is smoothed where its noise allows it: a choice, half of that of a log."""
 _PAUSE_SHARE: Final = 0.15
 """A pause shorter than this share of the longer motion beside it does not end a stroke: it is stick-slip."""
 _LONGEST_PAUSE_S: Final = 5.0
@@ -90,11 +93,13 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     time_s, angle = angles.time_s[usable], angles.angle_rad[usable]
     if len(time_s) < 20:
         return ()
-    signal = even_signal(time_s, angle, window_s=1.0, max_gap_s=longest_gap_s(time_s))
+    # So long a window that noise does not move as far within it as the shortest stroke (the slope of a straight line).
+    noisy_s = 12.0 * usual_step(time_s) * (BY_CHANCE * noise_c(angle) / _MIN_STROKE_RAD) ** 2
+    signal = even_signal(time_s, angle, window_s=max(_WINDOW_S, noisy_s), max_gap_s=longest_gap_s(time_s))
     if signal is None:
         return ()
     low, high = extent(signal.value)
-    floor_rad = max(_MIN_STROKE_RAD, 0.015 * (high - low), 2.0 * BY_CHANCE * signal.noise)
+    floor_rad = max(_MIN_STROKE_RAD, 0.01 * (high - low), 2.0 * BY_CHANCE * signal.noise)
     span_s = float(time_s[-1] - time_s[0])
     # A speed that covers less than a fiftieth of the range in the whole film is creep or drift, no motion.
     slowest = max(BY_CHANCE * signal.slope_sigma, 0.02 * (high - low) / max(span_s, 1.0))

@@ -27,6 +27,8 @@ class HalfCycle:
     peak_c: float
     hold_s: float
     rest_s: float
+    steps_c: tuple[float, ...] = ()
+    step_s: float = 60.0
 
 
 @dataclass(frozen=True)
@@ -80,22 +82,33 @@ def programme(seed, *, half_cycles=8, rates=(0.08, 0.2), incomplete=True, hold=(
     return cycles
 
 
+def stairs(cycle):
+    """Return times and temperatures of a heating's corners: a ramp, held at every step on the way up."""
+    times, temps = [0.0], [ROOM_C]
+    for target_c in cycle.steps_c:
+        times += [times[-1] + (target_c - temps[-1]) / cycle.rate_c_s]
+        times += [times[-1] + cycle.step_s]
+        temps += [target_c, target_c]
+    return [*times, times[-1] + (cycle.peak_c - temps[-1]) / cycle.rate_c_s], [*temps, cycle.peak_c]
+
+
 def wire_temperatures(cycles, rig):
     """Return time and true wire temperatures of both springs on a fine grid, and when each was switched on and off."""
-    total = sum((c.peak_c - ROOM_C) / c.rate_c_s + c.hold_s + c.rest_s for c in cycles)
+    total = sum(stairs(c)[0][-1] + c.hold_s + c.rest_s for c in cycles)
     time_s = np.arange(0.0, total, STEP_S)
     temps = {"a": np.full(len(time_s), ROOM_C), "b": np.full(len(time_s), ROOM_C)}
     number = np.zeros(len(time_s), dtype=int)
     begin, off_times = 0.0, []
     for index, c in enumerate(cycles):
-        ramp_s = (c.peak_c - ROOM_C) / c.rate_c_s
+        knots_s, knots_c = stairs(c)
+        ramp_s = knots_s[-1]
         top, off, end = begin + ramp_s, begin + ramp_s + c.hold_s, begin + ramp_s + c.hold_s + c.rest_s
         x = time_s
         rise = (x >= begin) & (x < top)
         keep = (x >= top) & (x < off)
         fall = (x >= off) & (x < end)
         shape = np.zeros(len(time_s))
-        shape[rise] = c.rate_c_s * (x[rise] - begin)
+        shape[rise] = np.interp(x[rise] - begin, knots_s, knots_c) - ROOM_C
         shape[keep] = c.peak_c - ROOM_C
         shape[fall] = (c.peak_c - ROOM_C) * np.exp(-(x[fall] - off) / rig.cooling_s)
         temps[c.spring] += shape

@@ -97,6 +97,28 @@ def test_a_hold_that_is_read_too_cold_by_rounding_moves_no_clock(seed):
     assert high - low < 7.2
 
 
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_programme_of_stairs_is_not_shifted_by_a_step(seed):
+    """Every stair but the last looks like the next one: nothing moves while a temperature is held."""
+    cycles = [
+        replace(one, rate_c_s=0.5, peak_c=76.0, hold_s=60.0, steps_c=(44.0, 50.0, 56.0, 62.0, 68.0))
+        for one in programme(seed, half_cycles=4, incomplete=False)
+    ]
+    angles, log = records(make_pair(seed, cycles=cycles, offset_s=40.0))
+    clock = estimate_clock(angles, log)
+    # A step takes 72 s.
+    assert clock.offset_s == pytest.approx(40.0, abs=3.0)
+    assert np.ptp(clock.offset_ci95_s) < 72.0
+
+
+def test_a_film_with_much_noise_has_the_strokes_of_a_good_one():
+    """With 1° of noise the speed over a second is known to 1°/s, and slow motions would be cut into pieces."""
+    pair = make_pair(5, rig=Rig(angle_noise_deg=1.0), offset_s=40.0, film_fps=15.0)
+    clock = estimate_clock(*records(pair))
+    assert covers(clock.offset_ci95_s, 40.0, widen=1.5)
+    assert np.ptp(clock.offset_ci95_s) < 5.0
+
+
 def test_a_log_of_another_day_is_doubted():
     (angles, log), (_, other) = (records(make_pair(seed)) for seed in (3, 6))
     assert not any("one experiment" in note for note in estimate_clock(angles, log).notes)
