@@ -19,7 +19,7 @@ from torsight.actuator.ports import History
 from torsight.actuator.simulation import Prediction, Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
-from torsight.actuator.stepping.closed_form import stable_cycle
+from torsight.actuator.stepping.cycle import stable_cycle
 from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind
 from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath

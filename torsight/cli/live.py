@@ -75,7 +75,7 @@ def live(
     from torsight.viewer.live.frames.sources import film_of, open_pictures
     from torsight.viewer.live.live_session import Session
     from torsight.viewer.live.measure.growing_log import WatchedLog
-    from torsight.viewer.live.record.live_report import write_experiment
+    from torsight.viewer.live.record.live_files import write_experiment
     from torsight.viewer.live.screen.feed import Feed
     from torsight.viewer.program import chosen_port
     from tracker.detect.marker_file import read_markers

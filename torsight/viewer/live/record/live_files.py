@@ -1,24 +1,30 @@
-"""The record on disk while it is made: whole lines at least twice a second, so that a killed program loses no more."""
+"""The record on disk while it is made: whole lines at least twice a second, so that a killed program loses no more.
+
+Once it has ended, its tables are written whole, with ``track.json`` and the experiment file that describe it.
+"""
 
 from __future__ import annotations
 
 import math
 import os
+import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import tomli_w
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.storage import not_written, read_table, write_table
+from torsight.core.files.storage import not_written, read_table, write_json, write_table, write_text
 from torsight.core.files.tables import marker_values, write_angles
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
 from torsight.core.tracks import MarkerTracks, marker_columns, mean_sigma, round_covariance
 from torsight.core.units import DEG
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen
+from torsight.viewer.live.record.outcome import Outcome
 from tracker.angle.orient import orient
 from tracker.angle.plane import Orientation
 
@@ -179,3 +185,63 @@ def _exists(path: Path) -> ConfigError:
     return ConfigError(
         "is there already", where=str(path), do="choose another --out folder; a record is not written over"
     )
+
+
+def write_track_account(
+    folder: Path,
+    *,
+    source: Mapping[str, Any],
+    outcome: Outcome,
+    orientation: Orientation | None,
+    events: Sequence[Mapping[str, Any]],
+) -> None:
+    """Write ``track.json`` of a finished record."""
+    frames: dict[str, Any] = {"total": outcome.frames, "dropped": outcome.dropped, "missed": outcome.missed}
+    report: Mapping[str, Any] = {}
+    if orientation is not None:
+        angles, report = orientation.angles, orientation.report
+        frames |= {
+            "with_angle": int(angles.valid.sum()),
+            "without_angle": int((~angles.valid).sum()),
+            "turn_uncertain": int(np.sum(~angles.branch_certain & angles.valid)),
+        }
+    write_json(
+        folder / "track.json",
+        {
+            "source": dict(source),
+            "frames": frames,
+            **{name: value for name, value in report.items() if name != "noise"},
+            "events": list(events),
+        },
+    )
+
+
+def write_experiment(
+    folder: Path,
+    *,
+    film: str | None,
+    actuator: Path | None,
+    offset_s: float | None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> None:
+    """Write ``experiment.toml`` into a record's folder, with the actuator's file beside it.
+
+    A played film is named in it; without an actuator a comment says where to put the actuator's values.
+    """
+    if actuator is not None:
+        shutil.copyfile(actuator, folder / "actuator.toml")
+    said = {name: dict(entries) for name, entries in (("columns", columns), ("units", units)) if entries}
+    content: dict[str, Any] = {
+        "angle": {"file": "angle.csv", **({"film": str(Path(film).absolute())} if film else {})},
+        "temperature": {"path": "temps.csv", **said},
+        "actuator": {"file": "actuator.toml"},
+        "output": {"dir": "results"},
+        **({} if offset_s is None else {"sync": {"offset_s": offset_s}}),
+    }
+    head = "# A live record; 'torsight run' continues from it, to the report.\n"
+    if actuator is None:
+        head += (
+            "# The rig's characterised values belong into actuator.toml; 'torsight init' writes some to start from.\n"
+        )
+    write_text(folder / "experiment.toml", head + tomli_w.dumps(content))
