@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 
-from calibration.axis.axis_pose import AxisPose
 from calibration.boards.board_file import Board
 from calibration.cameras.lens import CORNER_SIGMA_PX
 from calibration.views.detect import View
@@ -26,7 +25,34 @@ from torsight.core.optics.circles import axis_basis, tilted
 from torsight.core.optics.geometry import project, ray_from_pixel, rotation_matrix, rotation_vector
 from torsight.core.parallel.threads import one_thread
 from torsight.core.units import Floats
+from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
+
+
+class AxisPose(Shown):
+    """Base of poses of the rotation axis: one row, and a plot of the axis in front of the camera."""
+
+    __slots__ = ()
+
+    pose: Pose
+
+    def _columns(self) -> dict[str, Any]:
+        """Return one row: the pose as in ``CAMERA.toml``."""
+        vectors = {"rvec": self.pose.rvec, "tvec": self.pose.tvec_mm}
+        units = {"rvec": "rad", "tvec": "mm"}
+        names = {f"{name}_{axis}_{units[name]}": [vectors[name][i]] for name in vectors for i, axis in enumerate("xyz")}
+        return {**names, "base_z_mm": [self.pose.base_z_mm], "moving_z_mm": [self.pose.moving_z_mm]}
+
+    def _draw(self, axes: Any) -> None:
+        """Draw the axis from the side, over a quarter of its distance, in the camera's x and z."""
+        origin = self.pose.tvec_mm
+        direction = rotation_matrix(self.pose.rvec)[:, 2]
+        ends = np.stack([origin, origin + direction * np.linalg.norm(origin) / 4.0])
+        axes.plot(0.0, 0.0, "ks", label="camera")
+        axes.plot(ends[:, 2], ends[:, 0], label="rotation axis, from its origin")
+        axes.set(xlabel="along the line of sight, z, mm", ylabel="to the right, x, mm", aspect="equal")
+        axes.legend()
+
 
 _SMALLEST_TURN_DEG: Final = 15.0
 """Smallest turn of the disk: an error of 0.1° in a board's pose then tilts the axis by 0.1° / (15° in rad) = 0.4°."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from calibration.axis.axis_pose import AxisPose
+from calibration.axis.board_on_disk import AxisPose
 from torsight.core.errors import ConfigError, InputError
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.provenance import file_hash

@@ -14,8 +14,7 @@ from torsight.core.files.storage import write_text
 
 if TYPE_CHECKING:
     from calibration.boards.board_file import Board
-    from calibration.boards.printed_tags import TagPair
-    from calibration.boards.printing import Drawing
+    from calibration.boards.printing import Drawing, TagPair
 
 
 def board(
@@ -51,8 +50,7 @@ def board(
     import tomli_w
 
     from calibration.boards.board_file import KINDS, read_board
-    from calibration.boards.printed_tags import draw_tags, tag_pair
-    from calibration.boards.printing import PAGES_MM, draw_board, usual_board
+    from calibration.boards.printing import PAGES_MM, draw_board, draw_tags, tag_pair, usual_board
 
     for name, value, allowed in (("--page", page, tuple(PAGES_MM)), ("--kind", kind, KINDS)):
         if value not in allowed:

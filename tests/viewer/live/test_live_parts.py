@@ -22,7 +22,7 @@ from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.model_watch import STEP_S, Thinned
 from torsight.viewer.live.record.live_files import LineFile, Recorder
 from torsight.viewer.live.record.outcome import Outcome, standing
-from torsight.viewer.live.screen.feed import Latency
+from torsight.viewer.live.screen import Latency
 from tracker.angle.orient import orient
 
 # --- frames -----------------------------------------------------------------------------------------------------------

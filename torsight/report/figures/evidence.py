@@ -17,7 +17,7 @@ from torsight.core.words.wording import number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
-from torsight.report.sections.prior_pulls import Prior, common_reach
+from torsight.report.sections.parameter_table import Prior, common_reach
 
 _NARROW: Final = 0.62
 """Height of a bar, as a share of the distance between two: 16 of 26 px, around letters of 12 px."""

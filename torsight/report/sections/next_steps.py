@@ -28,7 +28,7 @@ from torsight.discovery.prediction import predict_with_sigma
 from torsight.report.plots.formulas import symbol, titled, with_symbols
 from torsight.report.sections.information import HALVED, Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
-from torsight.report.sections.prior_pulls import priors
+from torsight.report.sections.parameter_table import priors
 
 _HONEST: Final = 0.90
 """Least share of the samples within two predicted sigmas: 0.95 for normal noise, less those of half a half-cycle."""

@@ -13,7 +13,6 @@ import numpy as np
 from torsight.core.compiled import compiled, copy_to, lending
 from torsight.core.units import Floats, Ints
 from torsight.synthetic.effects.rig_laws import SLOTS
-from torsight.synthetic.rig.constants import Constants, law
 from torsight.synthetic.rig.mechanics import (
     BODY,
     BRISTLE,
@@ -26,6 +25,7 @@ from torsight.synthetic.rig.mechanics import (
     friction_limit,
     step_angle,
 )
+from torsight.synthetic.rig.rig_values import Constants, law
 from torsight.synthetic.rig.spring_state import (
     COLD,
     FACTOR,
@@ -228,7 +228,7 @@ def integrate(
     """Run the rig and return one row of signals per sample, those of a ``RigRecord`` in their order.
 
     The ``pair`` of records holds the rig's numbers with spring A's and B's values
-    (:func:`torsight.synthetic.rig.constants.to_records`), ``start`` the angle and the temperatures of wire A, wire B
+    (:func:`torsight.synthetic.rig.rig_values.to_records`), ``start`` the angle and the temperatures of wire A, wire B
     and the body, ``s`` the states of both springs, which are changed in place, ``zones`` the weights of the wire's
     zones and how much cooler each is than the middle, ``course`` the inputs at every sample.
     """
