@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from calibration.axis.board_on_disk import DiskPose
+from calibration.axis import DiskPose
 from calibration.boards.board_file import Board
 from calibration.cameras.lens import PARAMETERS
 from calibration.cameras.stereo_pair import PairCalibration

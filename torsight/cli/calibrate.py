@@ -173,7 +173,7 @@ def _add_circles(
     tracks: Path, camera: Path | None, *, stick_mm: float | None, heights_mm: tuple[float, float], out: Path
 ) -> list[str]:
     """Write the known camera with the pose estimated from the markers' circles; return the lines for the terminal."""
-    from calibration.axis.marker_circles import pose_from_tracks
+    from calibration.axis import pose_from_tracks
 
     if camera is None:
         raise ConfigError("needs a known --camera with --tracks", where=_WHERE)

@@ -15,8 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.actuator.characterising.characterisation import blocked_force, characterise
-from torsight.actuator.characterising.characterised import Characterisation
-from torsight.actuator.characterising.figures import Line, characterisation_figures, draw
+from torsight.actuator.characterising.characterised import Characterisation, Line, characterisation_figures, draw
 from torsight.actuator.characterising.spring_tests import LARGE_RANGE_DEG, Block, ForceAngle, Recovery, SpringTests
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel

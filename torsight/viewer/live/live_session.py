@@ -26,8 +26,7 @@ from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.live.measure.which_markers import UNDECIDED
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
-from torsight.viewer.live.record.live_files import Recorder, finish, write_track_account
-from torsight.viewer.live.record.outcome import Outcome, standing
+from torsight.viewer.live.record import Outcome, Recorder, finish, standing, write_track_account
 from torsight.viewer.live.screen import Feed, Latency
 from torsight.viewer.overlay import overlay
 from tracker.detect.dots import HUGE_PX
