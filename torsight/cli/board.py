@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 def board(
     description: Annotated[
-        Path | None,
-        typer.Argument(metavar="BOARD.toml", help="The board; by default one that fits the page."),
+        Path | None, typer.Argument(metavar="BOARD.toml", help="The board; by default one that fits the page.")
     ] = None,
     *,
     out: Annotated[

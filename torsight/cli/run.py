@@ -29,8 +29,7 @@ from torsight.core.progress import Progress, silent
 
 def run(
     experiment: Annotated[
-        Path | None,
-        typer.Argument(metavar="EXPERIMENT.toml", help="The experiment file, or the folder that holds it."),
+        Path | None, typer.Argument(metavar="EXPERIMENT.toml", help="The experiment file, or the folder that holds it.")
     ] = None,
     *,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,

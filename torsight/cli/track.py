@@ -48,8 +48,7 @@ def track(
     out: Annotated[Path, typer.Option(help="Folder for angle.csv, markers.csv, track.json and track.png.")],
     camera: CameraFile = None,
     markers: Annotated[
-        Path | None,
-        typer.Option(metavar="MARKERS.toml", help="The markers: positions in the first frame, or tags."),
+        Path | None, typer.Option(metavar="MARKERS.toml", help="The markers: positions in the first frame, or tags.")
     ] = None,
     timestamps: Annotated[
         Path | None, typer.Option(metavar="T.csv", help="Table frame, time_s with the time of every frame.")
