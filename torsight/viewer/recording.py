@@ -86,7 +86,10 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     results = read_results(folder)
     path = folder / "recording.rrd"
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
-        preview = _preview(results, film, Path(scratch), progress=progress)
+        frames, preview = results.first_of("markers", "angle"), None
+        if film is not None and frames is not None:
+            shrunk = Path(scratch) / "preview.mp4"
+            preview = write_preview(Path(film), shrunk, frame_count=len(frames), progress=progress)
         with _whole(temporary):
             run_writer(folder, temporary, preview)
     progress("recording", 1, 1)
@@ -150,13 +153,6 @@ def _whole(path: Path) -> Iterator[None]:
         file.seek(max(file.seek(0, os.SEEK_END) - 8 * len(_END), 0))
         if _END not in file.read():
             raise full
-
-
-def _preview(results: RunResults, film: AnyPath | None, scratch: Path, *, progress: Progress) -> Preview | None:
-    frames = results.first_of("markers", "angle")
-    if film is None or frames is None:
-        return None
-    return write_preview(Path(film), scratch / "preview.mp4", frame_count=len(frames), progress=progress)
 
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:

@@ -116,7 +116,9 @@ class Session:
                 self.outcome.served_first = first
                 self._watch(stop)
             self._poll_log()
-            self._tell_the_end()
+            self._tell_dropped()
+            if self._intake.pictures.ended_because:
+                self._tell(self.now_s, self._frame, "lost", f"the source ended: {self._intake.pictures.ended_because}")
             # A person who ends the record does not want to wait long.
             self._last_news(STOPPED_FIT_S if stop.is_set() else math.inf)
             if self._intake.error is not None:
@@ -276,11 +278,6 @@ class Session:
         if outcome.dropped + outcome.missed > self._told_dropped:
             self._told_dropped = outcome.dropped + outcome.missed
             self._tell(self.now_s, self._frame, "dropped", f"{outcome.dropped} frames dropped so far{outcome.lost}")
-
-    def _tell_the_end(self) -> None:
-        self._tell_dropped()
-        if self._intake.pictures.ended_because:
-            self._tell(self.now_s, self._frame, "lost", f"the source ended: {self._intake.pictures.ended_because}")
 
     def _tell_half_cycles(self, news: ModelNews) -> None:
         for begin in news.half_cycles[self.outcome.half_cycles :]:
