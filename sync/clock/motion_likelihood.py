@@ -16,7 +16,6 @@ from sync.clock.gaussian_mixture import (
     Gaussian,
     UnknownGap,
     conditioned,
-    heaviest,
     mixed,
 )
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
@@ -277,7 +276,7 @@ def _with_stops(
         late_s = late_s[order % len(late_s)]
     return [
         Gaussian(mean[k, :unknowns], covariance[k, :unknowns, :unknowns], float(log_weight[k]))
-        for k in heaviest(log_weight)
+        for k in range(len(log_weight))
     ]
 
 
