@@ -1,6 +1,6 @@
 # The names of calibration for editors and type checkers; they are imported on first use.
 
-from calibration.axis.marker_circles import pose_from_tracks as pose_from_tracks
+from calibration.axis import pose_from_tracks as pose_from_tracks
 from calibration.boards.board_file import Board as Board
 from calibration.boards.board_file import read_board as read_board
 from calibration.boards.printing import draw_board as draw_board

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.axis.board_on_disk import DiskPose, pose_on_disk
+from calibration.axis import DiskPose, pose_on_disk
 from calibration.boards.board_file import Board
 from calibration.cameras.lens import LensCalibration, calibrate_lens
 from calibration.cameras.stereo_pair import PairCalibration, calibrate_pair

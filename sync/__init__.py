@@ -14,8 +14,7 @@ Subpackages, in the order in which the data pass through them:
 """
 
 from sync.clock.estimation import Found, estimate_clock, find_clock
-from sync.led.led_brightness import film_light_events
-from sync.led.led_events import LightEvents, read_light_events
+from sync.led import LightEvents, film_light_events, read_light_events
 from sync.log.read_log import read_temperature_log
 from sync.log.repairs import LogReading, Repair, Restart
 from sync.merge.merged_table import merge

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from torsight.actuator.characterising.characterised import Line, draw
 from torsight.actuator.characterising.curve_fit import CurveFit, fit_curve
-from torsight.actuator.characterising.figures import Line, draw
 from torsight.actuator.stepping.phase import SHARE_DONE
 from torsight.core.parameter import Parameter
 from torsight.core.series import rms, share_explained

@@ -23,7 +23,7 @@ from seeds import lines_of
 
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
-from torsight.actuator.stepping.closed_form import critical_angle, stable_cycle
+from torsight.actuator.stepping.cycle import critical_angle, stable_cycle
 from torsight.cli.simulate import simulate
 from torsight.core.files.storage import read_table, write_table
 from torsight.core.units import DEG, GPA, MM, MNM, MPA

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from ways import angles_by_way, error_deg
 
-from calibration.axis.board_on_disk import pose_on_disk
+from calibration.axis import pose_on_disk
 from calibration.boards.board_file import Board
 from calibration.cameras.lens import calibrate_lens
 from calibration.cameras.stereo_pair import calibrate_pair

@@ -30,8 +30,7 @@ import numpy as np
 from torsight.viewer.live.frames.intake import Picture
 from torsight.viewer.live.live_session import Session
 from torsight.viewer.live.measure.growing_log import WatchedLog
-from torsight.viewer.live.screen.feed import Feed
-from torsight.viewer.live.screen.latency import Latency
+from torsight.viewer.live.screen import Feed, Latency
 from torsight.viewer.program import free_port
 from torsight.viewer.screenshots import viewer_without_screen
 from tracker.frames.source import open_source
@@ -125,7 +124,7 @@ def plain_loop(film: str, fps: float, counts: Any, ended: Any) -> None:
 @contextlib.contextmanager
 def yardstick(film: Path, fps: float) -> Iterator[Latency]:
     """Run the plain loop in a process of its own while the block lasts, and give its latency."""
-    from torsight.viewer.live.screen.latency import CELLS
+    from torsight.viewer.live.screen import CELLS
 
     context = get_context("spawn")
     counts, ended = context.RawArray("q", CELLS), context.Event()

@@ -26,7 +26,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.half_and_twice import half_and_twice
-from sync.led import led_brightness
+from sync import led
 from torsight.core.errors import NoResultError
 from torsight.core.files.storage import read_table
 from torsight.synthetic import render_scene, scene_from
@@ -77,9 +77,9 @@ def read(made: list[tuple[Cut, np.ndarray]]) -> str:
     whole, off = [], []
     for cut, changes_s in made:
         for beside in (0, 2, 4, 6):
-            time_s, value = led_brightness.brightness(cut, (REACH + beside, REACH))
+            time_s, value = led.brightness(cut, (REACH + beside, REACH))
             try:
-                found = led_brightness.led_changes(time_s, value, where="").time_s
+                found = led.led_changes(time_s, value, where="").time_s
             except NoResultError:
                 whole.append(False)
                 continue
@@ -97,7 +97,7 @@ def main() -> None:
         made = films(Path(folder))
     print(f"as it is: {read(made)}", flush=True)
     for name in CONSTANTS:
-        for factor in half_and_twice(name, led_brightness):
+        for factor in half_and_twice(name, led):
             print(f"{name:12s} x{factor:<3g} {read(made)}", flush=True)
 
 

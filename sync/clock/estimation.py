@@ -21,7 +21,7 @@ from sync.clock.motion_likelihood import MotionLikelihood, begin_s
 from sync.clock.offset_search import ALIKE, find_ranges
 from sync.clock.restarts import SURE_GAP_S, WeighedRestarts, moved_to, unknown_gaps, weigh_restarts, with_gap
 from sync.clock.threshold_likelihood import SCATTERS_C
-from sync.led.led_events import LightEvents
+from sync.led import LightEvents
 from sync.log.repairs import LogReading
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S

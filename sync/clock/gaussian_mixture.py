@@ -13,19 +13,13 @@ import numpy as np
 from scipy.special import logsumexp, ndtr, softmax
 
 from torsight.core.records import ClockMap
-from torsight.core.units import PPM, Flags, Floats, Ints
+from torsight.core.units import PPM, Flags, Floats
 
 MOST_HYPOTHESES: Final = 12
 """Largest number of alternative hypotheses that are kept, most likely first: ranges of the offset, maxima within a
 range, causes of stops, gaps of a log. Half and twice as many give the same clock (benchmarks/sync/constants.py)."""
 NEGLIGIBLE_LOG: Final = 20.0
 """Difference of log-likelihood from which an alternative is dropped: e⁻²⁰ = 2·10⁻⁹, the precision of the quantiles."""
-
-_CENTERS: Final = 200
-"""Number of the heaviest components among which the one with most weight around it is searched for: three times as many
-as there are lags."""
-LIGHT: Final = 1e-4
-"""Total weight of the lightest components that are left out: the 2.5 % quantiles move by 0.002 standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,18 +122,13 @@ def log_time(
     return timestamp, np.stack(columns, axis=1), covered
 
 
-def heaviest(log_weight: Floats) -> Ints:
-    """Return the indices of a mixture's components without the lightest ones, whose total weight is ``LIGHT``."""
-    weight = softmax(log_weight)
-    order = np.argsort(-weight)
-    return order[: 1 + int(np.searchsorted(np.cumsum(weight[order]), 1.0 - LIGHT))]
-
-
 def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") -> ClockMap:
     """Return the clock: values where most of the mixture's weight agrees, with the mixture's central 95 % intervals."""
-    weight = softmax([gaussian.log_weight for gaussian in mixture])
-    mean = np.stack([gaussian.mean for gaussian in mixture])
-    covariance = np.stack([gaussian.covariance for gaussian in mixture])
+    largest = max(gaussian.log_weight for gaussian in mixture)
+    likely = [gaussian for gaussian in mixture if gaussian.log_weight > largest - NEGLIGIBLE_LOG]
+    weight = softmax([gaussian.log_weight for gaussian in likely])
+    mean = np.stack([gaussian.mean for gaussian in likely])
+    covariance = np.stack([gaussian.covariance for gaussian in likely])
     # The offset at film time 0 is that at the middle minus the drift accumulated until there.
     row = np.zeros(mean.shape[1])
     row[:2] = 1.0, -middle_s
@@ -148,8 +137,7 @@ def clock_of(mixture: Sequence[Gaussian], *, middle_s: float, method: str = "") 
     # Neighbours on a fine grid of lags share their weight. So take the point with most weight around it, neither the
     # component with the largest weight nor the peak of the density, which may be that of a narrow, light component.
     middle, spread = mean[:, 0], np.sqrt(covariance[:, 0, 0])
-    heavy = np.argsort(-weight)[:_CENTERS]
-    best = int(heavy[np.argmax(np.exp(-0.5 * ((middle[heavy, None] - middle) / spread) ** 2) @ weight)])
+    best = int(np.argmax([np.exp(-0.5 * ((center - middle) / spread) ** 2) @ weight for center in middle]))
     near = weight * np.exp(-0.5 * np.minimum(((middle - middle[best]) / spread[best]) ** 2, 700.0))
     near /= near.sum()
     return ClockMap(
@@ -165,8 +153,7 @@ def _quantile(mean: Floats, sigma: Floats, weight: Floats, share: float) -> floa
     # Nearly every command imports this module, few estimate a clock: scipy.optimize takes a fifth of the start-up time.
     from scipy.optimize import brentq
 
-    matters = weight > np.exp(-NEGLIGIBLE_LOG)
-    mean, sigma, weight = mean[matters], np.maximum(sigma[matters], 1e-12), weight[matters] / weight[matters].sum()
+    sigma = np.maximum(sigma, 1e-12)
     # Beyond nine standard deviations a normal distribution has no weight in floating point.
     low, high = float((mean - 9.0 * sigma).min()), float((mean + 9.0 * sigma).max())
     return float(brentq(lambda x: float(weight @ ndtr((x - mean) / sigma)) - share, low, high, xtol=1e-9))

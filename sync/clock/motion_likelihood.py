@@ -16,7 +16,6 @@ from sync.clock.gaussian_mixture import (
     Gaussian,
     UnknownGap,
     conditioned,
-    heaviest,
     mixed,
 )
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
@@ -26,9 +25,8 @@ from sync.clock.threshold_likelihood import refine, scan, scatter_c
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
-from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
+from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals, switchings_of
 from sync.signals.strokes import Stroke, find_strokes
-from sync.signals.switchings import switchings_of
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles
 from torsight.core.units import PPM, Flags, Floats
@@ -274,7 +272,7 @@ def _with_stops(
         late_s = late_s[order % len(late_s)]
     return [
         Gaussian(mean[k, :unknowns], covariance[k, :unknowns, :unknowns], float(log_weight[k]))
-        for k in heaviest(log_weight)
+        for k in range(len(log_weight))
     ]
 
 

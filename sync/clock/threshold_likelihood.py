@@ -33,7 +33,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import LIGHT, Gaussian, UnknownGap, log_time, mixed, moments
+from sync.clock.gaussian_mixture import NEGLIGIBLE_LOG, Gaussian, UnknownGap, log_time, mixed, moments
 from sync.clock.threshold_crossings import ThresholdCrossings
 from sync.signals.even_signal import EvenSignal
 from sync.signals.heating_segments import LATEST_S, LogSignals, Spring
@@ -312,7 +312,7 @@ def _combined(halves: Sequence[_Half], prior: Gaussian, *, log_weight: float) ->
     log_det = np.linalg.slogdet(information)[1] - float(np.linalg.slogdet(precision)[1])
     total = weight - 0.5 * (fit + log_det)
     middle, spread, of_size = moments(mean, covariance, total)
-    likely = np.flatnonzero(of_size > of_size.max() + np.log(LIGHT))
+    likely = np.flatnonzero(of_size > of_size.max() - NEGLIGIBLE_LOG)
     return {_DELAYS_S[t]: Gaussian(middle[t], spread[t], float(of_size[t])) for t in likely}
 
 

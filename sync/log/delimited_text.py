@@ -8,6 +8,7 @@ one number cannot be written with a thousands sign (``1,234`` seconds alone migh
 from __future__ import annotations
 
 import io
+import math
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,9 +16,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from sync.log.column_names import ChosenColumns, LogColumn
 from sync.log.header import BLANKS, fields_of, find_header, require_columns, split_line, units_row, without_arrows
-from sync.log.labview import labview_header
 from sync.log.repairs import Repair
 from torsight.core.errors import InputError
 from torsight.core.files.kinds import binary_kind
@@ -262,3 +264,55 @@ def _with_comma(body: Sequence[str], delimiter: str, columns: Sequence[int]) -> 
         rows = (fields_of(line, delimiter) if '"' in line else [] for line in body)
     texts = (" ".join(row[index].strip(' "') for index in columns if index < len(row)) for row in rows)
     return {number: text for number, text in enumerate(texts) if "," in text}
+
+
+_FIRST_LINE: Final = "LabVIEW Measurement"
+
+
+@dataclass(frozen=True, slots=True)
+class LabviewHeader:
+    """Information in the lines before the names of a LabVIEW measurement file (.lvm); empty for a file of another kind.
+
+    With the option "empty time column" such a file has no times; they follow from ``X0`` and ``Delta_X`` of the
+    channel's header. Format: NI, "Specification for the LabVIEW Measurement File (.lvm)".
+
+    Decimal sign, units by column (the column of times has none), time of the first row, and step from row to row.
+    """
+
+    decimal: str = ""
+    units: tuple[str, ...] = ()
+    begin_s: float = 0.0
+    step_s: float | None = None
+
+    def fill_times(self, frame: pd.DataFrame, place: int, repairs: list[Repair]) -> None:
+        """Fill the column of times if it is empty."""
+        if self.step_s is not None and not frame.iloc[:, place].notna().any():
+            frame.isetitem(place, self.begin_s + self.step_s * np.arange(len(frame), dtype=np.float64))
+            text = f"the column of times is empty: they follow from Delta_X, {self.step_s:g} s"
+            repairs.append(Repair("times", len(frame), text))
+
+
+def labview_header(preamble: Sequence[str], delimiter: str) -> LabviewHeader:
+    """Return the information in a LabVIEW preamble."""
+    if not preamble or not preamble[0].strip().startswith(_FIRST_LINE):
+        return LabviewHeader()
+    entries: dict[str, list[str]] = {}
+    for line in preamble:
+        key, *values = split_line(line, delimiter)
+        entries[key] = values
+    decimal = next(iter(entries.get("Decimal_Separator", [])), "")
+    step_s = _number(entries.get("Delta_X"), decimal)
+    return LabviewHeader(
+        decimal=decimal if decimal in (".", ",") else "",
+        units=("", *entries.get("Y_Unit_Label", ())) if any(entries.get("Y_Unit_Label", ())) else (),
+        begin_s=_number(entries.get("X0"), decimal) or 0.0,
+        step_s=step_s if step_s is not None and step_s > 0.0 else None,
+    )
+
+
+def _number(values: Sequence[str] | None, decimal: str) -> float | None:
+    try:
+        number = float(values[0].replace(decimal or ".", ".")) if values else math.nan
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sync.log.column_names import (
-    CONTRACT,
-    DATE,
-    NEEDED,
-    ChosenColumns,
-    LogColumn,
-    columns_note,
-    is_converted,
-    resolve,
-)
+from sync.log.column_names import CONTRACT, DATE, NEEDED, ChosenColumns, LogColumn, columns_note, is_converted, resolve
 from sync.log.delimited_text import TextTable, read_text_table
 from sync.log.header import require_all
 from sync.log.wall_clock import Timestamps, read_timestamps, spreadsheet_dates

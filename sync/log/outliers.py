@@ -25,8 +25,6 @@ RANGE_C: Final = (-80.0, SPRING_C[1])
 _SPIKE_FLOOR_C: Final = 1.0
 """Least size of a spike, whatever the noise. With half this value a merged table's temperatures err as much, with twice
 2 % more (benchmarks/sync/constants.py)."""
-_FEWEST: Final = 9
-"""Number of readings below which none can be called a spike: seven around it, and noise from third differences."""
 _LONGEST_S: Final = 30.0
 """Length of the longest excursion: a sensor that has lost contact regains it after seconds, or stays off. A choice;
 half and twice this value change no reading of damaged logs (benchmarks/sync/constants.py)."""
@@ -115,7 +113,7 @@ def spikes(time_s: Floats, temp_c: Floats) -> Flags:
     """
     found = np.zeros(len(temp_c), dtype=np.bool_)
     index = np.flatnonzero(np.isfinite(temp_c))
-    if len(index) < _FEWEST:
+    if len(index) < 2:
         return found
     known, at_s = temp_c[index], time_s[index]
     step_s = usual_step(at_s)

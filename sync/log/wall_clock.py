@@ -27,11 +27,7 @@ _SECOND: Final = r"(?P<second>\d{2})(?:[.,:](?P<fraction>\d{1,9}))?"
 _CLOCK: Final = rf"(?P<hour>\d{{1,4}}):(?P<minute>\d{{2}}):{_SECOND}(?:{_HALF})?"
 _DATED_CLOCK: Final = rf"(?P<hour>\d{{1,2}}):(?P<minute>\d{{2}})(?::{_SECOND})?(?:{_HALF})?"
 """After a date two numbers are hours and minutes."""
-_CLOCKS: Final = (
-    _CLOCK,
-    rf"(?P<hour>\d{{1,2}}):(?P<minute>\d{{2}}){_HALF}",
-    rf"(?P<minute>\d{{1,4}}):{_SECOND}",
-)
+_CLOCKS: Final = (_CLOCK, rf"(?P<hour>\d{{1,2}}):(?P<minute>\d{{2}}){_HALF}", rf"(?P<minute>\d{{1,4}}):{_SECOND}")
 """Times without a date. Two numbers are hours and minutes before AM or PM, and minutes and seconds where there are
 fractions or more than 23 of the first."""
 _TWO_NUMBERS: Final = re.compile(r"\d+:\d{2}")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import REFERENCE_VALUES, ActuatorSpec, reference_spec
 from torsight.actuator.springs import Rig
-from torsight.actuator.stepping.closed_form import half_cycle, heated_angle, stable_cycle
+from torsight.actuator.stepping.cycle import half_cycle, heated_angle, stable_cycle
 from torsight.core.errors import ConfigError
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG

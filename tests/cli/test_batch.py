@@ -18,7 +18,7 @@ from tests.cli.bad_inputs import make_world
 from tests.command_line import leave
 from tests.core.test_lock import HOLD
 from tests.made_up_run import write_made_up_run
-from torsight.cli import campaign, limited, workers
+from torsight.cli import campaign, workers
 from torsight.cli.campaign import RESULT_COLUMNS, find_experiments, is_current, run_task, tasks
 from torsight.cli.experiment_file import read_experiment
 from torsight.cli.run import provenance_of
@@ -164,14 +164,14 @@ CHILDREN = {
 @pytest.mark.parametrize("child", CHILDREN)
 def test_a_record_that_takes_too_long_is_ended(child: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code, words = CHILDREN[child]
-    monkeypatch.setattr(limited, "COMMAND", (sys.executable, "-c", code))
+    monkeypatch.setattr(workers, "COMMAND", (sys.executable, "-c", code))
     (task,) = tasks(
         [made / "rigs" / "broken" / "experiment.toml"], made / "out", limit_s=0.5 if child == "hangs" else 60
     )
     row = run_task(task)
     assert row["status"] == "failed"
     assert words in row["message"]
-    assert limited.running == set()
+    assert workers.running == set()
 
 
 def test_a_limit_ends_what_the_run_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,9 +180,9 @@ def test_a_limit_ends_what_the_run_has_started(tmp_path: Path, monkeypatch: pyte
         "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)']);"
         f"pathlib.Path({str(tmp_path / 'child')!r}).write_text(str(child.pid)); time.sleep(1000)"
     )
-    monkeypatch.setattr(limited, "COMMAND", (sys.executable, "-c", code))
+    monkeypatch.setattr(workers, "COMMAND", (sys.executable, "-c", code))
     with pytest.raises(NoResultError, match="takes longer"):
-        limited.run_limited(tmp_path / "experiment.toml", out=tmp_path, limit_s=3.0)
+        workers.run_limited(tmp_path / "experiment.toml", out=tmp_path, limit_s=3.0)
     if (tmp_path / "child").exists():  # a machine that is slow has not come so far
         process = int((tmp_path / "child").read_text())
         until = time.monotonic() + 30.0

@@ -17,7 +17,7 @@ from tests.tracker.films import Rig, write_film
 from torsight.actuator.effects import load_effects
 from torsight.actuator.spec import reference_spec
 from torsight.cli.checkup import separable
-from torsight.cli.checkup.clock import Filming, predict_clock
+from torsight.cli.checkup.examine import Filming, predict_clock
 from torsight.cli.checkup.film_check import check_film
 from torsight.cli.checkup.finding import Finding, exit_code, ordered, verdict
 from torsight.cli.checkup.log import check_log, check_programme, driven_by

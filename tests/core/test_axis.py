@@ -8,9 +8,8 @@ from torsight.core.errors import NoResultError
 from torsight.core.minimise import least_squares
 from torsight.core.optics.axis import axis_from_pair, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Intrinsics, RightCamera
-from torsight.core.optics.circles import axis_basis
+from torsight.core.optics.circles import Sight, axis_basis
 from torsight.core.optics.geometry import on_plane, rotation_matrix
-from torsight.core.optics.sights import Sight
 
 LENS = Intrinsics(
     (640, 480),

@@ -17,8 +17,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from calibration import draw_board
-from calibration.axis.board_on_disk import DiskPose
-from calibration.axis.marker_circles import CirclesPose
+from calibration.axis import CirclesPose, DiskPose
 from calibration.boards.board_file import Board
 from calibration.boards.printing import Drawing
 from calibration.stage import Calibration

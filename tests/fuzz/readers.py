@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.axis.marker_circles import read_circles
+from calibration.axis import read_circles
 from calibration.boards.board_file import read_board
 from sync import read_light_events, read_temperature_log
 from tests.cli.bad_inputs import ACTUATOR, BOARD, CAMERA, EXPERIMENT, FROM_LEFT, MARKERS

@@ -18,8 +18,8 @@ from torsight.actuator.spec import ActuatorSpec as ActuatorSpec
 from torsight.actuator.spec import read_actuator as read_actuator
 from torsight.actuator.spec import reference_spec as reference_spec
 from torsight.actuator.springs import Rig as Rig
-from torsight.actuator.stepping.closed_form import half_cycle as half_cycle
-from torsight.actuator.stepping.closed_form import stable_cycle as stable_cycle
+from torsight.actuator.stepping.cycle import half_cycle as half_cycle
+from torsight.actuator.stepping.cycle import stable_cycle as stable_cycle
 
 # The fit is made by the discovery, above this room: the name alone is here, nothing in this room uses it.
 from torsight.discovery.model_fit import fit_model as fit_model

@@ -19,7 +19,7 @@ from torsight.actuator.ports import History
 from torsight.actuator.simulation import Prediction, Simulation
 from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
-from torsight.actuator.stepping.closed_form import stable_cycle
+from torsight.actuator.stepping.cycle import stable_cycle
 from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind
 from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
 from torsight.core.files.paths import AnyPath
@@ -27,12 +27,13 @@ from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
 from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG, Floats
+from torsight.core.words.plausible import MOST_ROWS_APART_S, SHORTEST_S
 from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 
 KIND: Final = "torsight actuator model"
-_MOST_COUNTED: Final = 1_000_000
-"""Largest number of cycles or whole turns in a file: two years of one cycle a minute."""
+_MOST_COUNTED: Final = int(MOST_ROWS_APART_S / SHORTEST_S)
+"""Largest number of cycles or whole turns in a file: of the shortest cycles in the longest record."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
 """Largest distance of two angles that count as the same home: a choice, stated in the documentation."""
 _RAMP_S: Final = 200.0
@@ -375,7 +376,7 @@ def _model_from(content: Mapping[str, Any]) -> FittedModel:
         account=get_table(content, "account", where=where),
         turns=get_whole(content, "turns", where=where, lower=-_MOST_COUNTED, upper=_MOST_COUNTED),
         start_angle_rad=None if start_deg is None else start_deg * DEG,
-        duration_s=get_number(content, "duration_s", where=where, lower=0.0, upper=1e9),
+        duration_s=get_number(content, "duration_s", where=where, lower=0.0, upper=MOST_ROWS_APART_S),
         end=end,
         doubt=doubt,
     )

@@ -18,8 +18,8 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.record.segments import by_role
 from torsight.actuator.record.turns import at_places, on_lines
 from torsight.actuator.springs import Rig
+from torsight.actuator.stepping.kernel_laws import sampled
 from torsight.actuator.stepping.phase import PLACES
-from torsight.actuator.stepping.samples import sampled
 from torsight.core.units import DEG, Floats, Ints
 
 Reading = Callable[[Floats, Floats], Floats]
@@ -206,7 +206,7 @@ class Ports:
         return other
 
     def sampled(self) -> tuple[Floats, Floats, NDArray[np.int8]]:
-        """Return the result of :func:`~torsight.actuator.stepping.samples.sampled` for these temperatures."""
+        """Return the result of :func:`~torsight.actuator.stepping.kernel_laws.sampled` for these temperatures."""
         courses = (self.time_s, self.temp_a_c, self.temp_b_c, self.active, self.half)
         return self.samples or sampled(*courses, self.passive_share > 0.0)
 

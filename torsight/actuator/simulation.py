@@ -13,8 +13,8 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.ports import DWELL_DECADES, SPEEDS_RAD_S, Ports
 from torsight.actuator.stepping import kernel
 from torsight.actuator.stepping import kernel_laws as places
+from torsight.actuator.stepping.kernel_laws import Samples
 from torsight.actuator.stepping.phase import PLACES
-from torsight.actuator.stepping.samples import Samples
 from torsight.core.units import DEG, MNM, Floats, Ints
 from torsight.core.words.shown import Shown, draw_series, share, span
 

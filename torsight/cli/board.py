@@ -14,14 +14,12 @@ from torsight.core.files.storage import write_text
 
 if TYPE_CHECKING:
     from calibration.boards.board_file import Board
-    from calibration.boards.printed_tags import TagPair
-    from calibration.boards.printing import Drawing
+    from calibration.boards.printing import Drawing, TagPair
 
 
 def board(
     description: Annotated[
-        Path | None,
-        typer.Argument(metavar="BOARD.toml", help="The board; by default one that fits the page."),
+        Path | None, typer.Argument(metavar="BOARD.toml", help="The board; by default one that fits the page.")
     ] = None,
     *,
     out: Annotated[
@@ -51,8 +49,7 @@ def board(
     import tomli_w
 
     from calibration.boards.board_file import KINDS, read_board
-    from calibration.boards.printed_tags import draw_tags, tag_pair
-    from calibration.boards.printing import PAGES_MM, draw_board, usual_board
+    from calibration.boards.printing import PAGES_MM, draw_board, draw_tags, tag_pair, usual_board
 
     for name, value, allowed in (("--page", page, tuple(PAGES_MM)), ("--kind", kind, KINDS)):
         if value not in allowed:

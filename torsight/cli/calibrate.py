@@ -138,8 +138,7 @@ def _calibrate_to_file(
     ``heights_mm`` are the heights of the base and the moving stick's markers above a board on the disk.
     """
     from calibration.boards.board_file import read_board
-    from calibration.quality.camera_report import account, summary
-    from calibration.quality.view_coverage import draw_coverage
+    from calibration.quality.camera_report import account, draw_coverage, summary
     from calibration.stage import Calibration, calibrate_one, calibrate_two, camera_of
 
     _check_usage(images, right, pose, camera)
@@ -174,7 +173,7 @@ def _add_circles(
     tracks: Path, camera: Path | None, *, stick_mm: float | None, heights_mm: tuple[float, float], out: Path
 ) -> list[str]:
     """Write the known camera with the pose estimated from the markers' circles; return the lines for the terminal."""
-    from calibration.axis.marker_circles import pose_from_tracks
+    from calibration.axis import pose_from_tracks
 
     if camera is None:
         raise ConfigError("needs a known --camera with --tracks", where=_WHERE)

@@ -17,8 +17,8 @@ import numpy as np
 
 from torsight.cli.discover import explain_together
 from torsight.cli.experiment_file import Experiment, read_experiment
-from torsight.cli.limited import run_limited
 from torsight.cli.run import TOGETHER, UNFINISHED, provenance_of, run_experiment
+from torsight.cli.workers import run_limited
 from torsight.core.errors import InputError, NoResultError, TorsightError, refused_by_system
 from torsight.core.files.paths import matching
 from torsight.core.files.provenance import file_hash

@@ -30,7 +30,7 @@ def characterise(
     import tomli_w
 
     from torsight.actuator.characterising.characterisation import characterise as fit_tests
-    from torsight.actuator.characterising.figures import characterisation_figures
+    from torsight.actuator.characterising.characterised import characterisation_figures
     from torsight.actuator.characterising.spring_tests import read_tests
 
     made = (out / "actuator.toml", out / "characterisation.json")

@@ -163,7 +163,11 @@ def experiment_from(
     places = {name: f"{where}, [{name}]" for name in KEYS}
     for name, table in tables.items():
         check_keys(table, KEYS[name], where=places[name])
-    _require_one_of_each(tables["markers"], where=places["markers"])
+    markers = tables["markers"]
+    if "file" in markers and len(markers) > 1:
+        raise ConfigError(
+            "has both a file and its content", where=places["markers"], value=", ".join(markers), limit="one of them"
+        )
     if ("video" in content) == ("angle" in content):
         raise ConfigError(
             "needs one of [video] and [angle]",
@@ -222,11 +226,6 @@ def _log_columns(table: Mapping[str, Any], *, where: str) -> dict[str, dict[str,
     said = {name: dict(get_table(table, name, where=where)) for name in ("columns", "units")}
     chosen_columns(**said, where=where)
     return said
-
-
-def _require_one_of_each(markers: Mapping[str, Any], *, where: str) -> None:
-    if "file" in markers and len(markers) > 1:
-        raise ConfigError("has both a file and its content", where=where, value=", ".join(markers), limit="one of them")
 
 
 def _together(table: Mapping[str, Any], files: _Files, *, where: str) -> bool | tuple[Path, ...]:

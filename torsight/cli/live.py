@@ -23,8 +23,8 @@ from torsight.core.words.wording import estimate
 if TYPE_CHECKING:
     from torsight.actuator.spec import ActuatorSpec
     from torsight.viewer.live.measure.model_watch import ModelWatch
-    from torsight.viewer.live.record.outcome import Outcome
-    from torsight.viewer.live.screen.feed import Feed
+    from torsight.viewer.live.record import Outcome
+    from torsight.viewer.live.screen import Feed
 
 FILES: Final = ("angle.csv", "markers.csv", "temps.csv", "events.csv", "track.json", "live.json", "experiment.toml")
 """Files of a live record."""
@@ -75,8 +75,8 @@ def live(
     from torsight.viewer.live.frames.sources import film_of, open_pictures
     from torsight.viewer.live.live_session import Session
     from torsight.viewer.live.measure.growing_log import WatchedLog
-    from torsight.viewer.live.record.live_report import write_experiment
-    from torsight.viewer.live.screen.feed import Feed
+    from torsight.viewer.live.record import write_experiment
+    from torsight.viewer.live.screen import Feed
     from torsight.viewer.program import chosen_port
     from tracker.detect.marker_file import read_markers
 

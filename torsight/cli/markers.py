@@ -12,7 +12,6 @@ from torsight.cli.console import command, say
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.tracks import MARKERS
-from torsight.core.units import Floats
 
 if TYPE_CHECKING:
     from tracker.frames.source import Source
@@ -75,7 +74,7 @@ def _page(source: Source, out: Path, *, port: int, wait_s: float, no_open: bool)
 
 def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
     from torsight.markers.beginning import Beginning, name_tags
-    from torsight.markers.picks import write_markers
+    from torsight.markers.picks import content_of, write_markers
     from torsight.markers.preview import write_preview
     from torsight.markers.session import NAMING_S, find_markers, first_picture
     from tracker.detect.given_positions import LOOKED_AT
@@ -95,7 +94,10 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
         "moving_known": named is not None,
     }  # fmt: skip
     found = named if named is not None or seen.sticks_px is None else seen.sticks_px.reshape(4, 2)
-    content = name_tags(source, seconds=NAMING_S) if found is None else _picked(found)
+    if found is None:
+        content = name_tags(source, seconds=NAMING_S)
+    else:
+        content = content_of({"points": dict(zip(MARKERS, found.tolist(), strict=True))}, {})
     if content is None:
         blur = motion_blur(Beginning(source, seconds=NAMING_S), index, LOOKED_AT[-1])
         lacking = NoResultError(
@@ -116,9 +118,3 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
     write_markers(out, content, film=name, size_px=(first.shape[1], first.shape[0]))
     say(f"wrote {out}")
     return Answer({**result, **content}, files=(picture, out))
-
-
-def _picked(found: Floats) -> dict[str, Any]:
-    from torsight.markers.picks import content_of
-
-    return content_of({"points": dict(zip(MARKERS, found.tolist(), strict=True))}, {})

@@ -14,11 +14,10 @@ from torsight.cli.answer import Answer
 from torsight.cli.console import progress_bar, say
 from torsight.cli.experiment_file import Experiment, experiment_from, read_experiment
 from torsight.cli.fit import fit_to_folder
-from torsight.cli.frame_coverage import is_no_result
 from torsight.cli.options import OpenView
 from torsight.cli.sync import read_settings, sync_to_folder
 from torsight.cli.track import FILES as TRACKED
-from torsight.cli.track import track_to_folder
+from torsight.cli.track import is_no_result, track_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash, provenance, versions
@@ -30,8 +29,7 @@ from torsight.core.progress import Progress, silent
 
 def run(
     experiment: Annotated[
-        Path | None,
-        typer.Argument(metavar="EXPERIMENT.toml", help="The experiment file, or the folder that holds it."),
+        Path | None, typer.Argument(metavar="EXPERIMENT.toml", help="The experiment file, or the folder that holds it.")
     ] = None,
     *,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; [output] dir otherwise.")] = None,

@@ -35,6 +35,7 @@ def simulate(
 
     Example: torsight simulate actuator.toml temps.csv --start-angle 177.6 --out angles.csv
     """
+    from torsight.actuator.fitted import FittedModel
     from torsight.actuator.model import ActuatorModel
     from torsight.actuator.record.logs import read_log
     from torsight.actuator.spec import read_actuator
@@ -42,9 +43,9 @@ def simulate(
     require_apart([out], [actuator, temperature])
     model = ActuatorModel(read_actuator(actuator))
     log = read_log(temperature, **said(columns, units), tell=lambda words: say(f"note: {words}"))
-    drive = model.prepare_log(log, start_angle_rad=start_angle * DEG, where=str(temperature))
-    simulation = model.simulate(drive)
-    return write_angles_of(out, log, simulation, angle_rad=np.where(drive.known, simulation.angle_rad, np.nan))
+    plain = FittedModel(model, model.nominal())
+    found = plain.predict(log, start_angle_rad=start_angle * DEG, where=str(temperature))
+    return write_angles_of(out, log, found.simulation, angle_rad=found.angle_rad)
 
 
 def write_angles_of(

@@ -1,15 +1,24 @@
-"""Workers of a campaign: its tasks run in processes of this machine (joblib), or on an existing Dask cluster."""
+"""Workers of a campaign: its tasks run in processes of this machine (joblib), or on an existing Dask cluster.
+
+An experiment with a time limit runs in a further process, which can be killed.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import json
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from torsight.core.errors import ConfigError, InputError
+from torsight.core.errors import ConfigError, InputError, NoResultError
 
 Task = TypeVar("Task")
 Row = TypeVar("Row")
@@ -53,8 +62,6 @@ def _for(parent: int, do: Callable[[Task], Row], task: Task) -> Row:
 
 
 def _end_with(parent: int) -> None:
-    from torsight.cli.limited import end_all
-
     while os.getppid() == parent:
         time.sleep(0.2)
     end_all()
@@ -80,3 +87,55 @@ def on_cluster(do: Callable[[Task], Row], todo: Sequence[Task], scheduler: str) 
         futures = client.map(do, todo, pure=False)
         for _future, row in distributed.as_completed(futures, with_results=True):
             yield row
+
+
+COMMAND: Final = (sys.executable, "-m", "torsight.cli.main")
+running: Final[set[int]] = set()
+"""Process ids of the runs that have not ended."""
+
+
+def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
+    """Run ``torsight run`` on an experiment; a run that takes longer than the limit, s, is ended without a result.
+
+    Its finished stages are kept, and the next call continues after them.
+    """
+    words = [*COMMAND, "run", str(experiment), "--out", str(out), "--resume", "--json"]
+    # A separate session, so that every process that the run starts can be ended with it.
+    child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    running.add(child.pid)
+    try:
+        answer, errors = child.communicate(timeout=limit_s)
+    except subprocess.TimeoutExpired as error:
+        raise NoResultError(
+            "takes longer than it may",
+            where=str(experiment),
+            limit=f"{limit_s:g} s",
+            do="run it alone, or give a longer --timeout; a second call continues it",
+        ) from error
+    finally:
+        end(child.pid)
+        child.communicate()
+        running.discard(child.pid)
+    if child.returncode != 0:
+        # Without a message, the end of the traceback is the most informative part.
+        raise NoResultError(_message(answer) or f"ended with {child.returncode}: {errors.strip()[-300:]}")
+
+
+def end_all() -> None:
+    """End every run that this process has started."""
+    for process in tuple(running):
+        end(process)
+
+
+def end(process: int) -> None:
+    """End a run and the processes that it has started, if it still runs."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process, signal.SIGKILL)
+
+
+def _message(answer: str) -> str:
+    """Return the run's error message; empty where it has none."""
+    try:
+        return str(json.loads(answer)["error"]["message"])
+    except (ValueError, KeyError, TypeError):
+        return ""

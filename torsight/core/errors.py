@@ -53,7 +53,8 @@ class TorsightError(Exception):
     def __str__(self) -> str:
         parts = [f"{self.where}: {self.what}" if self.where else self.what]
         if self.value is not None:
-            parts.append(f"found {_short(str(self.value))}")
+            found = str(self.value)
+            parts.append(f"found {found if len(found) <= _MOST_OF_A_VALUE else f'{found[:_MOST_OF_A_VALUE]}…'}")
         if self.limit is not None:
             parts.append(f"allowed {self.limit}")
         if self.do is not None:
@@ -64,10 +65,6 @@ class TorsightError(Exception):
         # Errors are pickled by worker processes: keep the keyword-only fields.
         kept = {name: getattr(self, name) for name in ("where", "value", "limit", "do")}
         return functools.partial(type(self), self.what, **kept), ()
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _MOST_OF_A_VALUE else f"{text[:_MOST_OF_A_VALUE]}…"
 
 
 def _printable(text: str) -> str:

@@ -25,8 +25,6 @@ TIME = "time_s"
 KEPT = 1e-5
 """Share of a kernel's largest eigenvalue below which a direction of the law is left out: a third of a per cent of its
 size."""
-_FEWEST = 4
-"""Number of nodes below which a spline is no better than lines."""
 LENGTHS = (0.5, 0.25, 0.12, 0.06)
 """Lengths of a law's smooth functions as shares of its range, each half the one before."""
 _FINER = 8
@@ -192,7 +190,7 @@ def smooth_between(nodes: Floats, values: Floats) -> tuple[Floats, Floats]:
     The curve is a natural cubic spline: lines between the nodes themselves would cut a wave of five nodes a period by a
     sixth. The spline oscillates where the curve bends within a gap, so that the nodes must lie closer than that.
     """
-    if len(nodes) < _FEWEST:
+    if len(nodes) < 2:
         return nodes, values
     places, spline = _spline(np.asarray(nodes, np.float64).tobytes())
     return places, spline @ values

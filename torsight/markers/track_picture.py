@@ -18,7 +18,7 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, hex_of
 from torsight.core.words.wording import counted
-from torsight.markers.drawing import TEXT, show_frame, show_named, show_ring
+from torsight.markers.preview import TEXT, show_frame, show_named, show_ring
 from tracker.rows import STATES
 
 if TYPE_CHECKING:

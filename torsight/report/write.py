@@ -30,7 +30,7 @@ from torsight.report.plots.still import picture_data, still
 from torsight.report.sections import page_content, parameter_table
 from torsight.report.sections.limitations import doubts
 from torsight.report.sections.next_steps import next_steps
-from torsight.report.sections.prior_pulls import priors
+from torsight.report.sections.parameter_table import priors
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 PAPER: Final = {**LIGHT, "card": "#ffffff", "ink": "#000000", "muted": "#444444", "rule": "#bbbbbb"}

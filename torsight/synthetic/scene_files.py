@@ -58,7 +58,13 @@ def render_scene(scene: Scene, *, out: AnyPath, progress: Progress = silent) -> 
     time_s = ticks * tick.numerator / tick.denominator
     out.mkdir(parents=True, exist_ok=True)
     write_table(out / "temps.csv", log_columns(played))
-    write_table(out / "truth.csv", _truth(played, time_s))
+    truth = {
+        "frame": np.arange(len(time_s)),
+        "time_s": time_s,
+        "angle_deg": (played.stick_angle(time_s) / DEG).round(6),
+        "actuator_deg": (played.actuator_angle(time_s) / DEG).round(6),
+    }
+    write_table(out / "truth.csv", truth)
     markers_px = _film(played, ticks, time_s, out=out, progress=progress)
     _write_toml(out / "camera.toml", camera_content(camera_of(scene)))
     points = [[round(float(x), 2), round(float(y), 2)] for x, y in markers_px]
@@ -124,15 +130,6 @@ def _film(played: Played, ticks: Ints, time_s: Floats, *, out: Path, progress: P
                 writer.add(timestamp, luma)
             progress("film", index + 1, len(ticks))
     return studios[0].first_markers(float(stick_rad[0]), shifts[0][0])
-
-
-def _truth(played: Played, time_s: Floats) -> dict[str, Any]:
-    return {
-        "frame": np.arange(len(time_s)),
-        "time_s": time_s,
-        "angle_deg": (played.stick_angle(time_s) / DEG).round(6),
-        "actuator_deg": (played.actuator_angle(time_s) / DEG).round(6),
-    }
 
 
 def _answer(scene: Scene) -> dict[str, Any]:

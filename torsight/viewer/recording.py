@@ -1,4 +1,10 @@
-"""From the files of a run's folder to ``recording.rrd``."""
+"""From the files of a run's folder to ``recording.rrd``, written by a process of its own.
+
+Rerun's thread that writes files ends when the disk is full, and every later call to it may block for ever: the next
+flush, the next recording, the end of the program. It therefore does not run in the process that holds the results, but
+in another one that runs this module. That process takes ``{"folder", "target", "preview"}`` on standard input, the
+preview as from :meth:`Preview.to_json` or null; it reports an error by :func:`torsight.viewer.encoding.report`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +12,7 @@ import contextlib
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -24,6 +31,7 @@ from torsight.core.series import usual_step
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import variable_name
 from torsight.viewer import view_layout
+from torsight.viewer.encoding import report
 from torsight.viewer.film_preview import MOST_FRAMES, Preview, trouble_of, write_preview
 from torsight.viewer.overlay import Overlay, colour_of, overlay
 from torsight.viewer.run_words import half_cycle_begins, run_events, span_s, summary_document
@@ -44,7 +52,7 @@ CURVES: Final = {
 }
 """The column of each curve, and the tables that may hold it, in order of preference."""
 
-WRITER: Final = ("-P", "-m", "torsight.viewer.writing")
+WRITER: Final = ("-P", "-m", "torsight.viewer.recording")
 
 _END: Final = b"RRF2FOOT"
 """A recording ends with its table of contents, which these letters mark."""
@@ -78,7 +86,10 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
     results = read_results(folder)
     path = folder / "recording.rrd"
     with tempfile.TemporaryDirectory(prefix="torsight-") as scratch, atomic_path(path) as temporary:
-        preview = _preview(results, film, Path(scratch), progress=progress)
+        frames, preview = results.first_of("markers", "angle"), None
+        if film is not None and frames is not None:
+            shrunk = Path(scratch) / "preview.mp4"
+            preview = write_preview(Path(film), shrunk, frame_count=len(frames), progress=progress)
         with _whole(temporary):
             run_writer(folder, temporary, preview)
     progress("recording", 1, 1)
@@ -86,7 +97,7 @@ def write_recording(folder: AnyPath, *, film: AnyPath | None = None, progress: P
 
 
 def run_writer(folder: Path, target: Path, preview: Preview | None, *, patience_s: float = STUCK_S) -> None:
-    """Let :mod:`torsight.viewer.writing` write the recording, as long as the file grows."""
+    """Let another process write the recording, as long as the file grows."""
     task = {"folder": str(folder), "target": str(target), "preview": None if preview is None else preview.to_json()}
     # The child gets this process's import path, which may not be the default.
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
@@ -142,13 +153,6 @@ def _whole(path: Path) -> Iterator[None]:
         file.seek(max(file.seek(0, os.SEEK_END) - 8 * len(_END), 0))
         if _END not in file.read():
             raise full
-
-
-def _preview(results: RunResults, film: AnyPath | None, scratch: Path, *, progress: Progress) -> Preview | None:
-    frames = results.first_of("markers", "angle")
-    if film is None or frames is None:
-        return None
-    return write_preview(Path(film), scratch / "preview.mp4", frame_count=len(frames), progress=progress)
 
 
 def log_curves(stream: rr.RecordingStream, results: RunResults) -> None:
@@ -288,3 +292,25 @@ def _log_words(stream: rr.RecordingStream, results: RunResults) -> None:
             indexes=[rr.TimeColumn(view_layout.TIME, duration=[event.time_s for event in events])],
             columns=rr.TextLog.columns(text=[event.text for event in events], level=[event.level for event in events]),
         )
+
+
+def main() -> int:
+    """Write the recording and return the exit code."""
+    # Ctrl-C at the terminal is for the parent, which then ends this process.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    task = json.load(sys.stdin)
+    preview = None if task["preview"] is None else Preview.from_json(task["preview"])
+    try:
+        log_recording(Path(task["folder"]), Path(task["target"]), preview)
+    except OSError as error:
+        report(error.strerror or f"{type(error).__name__}: {error}", errno=error.errno if error.strerror else None)
+        return 1
+    except Exception as error:  # noqa: BLE001 - the sender says what it means
+        report(f"{type(error).__name__}: {error}", errno=None)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    # Exit immediately: otherwise Python would wait for Rerun's thread, which may have ended.
+    os._exit(main())

@@ -9,7 +9,7 @@ import numpy as np
 
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, RightCamera, require_second, require_size
-from torsight.core.optics.circles import axis_basis
+from torsight.core.optics.circles import Sight, axis_basis
 from torsight.core.optics.geometry import (
     SpacePoints,
     epipolar_distance_px,
@@ -17,7 +17,6 @@ from torsight.core.optics.geometry import (
     rotation_vector,
     triangulate,
 )
-from torsight.core.optics.sights import Sight
 from torsight.core.series import BY_CHANCE, known_median, robust_sigma
 from torsight.core.tracks import MARKERS, MarkerTracks
 from torsight.core.units import Flags, Floats, Ints

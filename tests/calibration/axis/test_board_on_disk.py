@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from made_up_views import CHESSBOARD, LENS, exact_view
 
-from calibration.axis.board_on_disk import pose_on_disk
+from calibration.axis import pose_on_disk
 from calibration.boards.board_file import Board
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.optics.geometry import rotation_matrix

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from calibration.boards.printed_tags import draw_tags, tag_pair
-from calibration.boards.printing import write_board
+from calibration.boards.printing import draw_tags, tag_pair, write_board
 from torsight.cli.main import command_line
 from torsight.core.errors import ConfigError
 from tracker.detect.marker_file import read_markers

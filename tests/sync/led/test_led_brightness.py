@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from sync import film_light_events, read_light_events
-from sync.led.led_brightness import led_changes
+from sync.led import led_changes
 from torsight.cli.sync import sync_to_folder
 from torsight.core.errors import ConfigError, NoResultError
 

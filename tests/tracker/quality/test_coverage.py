@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from tests.tracker.films import Rig, write_film
-from torsight.cli.frame_coverage import few_angles
 from torsight.cli.main import main
+from torsight.cli.track import few_angles
 from tracker.quality.account import advice
 
 RIG = Rig(lambda t: 60.0 - 60.0 * t, frames=40)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from grey_film import write_grey
 
-from torsight.viewer.live.screen.latency import Latency
+from torsight.viewer.live.screen import Latency
 
 SIZE_PX = (320, 240)
 CENTRE_PX = (160.0, 120.0)

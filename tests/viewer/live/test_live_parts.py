@@ -20,9 +20,8 @@ from torsight.viewer.live.frames.intake import WAITING_FRAMES, Intake, Picture
 from torsight.viewer.live.frames.sources import open_pictures
 from torsight.viewer.live.measure.angle import LiveAngle
 from torsight.viewer.live.measure.model_watch import STEP_S, Thinned
-from torsight.viewer.live.record.live_files import LineFile, Recorder
-from torsight.viewer.live.record.outcome import Outcome, standing
-from torsight.viewer.live.screen.latency import Latency
+from torsight.viewer.live.record import LineFile, Outcome, Recorder, standing
+from torsight.viewer.live.screen import Latency
 from tracker.angle.orient import orient
 
 # --- frames -----------------------------------------------------------------------------------------------------------
@@ -173,7 +172,7 @@ def test_a_killed_program_leaves_whole_lines_up_to_its_last_flush(tmp_path: Path
 import os, signal, sys
 from pathlib import Path
 from typing import Any
-from torsight.viewer.live.record.live_files import LineFile
+from torsight.viewer.live.record import LineFile
 file = LineFile(Path({str(tmp_path / "table.csv")!r}), ["a", "b"])
 for k in range(1000):
     file.add((k, 0.1 * k))

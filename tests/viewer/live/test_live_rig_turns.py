@@ -19,7 +19,7 @@ from torsight.viewer.live.frames.sources import open_pictures
 from torsight.viewer.live.live_session import Session
 from torsight.viewer.live.measure.growing_log import WatchedLog
 from torsight.viewer.live.measure.model_watch import ModelWatch
-from torsight.viewer.live.record.live_report import write_experiment
+from torsight.viewer.live.record import write_experiment
 
 FPS = 5.0
 SPEED = 40.0

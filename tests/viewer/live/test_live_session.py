@@ -24,7 +24,7 @@ from torsight.viewer.live.frames.intake import Picture
 from torsight.viewer.live.frames.sources import open_pictures
 from torsight.viewer.live.live_session import Session
 from torsight.viewer.live.measure.growing_log import WatchedLog
-from torsight.viewer.live.screen.feed import MOST_WAITING, Feed
+from torsight.viewer.live.screen import MOST_WAITING, Feed
 from torsight.viewer.overlay import ARC_COLOUR, BASE_COLOUR, MOVING_COLOUR, overlay
 from torsight.viewer.program import free_port
 from torsight.viewer.screenshots import WHOLE, patiently, pictures_of, viewer_without_screen

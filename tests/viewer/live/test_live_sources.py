@@ -15,8 +15,7 @@ import pytest
 from live_rig import FPS, SIZE_PX, write_film
 
 from torsight.core.errors import ConfigError, InputError
-from torsight.viewer.live.frames import camera_source as camera_module
-from torsight.viewer.live.frames import stream as stream_module
+from torsight.viewer.live.frames import sources as sources_module
 from torsight.viewer.live.frames.intake import Intake, Picture, comes_in_time
 from torsight.viewer.live.frames.sources import film_of, open_pictures
 from torsight.viewer.program import free_port
@@ -65,8 +64,8 @@ class FakeCapture:
 def plugged(monkeypatch: pytest.MonkeyPatch) -> list[FakeCapture]:
     """Put a fake camera, to be filled in by the test, where OpenCV's would be."""
     cameras: list[FakeCapture] = []
-    monkeypatch.setattr(camera_module, "open_capture", lambda _number, _fps: cameras[0])
-    monkeypatch.setattr(camera_module, "SILENT_S", 0.1)
+    monkeypatch.setattr(sources_module, "open_capture", lambda _number, _fps: cameras[0])
+    monkeypatch.setattr(sources_module, "SILENT_S", 0.1)
     return cameras
 
 
@@ -183,7 +182,7 @@ def udp_addresses(port: int) -> list[str]:
 
 
 def test_a_stream_that_nobody_sends_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stream_module, "SILENT_S", 0.3)
+    monkeypatch.setattr(sources_module, "SILENT_S", 0.3)
     with pytest.raises(InputError, match=r"udp://127\.0\.0\.1.*gave no picture within 0\.3 s"):
         all_of(f"udp://127.0.0.1:{free_port()}")
     with socket.socket() as closed:

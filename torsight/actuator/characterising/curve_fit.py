@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -25,8 +24,6 @@ Model = Callable[[Mapping[str, float]], Floats]
 _ROUNDS: Final = 4
 """Number of fits, each with the residual scatter and correlation of the fit before. On the paper's logs (``torsight
 paper``) the values after half as many are within 0.01 standard deviations of these, after twice as many within 2e-5."""
-_STEP: Final = 1e-4
-"""Step of the derivatives in units of a value's scale: in digits, halfway between rounding and standard deviation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +79,7 @@ def fit_curve(
 
     status = 0
     for _ in range(_ROUNDS):
-        found = least_squares(misfit, u, jac=partial(_slopes, misfit), bounds=(lower, upper), max_nfev=200)
+        found = least_squares(misfit, u, jac="3-point", bounds=(lower, upper), max_nfev=200)
         u, status = found.x, found.status
         residual = measured - curve(u)
         # The degrees of freedom that the parameters take up are shared by all parts in proportion to their rows.
@@ -92,7 +89,8 @@ def fit_curve(
             spread[part] = float(np.sqrt(np.mean(residual[part] ** 2) * taken * rows)) or 1e-12
     if status <= 0:
         raise NoResultError("the fit does not converge", where=what, do="check the test's log and its range")
-    jacobian = _slopes(misfit, u)
+    # A single evaluation: the slopes at the best values, in units of the last scatter.
+    jacobian = np.asarray(least_squares(misfit, u, jac="3-point", bounds=(lower, upper), max_nfev=1).jac)
     inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     covariance = np.asarray(inverse * np.outer(scale, scale), np.float64)
     values = values_at(u)
@@ -117,16 +115,6 @@ def fit_curve(
     )
 
 
-def _slopes(misfit: Callable[[Floats], Floats], u: Floats) -> Floats:
-    """Return the Jacobian (n, p) of the misfit (n,) by central differences.
-
-    The steps are proportional to the scales of the values, not to the values: these are near 0 here, and steps in
-    proportion to them would be lost in rounding.
-    """
-    steps = _STEP * np.eye(len(u))
-    return np.stack([(misfit(u + step) - misfit(u - step)) / (2.0 * _STEP) for step in steps], axis=1)
-
-
 def _profile_end(
     misfit: Callable[[Floats], Floats], best: Floats, number: int, step: float, bounds: tuple[Floats, Floats]
 ) -> float:
@@ -147,9 +135,7 @@ def _profile_end(
         # Start from the optimum of the others at the nearest value tried so far.
         guess = min(found_at, key=lambda item: abs(item[0] - place))[1]
         inside = np.clip(guess, lower[others] + 1e-9, upper[others] - 1e-9)
-        found = least_squares(
-            part, inside, jac=partial(_slopes, part), bounds=(lower[others], upper[others]), max_nfev=30
-        )
+        found = least_squares(part, inside, jac="3-point", bounds=(lower[others], upper[others]), max_nfev=30)
         found_at.append((place, found.x))
         return 2.0 * float(found.cost) - least - REACH**2
 

@@ -168,12 +168,9 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
         if name not in known:
             do = meant(name, known) or None
             raise ConfigError(f"effect '{name}' is not known", where="effects", limit=", ".join(known), do=do)
-    return tuple(sorted((known[name] for name in set(ids)), key=_order))
-
-
-def _order(effect: Effect) -> tuple[int, int, str]:
-    """Return the sort key of an effect: stage (clocks first, the camera last), then order, then id."""
-    return STAGES.index(effect.acts_on), effect.order, effect.id
+    chosen = (known[name] for name in set(ids))
+    # Stage (clocks first, the camera last), then order, then id.
+    return tuple(sorted(chosen, key=lambda effect: (STAGES.index(effect.acts_on), effect.order, effect.id)))
 
 
 __all__ = ["Derived", "Effect", "Parameter", "Ports", "Values", "amplitude_and_phase", "load_effects"]

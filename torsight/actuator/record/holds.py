@@ -21,10 +21,9 @@ from torsight.core.parameter import REACH
 from torsight.core.series import runs, usual_step
 from torsight.core.units import Floats
 
-# Longest reach of a level from a top's end, and its shortest length. benchmarks/actuator/log_constants.py measures the
-# effect of half and twice of these constants: temperatures hardly change, tops err 1.5 times as much with twice the
-# rows or half of the share of the noise.
-_REACH_S: Final = 20.0
+# benchmarks/actuator/log_constants.py measures the effect of half and twice of these constants: temperatures hardly
+# change, tops err 1.5 times as much with twice the rows or half of the share of the noise.
+# Shortest level, in time and in rows.
 LEAST_HOLD_S: Final = 4.0
 _LEAST_ROWS: Final = 12
 # Slope or bow, in standard deviations, from which a window is not level.
@@ -127,15 +126,13 @@ def _shapes(u: Floats) -> tuple[Floats, Floats]:
 def _longest_level(time_s: Floats, temp_c: Floats, noise_c: float, edge: int) -> tuple[int, int] | None:
     """Return the longest window around or before a top's end in which the log is level; None if there is none."""
     interval_s = usual_step(time_s[max(0, edge - 200) : edge + 200])
-    reach = int(_REACH_S / interval_s)
     least = max(_LEAST_ROWS, math.ceil(LEAST_HOLD_S / interval_s))
-    low, high = max(0, edge - reach), min(len(temp_c) - 1, edge + reach)
     step = max(1, least // 8)
     best: tuple[int, int] | None = None
     # The row of the turn is known to a second or two: the hold ends near it.
     near = max(2, int(2.0 / interval_s))
-    for last in range(max(low, edge - 2 * near), min(high, edge + near) + 1, max(1, near // 4)):
-        for first in range(last - least + 1, low - 1, -step):
+    for last in range(max(0, edge - 2 * near), min(len(temp_c), edge + near + 1), max(1, near // 4)):
+        for first in range(last - least + 1, -1, -step):
             if best is not None and last - first <= best[1] - best[0]:
                 continue
             bend, doubt = _unevenness(time_s[first : last + 1], temp_c[first : last + 1], noise_c)

@@ -13,7 +13,8 @@ from torsight.core.units import Floats, Ints
 
 _MAX_STRIDE_S: Final = 2.0
 """Correlation time beyond which noise differs from the wire's temperature by its size only; half and twice this value
-change nothing (benchmarks/actuator/log_constants.py)."""
+change nothing (benchmarks/actuator/log_constants.py). In the demo, ten times as fast as a usual programme, twice this
+value doubles the held-out error: bends of the temperature then count as noise."""
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this value changes the angle by a tenth of a degree at most: such a log passes unchanged."""
 _STILL_C: Final = 1e-4

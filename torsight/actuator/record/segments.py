@@ -32,9 +32,8 @@ _BEFORE_S: Final = 40.0
 missed in one of 25 half-cycles that have one."""
 _JUMP_S: Final = 2.0
 _JUMP_RAD: Final = 0.4 * DEG
-"""Least motion of the angle within two seconds that counts as a jump; larger for a noisy angle."""
-_STILL_SHARE: Final = 0.25
-"""Largest motion in the rest before a jump, as a share of the jump."""
+"""Least motion of the angle within two seconds that counts as a jump, larger for a noisy angle; the rest before it
+moves by less."""
 _REST_ROWS: Final = 4
 _COLD_SHARE: Final = 0.2
 """Share of its temperature's rise below which a spring counts as cooled: it no longer moves the disk."""
@@ -149,15 +148,14 @@ def _jump(time_s: Floats, angle_rad: Floats) -> int | None:
     """Return the row at which an angle jumps out of a rest; None without a jump."""
     if len(time_s) < 2 * _REST_ROWS:
         return None
-    noise = scatter(angle_rad, order=1)
-    least = max(_JUMP_RAD, APART * noise)
+    least = max(_JUMP_RAD, APART * scatter(angle_rad, order=1))
     later = np.searchsorted(time_s, time_s + _JUMP_S, side="right") - 1
     motion = np.abs(angle_rad[later] - angle_rad)
     quick = np.flatnonzero(motion >= least)
     if len(quick) == 0 or quick[0] < _REST_ROWS:
         return None
     rest, after = np.split(angle_rad, quick[:1])
-    if float(np.ptp(rest)) > _STILL_SHARE * motion.max() + APART * noise:
+    if float(np.ptp(rest)) >= least:
         return None
     return len(rest) + int(np.argmax(np.abs(after - np.median(rest)) > 0.5 * least))
 

@@ -30,8 +30,6 @@ _REGULAR: Final = 0.9
 """Readings are regular if the share ``_REGULAR`` of their distances are multiples of one interval to within the share
 ``_OFF`` of it. Of points unrelated to a log's clock (corners of a log without noise) three in ten distances are: 16
 points pass in one of 10⁶ cases."""
-_FEW_ROWS: Final = 2.5
-"""Least rows per line: lines of fewer rows than three cannot be distinguished from noise."""
 _LONGEST_HOLD_S: Final = 40.0
 """Prior of holds: half of all heatings are switched off at their top, the others are held, for times evenly distributed
 up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.62
@@ -62,7 +60,8 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     steps = np.maximum(np.rint(apart_s / shortest_s), 1.0)
     interval_s = float(np.median(apart_s / steps))
     regular = np.mean(np.abs(apart_s - steps * interval_s) <= _OFF * interval_s) >= _REGULAR
-    if not regular or interval_s < _FEW_ROWS * usual_step(time_s):
+    # Lines of fewer rows than three cannot be distinguished from noise.
+    if not regular or round(interval_s / usual_step(time_s)) < 3:
         return None
     # Readings on one common line (at rest to the last digit) are not found as meetings: they lie evenly on the line.
     ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]

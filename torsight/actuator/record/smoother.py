@@ -146,14 +146,6 @@ def _transition(matrix: Floats, span_s: float, lag_s: float) -> None:
 
 
 @compiled
-def _turned(matrix: Floats) -> None:
-    """Transpose a matrix in place."""
-    for i in range(matrix.shape[0]):
-        for j in range(i):
-            matrix[i, j], matrix[j, i] = matrix[j, i], matrix[i, j]
-
-
-@compiled
 def _carried(matrix: Floats, vector: Floats, square: Floats, room: Floats) -> None:
     """Set ``vector`` (m,) to matrix · vector and ``square`` (m, m), symmetric, to matrix · square · matrixᵀ.
 
@@ -264,7 +256,10 @@ def _smooth(time_s: Floats, lag_s: float, jumps: Floats, forward: _Forward, foun
         if time_s[k] - time_s[k - 1] != span_s:
             span_s = time_s[k] - time_s[k - 1]
             _transition(matrix, span_s, lag_s)
-            _turned(matrix)
+            # Backwards, the transition acts as its transpose.
+            for i in range(size):
+                for j in range(i):
+                    matrix[i, j], matrix[j, i] = matrix[j, i], matrix[i, j]
         _carried(matrix, pull, known, room)
         for i in range(2):
             found.jump[i, k] = jumps[i, k] * pull[wire + 1 + i]

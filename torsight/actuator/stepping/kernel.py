@@ -49,6 +49,7 @@ from torsight.actuator.stepping.kernel_laws import (
     SEATS,
     STEP,
     STRAY,
+    Samples,
     Scalars,
     State,
     cold_torque,
@@ -72,7 +73,6 @@ from torsight.actuator.stepping.kernel_roots import (
     slide_anew,
     transform_at_rest,
 )
-from torsight.actuator.stepping.samples import Samples
 from torsight.core.compiled import compiled, inlined, shared
 from torsight.core.units import DEG, Floats
 

@@ -12,7 +12,7 @@ import numpy as np
 from torsight.actuator.drive import Drive
 from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
-from torsight.actuator.stepping.closed_form import stable_cycle
+from torsight.actuator.stepping.cycle import stable_cycle
 from torsight.core.units import DEG, Floats
 
 _RATE_RATIO: Final = 1.3

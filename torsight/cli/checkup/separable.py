@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.effects import Effect, always_fitted, load_effects
+from torsight.actuator.effects import always_fitted, load_effects
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import RESIDUAL_DEG
@@ -52,7 +52,8 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separa
     """Return which effects a record with this drive would show, and which of them it could distinguish."""
     fitted = always_fitted()
     missing = [effect for effect in load_effects().values() if effect not in fitted and effect.event is None]
-    effects = [effect for effect in missing if _at_usual_size(effect)]
+    # Those that change the model at their start values.
+    effects = [one for one in missing if any(p.null is not None and p.value != p.null for p in one.parameters)]
     weight = np.gradient(drive.time_s) / _CORRELATION_S / (RESIDUAL_DEG * DEG) ** 2 * drive.known
     always = tuple(effect.id for effect in fitted)
     models = {chosen: ActuatorModel(spec, chosen) for chosen in [always, *((*always, effect.id) for effect in effects)]}
@@ -87,8 +88,3 @@ def separable(spec: ActuatorSpec, drive: Drive, *, progress: Progress) -> Separa
         alike=tuple(pair for pair, gain in between.items() if set(pair) <= set(visible) and gain < settings.apart),
         left_deg={name: math.sqrt(gain / float(np.sum(weight))) / DEG for name, gain in left.items()},
     )
-
-
-def _at_usual_size(effect: Effect) -> bool:
-    """Return whether the effect changes the model at its start values."""
-    return any(p.null is not None and p.value != p.null for p in effect.parameters)

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.cli.checkup.finding import RESIDUAL_DEG, Finding, refusal
-from torsight.cli.frame_coverage import LEAST, WHY, gap_words, unsure_markers
+from torsight.cli.track import LEAST, WHY, gap_words, unsure_markers
 from torsight.core.errors import NoResultError
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import Progress

@@ -17,10 +17,9 @@ import numpy as np
 from torsight.core.errors import NoResultError
 from torsight.core.minimise import jacobian_of
 from torsight.core.optics.camera import Intrinsics, Pose
-from torsight.core.optics.circles import Circles, axis_basis, on_unit_plane, tilted
+from torsight.core.optics.circles import Circles, Sight, axis_basis, on_unit_plane, tilted
 from torsight.core.optics.geometry import meeting_point, rotation_vector
 from torsight.core.optics.hanging import USUAL_PX, spread_rows
-from torsight.core.optics.sights import Sight
 from torsight.core.units import Floats
 
 _FEWEST_FRAMES: Final = 8

@@ -17,7 +17,7 @@ from torsight.core.words.wording import number
 from torsight.report.figures.motion import ANGLE, CURVES, RESIDUAL, TIME, Figure, models, shade_held_out
 from torsight.report.figures.residuals import is_plain, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
-from torsight.report.sections.prior_pulls import Prior, common_reach
+from torsight.report.sections.parameter_table import Prior, common_reach
 
 _NARROW: Final = 0.62
 """Height of a bar, as a share of the distance between two: 16 of 26 px, around letters of 12 px."""
@@ -68,6 +68,8 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
     named = {str(effect["id"]) for effect in discovery.get("effects") or []}
     rivals = {str(one) for names in discovery.get("alternatives") or [] for one in names}
     places = list(range(len(ranked), 0, -1))
+    # At most 48 letters, half the width of the plot, to leave room for the bars.
+    words = [textwrap.shorten(candidate_name(name), 48, placeholder=" …") for name, _ in ranked]
     plot = Panel(
         # Beyond 100 %, room for the text beside the longest bar.
         Axis("explained alone (% of the best one's)", 0.0, 140.0),
@@ -75,7 +77,7 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         width=520,
         height=70.0 + 26.0 * len(ranked),
         x_names=[(float(value), str(value)) for value in (0, 25, 50, 75, 100)],
-        y_names=[(float(k), _on_an_axis(candidate_name(name))) for k, (name, _) in zip(places, ranked, strict=True)],
+        y_names=list(zip(map(float, places), words, strict=True)),
     )
     for place, (name, gain) in zip(places, ranked, strict=True):
         share = 100.0 * max(gain, 0.0) / best
@@ -96,11 +98,6 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         "What every candidate explains alone",
         data=data,
     )
-
-
-def _on_an_axis(words: str) -> str:
-    """Return a name shortened to 48 letters, half the width of the plot, to leave room for the bars."""
-    return textwrap.shorten(words, 48, placeholder=" …")
 
 
 def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:

@@ -19,7 +19,7 @@ from torsight.report.figures.law_plots import law_panel, with_unit
 from torsight.report.figures.motion import CURVES, Figure, models
 from torsight.report.figures.residuals import over_variable, pairs_of_bars, shade_floor
 from torsight.report.plots.panels import Axis, Panel
-from torsight.report.sections.prior_pulls import Prior
+from torsight.report.sections.parameter_table import Prior
 
 
 def is_ours(name: str) -> bool:

@@ -22,8 +22,6 @@ TIMES: Final = (2, 3, 4, 6, 8, 16)
 """Lengths of the whole record that are tried, in lengths of this record."""
 SHARPER: Final = (2.0, 3.0, 4.0)
 """Factors by which the uncertainty of one characterised value may be reduced."""
-HALVED: Final = 0.505
-"""Ratio of the widths that is printed as half."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +35,11 @@ class Measure:
     name: str
     factor: float
     ratio: float
+
+    @property
+    def halves(self) -> bool:
+        """Whether the ratio is printed as half."""
+        return round(self.ratio, 2) <= 0.5
 
 
 def best_measures(
@@ -65,12 +68,12 @@ def best_measures(
     for other in np.flatnonzero(prior).tolist():
         steps = [np.where(np.arange(len(prior)) == other, prior * m**2, prior) for m in SHARPER]
         tried.append(_first([Measure(names[other], m, ratio(1.0, s)) for m, s in zip(SHARPER, steps, strict=True)]))
-    return longer, min(tried, key=lambda one: (max(one.ratio, HALVED), one.factor, one.ratio), default=None)
+    return longer, min(tried, key=lambda one: (0.5 if one.halves else one.ratio, one.factor, one.ratio), default=None)
 
 
 def _first(measures: Sequence[Measure]) -> Measure:
     """Return the least measure that halves the interval, or the one that narrows it most."""
-    return next((one for one in measures if one.ratio <= HALVED), measures[-1])
+    return next((one for one in measures if one.halves), measures[-1])
 
 
 def _record_information(correlation: Floats, prior: Floats) -> Floats:

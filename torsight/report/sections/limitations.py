@@ -12,7 +12,7 @@ from torsight.core.words.wording import effect_name, explanations, has_unnamed_l
 from torsight.discovery.settings import Settings
 from torsight.report.plots.formulas import with_symbols
 from torsight.report.sections.page_content import in_words
-from torsight.report.sections.prior_pulls import Prior, contradicted, priors
+from torsight.report.sections.parameter_table import Prior, contradicted, priors
 
 
 def doubts(results: RunResults) -> list[Markup]:

@@ -26,9 +26,9 @@ from torsight.core.words.wording import (
 )
 from torsight.discovery.prediction import predict_with_sigma
 from torsight.report.plots.formulas import symbol, titled, with_symbols
-from torsight.report.sections.information import HALVED, Measure, best_measures
+from torsight.report.sections.information import Measure, best_measures
 from torsight.report.sections.limitations import as_sentence
-from torsight.report.sections.prior_pulls import priors
+from torsight.report.sections.parameter_table import priors
 
 _HONEST: Final = 0.90
 """Least share of the samples within two predicted sigmas: 0.95 for normal noise, less those of half a half-cycle."""
@@ -138,7 +138,7 @@ def _halved(results: RunResults, longer: Measure, sharper: Measure | None) -> Ma
     """Return the least measurement that halves an interval, or the ratio that the strongest single one reaches."""
     record = escape(f"{longer.factor:g} times as many half-cycles{_instead(results, longer.factor)}")
     ways = [(record, longer), *([] if sharper is None else [(_characterised(results, sharper), sharper)])]
-    enough = [words for words, measure in ways if measure.ratio <= HALVED]
+    enough = [words for words, measure in ways if measure.halves]
     if enough:
         return Markup("{}.").format(Markup(", or ").join(enough))
     # Four times the information from every source gives a quarter of the variance, whatever the correlations.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from torsight.core.compiled import lending
 from torsight.core.units import Floats
 from torsight.synthetic.effects.rig_laws import SLOTS
-from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, law
+from torsight.synthetic.rig.rig_values import ONSET_SCALE_RAD, Constants, law
 from torsight.synthetic.rig.spring_state import TORQUE_TOLERANCE_NM, Spring, past_onset, solve_spring, tightened
 
 Pair: TypeAlias = NDArray[np.void]

@@ -14,10 +14,9 @@ from torsight.synthetic.effects.hidden import Eccentricity, MarkerSlip
 from torsight.synthetic.effects.mechanisms import Backlash, HiddenEffect, ReadingDrift, RoomDrift
 from torsight.synthetic.effects.rig_laws import RigLaw, read_with, recoverable_share
 from torsight.synthetic.keys import key
-from torsight.synthetic.rig.constants import pack, to_records, zones
 from torsight.synthetic.rig.integrator import Course, integrate
 from torsight.synthetic.rig.protocol import Commands, Protocol, commands
-from torsight.synthetic.rig.rig_values import RigValues
+from torsight.synthetic.rig.rig_values import RigValues, pack, to_records, zones
 from torsight.synthetic.rig.spring_state import COLUMNS, FACTOR, THETA_MAX, WARMING, XI, loading, unwound_from
 
 

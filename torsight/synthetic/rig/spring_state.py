@@ -18,7 +18,7 @@ from torsight.core.compiled import lending, shared
 from torsight.core.units import Floats
 from torsight.synthetic.effects.hidden import STIFFENING_FORMS
 from torsight.synthetic.effects.rig_laws import SLOTS
-from torsight.synthetic.rig.constants import ONSET_SCALE_RAD, Constants, has_law, law
+from torsight.synthetic.rig.rig_values import ONSET_SCALE_RAD, Constants, has_law, law
 
 # Columns of a spring's state, and how many there are.
 THETA_MAX, MODE, THETA_R, TAU_R, XI_R, THETA_L, TURN_C, WARMING, TAU, XI, FACTOR, CYCLE, COLUMNS = range(13)

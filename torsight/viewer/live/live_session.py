@@ -26,11 +26,8 @@ from torsight.viewer.live.measure.model_watch import ModelNews, ModelWatch
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen, warm_up
 from torsight.viewer.live.measure.which_markers import UNDECIDED
 from torsight.viewer.live.priority import TRACKING, quick_turns, served_first
-from torsight.viewer.live.record.live_files import Recorder, finish
-from torsight.viewer.live.record.live_report import write_track_account
-from torsight.viewer.live.record.outcome import Outcome, standing
-from torsight.viewer.live.screen.feed import Feed
-from torsight.viewer.live.screen.latency import Latency
+from torsight.viewer.live.record import Outcome, Recorder, finish, standing, write_track_account
+from torsight.viewer.live.screen import Feed, Latency
 from torsight.viewer.overlay import overlay
 from tracker.detect.dots import HUGE_PX
 from tracker.detect.marker_file import MarkerHints
@@ -119,7 +116,9 @@ class Session:
                 self.outcome.served_first = first
                 self._watch(stop)
             self._poll_log()
-            self._tell_the_end()
+            self._tell_dropped()
+            if self._intake.pictures.ended_because:
+                self._tell(self.now_s, self._frame, "lost", f"the source ended: {self._intake.pictures.ended_because}")
             # A person who ends the record does not want to wait long.
             self._last_news(STOPPED_FIT_S if stop.is_set() else math.inf)
             if self._intake.error is not None:
@@ -279,11 +278,6 @@ class Session:
         if outcome.dropped + outcome.missed > self._told_dropped:
             self._told_dropped = outcome.dropped + outcome.missed
             self._tell(self.now_s, self._frame, "dropped", f"{outcome.dropped} frames dropped so far{outcome.lost}")
-
-    def _tell_the_end(self) -> None:
-        self._tell_dropped()
-        if self._intake.pictures.ended_because:
-            self._tell(self.now_s, self._frame, "lost", f"the source ended: {self._intake.pictures.ended_because}")
 
     def _tell_half_cycles(self, news: ModelNews) -> None:
         for begin in news.half_cycles[self.outcome.half_cycles :]:

@@ -13,15 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from sync.log.column_names import (
-    DATE,
-    NEEDED,
-    NOTHING_CHOSEN,
-    ChosenColumns,
-    LogColumn,
-    columns_note,
-    resolve,
-)
+from sync.log.column_names import DATE, NEEDED, NOTHING_CHOSEN, ChosenColumns, LogColumn, columns_note, resolve
 from sync.log.header import find_columns, is_row_of_numbers, require_all, require_columns, split_line, units_row
 from sync.log.wall_clock import RunningTimestamps
 from torsight.core.files.storage import is_parquet, read_table

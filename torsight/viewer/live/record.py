@@ -1,26 +1,123 @@
-"""The record on disk while it is made: whole lines at least twice a second, so that a killed program loses no more."""
+"""The record on disk while it is made: whole lines at least twice a second, so that a killed program loses no more.
+
+Once it has ended, its tables are written whole, with ``track.json`` and the experiment file that describe it.
+"""
 
 from __future__ import annotations
 
 import math
 import os
+import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import tomli_w
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.storage import not_written, read_table, write_table
+from torsight.core.files.storage import not_written, read_table, write_json, write_table, write_text
 from torsight.core.files.tables import marker_values, write_angles
 from torsight.core.optics.camera import Camera
 from torsight.core.progress import THOUGHT_S
-from torsight.core.tracks import MarkerTracks, marker_columns, mean_sigma, round_covariance
+from torsight.core.tracks import MarkerTracks, StickAngles, marker_columns, mean_sigma, round_covariance
 from torsight.core.units import DEG
+from torsight.core.words.wording import estimate, fixed, number
 from torsight.viewer.live.measure.tracking import LiveTracker, Seen
 from tracker.angle.orient import orient
 from tracker.angle.plane import Orientation
+
+
+@dataclass(slots=True)
+class Outcome:
+    """Statistics of a live record.
+
+    Some frames are ``measured``, some ``dropped`` because too many waited; pictures that the source itself ``missed``
+    have no frames, and entries that the viewer did not take in time are ``left_out``. Further values are the range of
+    the angle, the model's last estimate of ``tau_c_mnm`` and the number of half-cycles that it has found. Latencies,
+    ms, are the times from a frame to its recorded angle, and to its angle logged for the viewers; ``served_first``: the
+    system allowed the measuring threads to run before others.
+    """
+
+    frames: int = 0
+    measured: int = 0
+    dropped: int = 0
+    missed: int = 0
+    left_out: int = 0
+    log_rows: int = 0
+    low_deg: float = math.inf
+    high_deg: float = -math.inf
+    friction: dict[str, Any] | None = None
+    half_cycles: int = 0
+    latency: dict[str, Any] = field(default_factory=dict)
+    latency_logged: dict[str, Any] = field(default_factory=dict)
+    served_first: bool = False
+
+    @property
+    def lost(self) -> str:
+        """What the source lost, as the end of a list; empty where it lost nothing."""
+        return f", {self.missed} lost by the source" if self.missed else ""
+
+    def settle(self, angles: StickAngles) -> None:
+        """Take the finished record's angles, which are also known for the frames before the moving stick was."""
+        known_deg = angles.angle_rad[angles.valid] / DEG
+        self.measured = len(known_deg)
+        if len(known_deg):
+            self.low_deg, self.high_deg = float(known_deg.min()), float(known_deg.max())
+
+    def count(self, angle_rad: float, *, dropped: bool, missed: int) -> None:
+        """Count one frame; its angle is NaN where it is not known."""
+        self.frames += 1
+        self.dropped += dropped
+        self.missed += missed
+        if math.isfinite(angle_rad):
+            degrees = angle_rad / DEG
+            self.measured += 1
+            self.low_deg, self.high_deg = min(self.low_deg, degrees), max(self.high_deg, degrees)
+
+
+def standing(
+    outcome: Outcome,
+    *,
+    angle_deg: float,
+    model_deg: tuple[float, float],
+    temperatures: Mapping[str, float],
+    latency_ms: float,
+    trouble: str,
+    markers: str = "",
+) -> str:
+    """Return the current state of the measurement, in Markdown.
+
+    The values are the last angle of camera and model, measured minus modelled, and the springs' temperatures, °C; NaN
+    where not known. ``trouble`` is the reason why the model has no result, ``markers`` a note that the choice of the
+    markers is open; both are empty otherwise.
+    """
+    plain_deg, residual_deg = model_deg
+    open_ = [("Markers", markers)] if markers else []
+    rows = [
+        ("Angle", degrees(angle_deg) or "not known yet"),
+        *open_,
+        ("Temperatures", "  ".join(f"{name} {value:.1f} °C" for name, value in temperatures.items()) or "none yet"),
+        ("Range of motion", degrees(outcome.high_deg - outcome.low_deg) or "none yet"),
+        ("Frames", f"{outcome.frames}, {outcome.measured} measured, {outcome.dropped} dropped{outcome.lost}"),
+        ("Latency", f"median {number(latency_ms, 2)} ms"),
+    ]
+    if math.isfinite(plain_deg):
+        rows.append(("Plain model", f"{degrees(plain_deg)}, residual {degrees(residual_deg) or 'not known'}"))
+        rows.append(("Half-cycles", f"{outcome.half_cycles}"))
+    if outcome.friction is not None:
+        rows.append(("Friction torque", f"{estimate(outcome.friction)}, plain model"))
+    if trouble:
+        rows.append(("Model", trouble))
+    return "\n".join(["### Live", "", *(f"- **{name}** {words}" for name, words in rows), ""])
+
+
+def degrees(angle_deg: float) -> str:
+    """Return an angle in words; empty where it is not known."""
+    return f"{fixed(angle_deg, 1)}°" if math.isfinite(angle_deg) else ""
+
 
 FLUSH_S: Final = 0.25 * THOUGHT_S
 """Interval at which lines are written: a process that is killed loses less than the last second."""
@@ -179,3 +276,63 @@ def _exists(path: Path) -> ConfigError:
     return ConfigError(
         "is there already", where=str(path), do="choose another --out folder; a record is not written over"
     )
+
+
+def write_track_account(
+    folder: Path,
+    *,
+    source: Mapping[str, Any],
+    outcome: Outcome,
+    orientation: Orientation | None,
+    events: Sequence[Mapping[str, Any]],
+) -> None:
+    """Write ``track.json`` of a finished record."""
+    frames: dict[str, Any] = {"total": outcome.frames, "dropped": outcome.dropped, "missed": outcome.missed}
+    report: Mapping[str, Any] = {}
+    if orientation is not None:
+        angles, report = orientation.angles, orientation.report
+        frames |= {
+            "with_angle": int(angles.valid.sum()),
+            "without_angle": int((~angles.valid).sum()),
+            "turn_uncertain": int(np.sum(~angles.branch_certain & angles.valid)),
+        }
+    write_json(
+        folder / "track.json",
+        {
+            "source": dict(source),
+            "frames": frames,
+            **{name: value for name, value in report.items() if name != "noise"},
+            "events": list(events),
+        },
+    )
+
+
+def write_experiment(
+    folder: Path,
+    *,
+    film: str | None,
+    actuator: Path | None,
+    offset_s: float | None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> None:
+    """Write ``experiment.toml`` into a record's folder, with the actuator's file beside it.
+
+    A played film is named in it; without an actuator a comment says where to put the actuator's values.
+    """
+    if actuator is not None:
+        shutil.copyfile(actuator, folder / "actuator.toml")
+    said = {name: dict(entries) for name, entries in (("columns", columns), ("units", units)) if entries}
+    content: dict[str, Any] = {
+        "angle": {"file": "angle.csv", **({"film": str(Path(film).absolute())} if film else {})},
+        "temperature": {"path": "temps.csv", **said},
+        "actuator": {"file": "actuator.toml"},
+        "output": {"dir": "results"},
+        **({} if offset_s is None else {"sync": {"offset_s": offset_s}}),
+    }
+    head = "# A live record; 'torsight run' continues from it, to the report.\n"
+    if actuator is None:
+        head += (
+            "# The rig's characterised values belong into actuator.toml; 'torsight init' writes some to start from.\n"
+        )
+    write_text(folder / "experiment.toml", head + tomli_w.dumps(content))
