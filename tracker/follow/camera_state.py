@@ -58,7 +58,7 @@ def circle_sigma_px(away_px: float, varies: float) -> float:
 @shared
 def own_circle_sigma_px(own: Record, end: int) -> float:
     """Return the standard deviation, px, of the distance to the axis of a stick's marker; ``own`` is a STICK."""
-    return circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0)
+    return math.hypot(circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0), own.axis.sigma)
 
 
 @shared

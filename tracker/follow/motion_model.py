@@ -62,7 +62,8 @@ def by_other_px(own: Record, end: int) -> float:
     It is very large where the other marker lies on the axis. ``own`` is the STICK.
     """
     arm = max(arm_px(own.axis, 1 - end), 1e-9)
-    return math.hypot(jump_px(own.length, 1), STANDS_PX * arm_px(own.axis, end) / arm)
+    sigma_px = math.hypot(own.axis.sigma, STANDS_PX * arm_px(own.axis, end) / arm)
+    return math.hypot(jump_px(own.length, 1), sigma_px)
 
 
 @internal

@@ -78,14 +78,6 @@ class Prediction:
         off = np.subtract(ends, self.ends) / self.sigma_px
         return float(found + np.square(off).sum()), freedom + 4
 
-    def is_turned_round(self, ends: Sequence[Point]) -> bool:
-        """Return whether a pair of positions is nearer to the markers with inner and outer one exchanged.
-
-        Both markers look the same. Once the axis is known their circles distinguish them, and the answer is False.
-        """
-        ways = [np.square(np.subtract(ends, own)).sum() for own in (self.ends, self.ends[::-1])]
-        return bool(ways[0] > ways[1]) and not self.own["axis"]["known"]
-
     def rolled_with(self, ends: Sequence[Point]) -> Prediction:
         """Return the prediction of a stick at rest in a picture that was rolled so that it points along ``ends``."""
         own = self.own.copy()
@@ -168,13 +160,13 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
         found: list[tuple[float, Record, Record]] = []
         for one, two in pairs:
             pair = place_of(one), place_of(two)
-            if expected.is_turned_round(pair):
-                continue
             misfit, freedom = (expected.rolled_with(pair) if rolled else expected).innovation(pair, lost=lost)
             if is_base(rig, stick) and not other_seen and not rolled:
                 misfit, freedom = misfit + sure_misfit(rig, *pair) ** 2, freedom + 1
             if passes(misfit, freedom) and not _of_other_stick(scene, stick, pair, jump=jump):
-                found.append((misfit, one, two))
+                # Both markers look the same: with inner and outer one exchanged the pair has to be improbable.
+                exchanged, _ = expected.innovation(pair[::-1], lost=lost)
+                found += [] if passes(exchanged - misfit, 2) else [(misfit, one, two)]
         return [one for one in found if _goes_along(scene, luma, *one[1:])] if is_base(rig, stick) else found
 
     found = fitting(rolled=False)
