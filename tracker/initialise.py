@@ -278,7 +278,7 @@ class _Dots:
         self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=choice)
         self.in_tags = all(_in_tag(luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
-        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
+        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * self._read >= 1.0)
 
     def _refuted(self, index: int, couple: Couple) -> bool:
         """Return whether a dot of a couple's moving stick is one of the base that an earlier picture is certain of."""
