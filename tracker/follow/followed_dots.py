@@ -17,7 +17,7 @@ from tracker.follow.frame_step import DONE, START, advance
 from tracker.follow.learning import skip
 from tracker.follow.marker import Marker
 from tracker.follow.redetect import direction, place_of, redetect
-from tracker.follow.rotation_axis import suppose_axis
+from tracker.follow.rotation_axis import learn_axis, suppose_axis
 from tracker.follow.state import Scene, state_type
 
 
@@ -43,7 +43,9 @@ class DotState(Kept):
             own["axis"]["last_rad"] = math.nan
         if len(self.scene.sticks) > 1:
             for stick in (0, 1):
-                suppose_axis(self.scene.sticks[stick]["axis"], self.ends(1 - stick), self.ends(stick), self.radius_px)
+                own = self.scene.sticks[stick]["axis"]
+                suppose_axis(own, self.ends(1 - stick), self.ends(stick), self.radius_px)
+                learn_axis(own, *self.ends(stick))
 
     def ends(self, stick: int) -> tuple[Point, Point]:
         """Return the positions of both markers of a stick, px."""
