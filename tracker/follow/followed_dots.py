@@ -81,8 +81,8 @@ class DotState(Kept):
         one, two = (_seen_last(marker) for marker in scene.markers[2 - 2 * moving : 4 - 2 * moving])
         ends = (one, two)
         rig, base = scene.rig[0], scene.sticks[1 - moving]
-        rig["moving"], rig["zero"], rig["last_rad"] = moving, ends, direction(*ends)
-        base["still"], base["start_rad"] = True, rig["last_rad"]
+        rig["moving"], rig["zero"], rig["last"], rig["off"] = moving, ends, ends, 0.0
+        base["still"], base["start_rad"] = True, direction(*ends)
         suppose_axis(scene.sticks[moving]["axis"], ends, self.ends(moving), self.radius_px)
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:

@@ -66,19 +66,36 @@ def by_other_px(own: Record, end: int) -> float:
     return math.hypot(jump_px(own.length, 1), sigma_px)
 
 
+@shared
+def goes_on(rig: Record) -> bool:
+    """Return whether the picture goes on moving as in its last step: a camera is carried rather than shaken."""
+    return bool(rig.off[1] < rig.off[0])
+
+
 @internal
 def predict(scene: Scene, time_s: float) -> None:
-    """Set the predicted position of every marker, and its predicted motion since the last frame."""
-    rig = scene.rig[0]
+    """Set the predicted position of every marker, and its predicted motion since the last frame; carry the base on."""
+    rig, going = scene.rig[0], goes_on(scene.rig[0])
+    for k in range(2):
+        rig.shift_now[k] = rig.shift[k] + (0.5 * (rig.step[0, k] + rig.step[1, k]) if going else 0.0)
     for index in range(len(scene.markers)):
         marker, reading = scene.markers[index], scene.readings[index]
         reading.predicted[0], reading.predicted[1] = marker.x, marker.y
         reading.path[:] = 0.0
-        if not is_base(rig, index // 2) and marker.count > 0:
+        if is_base(rig, index // 2) and going:
+            reading.predicted[0] += rig.step[index % 2, 0]
+            reading.predicted[1] += rig.step[index % 2, 1]
+        elif not is_base(rig, index // 2) and marker.count > 0:
             place = extrapolated(marker, scene.sticks[index // 2].axis, time_s)
-            reading.predicted[0], reading.predicted[1] = place.real + rig.shift[0], place.imag + rig.shift[1]
+            reading.predicted[0], reading.predicted[1] = place.real + rig.shift_now[0], place.imag + rig.shift_now[1]
     for stick in range(len(scene.sticks)):
         if is_base(rig, stick):
+            if going:
+                last, step = rig.last, rig.step
+                offset = complex(last[1, 0] - last[0, 0], last[1, 1] - last[0, 1])
+                turn = 1.0 + complex(step[1, 0] - step[0, 0], step[1, 1] - step[0, 1]) / offset
+                scene.sticks[stick].start_rad += cmath.phase(turn)
+                scene.sticks[stick].length *= abs(turn)
             continue
         if scene.sticks[stick].axis.known:
             _carry_lost(scene, stick)
@@ -88,13 +105,13 @@ def predict(scene: Scene, time_s: float) -> None:
                 reading.path[0], reading.path[1] = reading.predicted[0] - marker.x, reading.predicted[1] - marker.y
             elif marker.count > 0:
                 for i in range(2):
-                    reading.path[i] = reading.predicted[i] - rig.shift[i] - marker.history[marker.count - 1, 1 + i]
+                    reading.path[i] = reading.predicted[i] - rig.shift_now[i] - marker.history[marker.count - 1, 1 + i]
 
 
 @lending
 def _carry_lost(scene: Scene, stick: int) -> None:
     """Predict lost markers on their circles from the other marker, where that is more precise than their own motion."""
-    shift, own = scene.rig[0].shift, scene.sticks[stick]
+    shift, own = scene.rig[0].shift_now, scene.sticks[stick]
     for end in range(2):
         marker, other = scene.markers[2 * stick + end], 2 * stick + 1 - end
         more_precise = by_other_px(own, end) < jump_px(own.length, 1 + marker.lost)

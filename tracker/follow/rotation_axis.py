@@ -101,12 +101,14 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
 
 @lending
 def carry_axis(axis: Record, turn: complex, step: complex) -> None:
-    """Transform the sums for a picture that is rotated by a complex number of modulus one, and then shifted."""
-    axis.back += step * (turn * axis.unit).conjugate()
-    axis.unit *= turn
+    """Transform the sums for a picture that is turned, rolled and scaled, by a complex number, and then shifted."""
+    size = abs(turn)
+    axis.unit *= turn / size
+    for end in range(2):
+        axis.back[end] = size * axis.back[end] + step * axis.unit.conjugate()
     axis.places = turn * axis.places + 2.0 * axis.frames * step
     axis.guess = turn * axis.guess + step
-    axis.guessed_across *= turn**2
+    axis.guessed_across *= (turn / size) ** 2
     axis.last_rad += cmath.phase(turn)
     solve_axis(axis)
 
