@@ -20,6 +20,7 @@ from torsight.core.tracks import LEAST_SURE, MarkerTracks
 from torsight.core.words.shown import Shown
 from tracker.angle.axis_of_circles import turned_round
 from tracker.angle.camera_motion import unmoved
+from tracker.angle.views import longest_view
 from tracker.checkpoint import RowStore, source_key
 from tracker.couples import Choice
 from tracker.detect.dots import HUGE_PX
@@ -216,7 +217,7 @@ def told_by_motion(
     """
     # Probabilities, for base and moving stick, that the marker called the inner one is the outer one: the more
     # probable order is used, and the angle is wrong by half a turn if it is not the right one.
-    exchanged = turned_round(unmoved(tracks).tracks, radius_px=radius_px)
+    exchanged = turned_round(unmoved(longest_view(tracks)).tracks, radius_px=radius_px)
     order = [i ^ int(exchanged[i // 2] > 0.5) for i in range(4)]
     base_off, moving_off = np.minimum(exchanged, 1.0 - exchanged).tolist()
     opposite = base_off * (1.0 - moving_off) + moving_off * (1.0 - base_off)

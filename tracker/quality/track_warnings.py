@@ -13,6 +13,7 @@ from torsight.core.words.wording import counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation
+from tracker.angle.views import longest_view
 from tracker.detect.marker_file import STICKS
 from tracker.follow.camera_state import circle_sigma_px
 from tracker.follow.judgement import MOVED_RAD
@@ -41,7 +42,7 @@ def doubts(result: TrackResult) -> list[str]:
     if given and "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Either end of a tag may be nearer to the axis, depending on how it was attached: it has no inner marker.
         found = found or _exchanged_markers(result.tracks)
-    still = unmoved(result.tracks).tracks
+    still = unmoved(longest_view(result.tracks)).tracks
     found += _off_their_stick(result.report["markers"], still)
     return found + _repeated_texture(result) + _moving_axis(still) + _file_faults(result)
 
