@@ -141,8 +141,17 @@ def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     return [words]
 
 
+def _has_turned(tracks: MarkerTracks) -> bool:
+    """Return whether the moving stick has turned against the base: then they are not exchanged."""
+    sticks = [direction_of(tracks, first)[0] for first in (0, 2)]
+    turn = (sticks[1] - sticks[0])[np.isfinite(sticks[0] + sticks[1])]
+    return len(turn) > _FEW and bool(np.abs(np.angle(np.exp(1j * (turn - turn[0])))).max() > SIGMAS * MOVED_RAD)
+
+
 def _missing_base(result: TrackResult) -> list[str]:
     """Return a warning if the base is mostly not found at its given position: the stick given may be the moving one."""
+    if _has_turned(result.tracks):
+        return []
     state = result.rows["state"]
     usable = ~np.isin(state, (CODE["dark"], CODE["damaged"])).any(axis=1)
     # Both markers have to be missing: the other stick may lie over one of them.
