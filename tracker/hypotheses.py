@@ -21,12 +21,11 @@ brightness and of the light around them (or, with the probability 1 − ``SURE``
 the sticks' lengths, of the moving pair's score as dots on a stick, and of how far the base's score is below it. h_j is
 the density of δ_jj for a stick over that for the line of any two dots. g_ij expects the base's line to the axis to be
 bright where the moving stick's is, at the same distance from the axis: both have one hub. Where only one of the two
-lines reaches, it is evidence neither for a couple nor against it. A base dot that is lost, though the moving pair is not over it, counts as one that
-moves. The distances of both inner dots from the axis are as
-similar as lengths, but with a Cauchy distribution: a base may be a frame around the rig. If the axis lies beyond the
-inner marker of one stick, the probability that it lies between those of the other is only 1 − ``SURE``; so is that of a
-dot on the axis, where sticks have a shaft or a screw, being a marker. These factors apply once the axis is known to
-within a marker's radius.
+lines reaches, it is evidence neither for a couple nor against it. A base dot that is lost, without the moving pair over
+it, counts as one that moves. The distances of both inner dots from the axis are as similar as lengths, but with a
+Cauchy distribution: a base may be a frame around the rig. If the axis lies beyond the inner marker of one stick, the
+probability that it lies between those of the other is only 1 − ``SURE``; so is that of a dot on the axis, where sticks
+have a shaft or a screw, being a marker. These factors apply once the axis is known to within a marker's radius.
 A marker may be none of the dots. That case has the probability of a couple with a misfit of three standard deviations,
 whose moving pair is one marker and a dot as clear as one picture requires, and need not turn: couples that fit worse,
 or of which one dot is less clear than the other, are not certain.

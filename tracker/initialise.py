@@ -32,7 +32,7 @@ from tracker.follow.rotation_axis import STANDS_PX
 from tracker.frames.frame import REPORT_EVERY, Frame, FrameSource
 from tracker.hypotheses import FRAMES, Search, share_read
 from tracker.innovation import SURE
-from tracker.rows import SEEN
+from tracker.rows import HIDDEN, SEEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,7 +349,15 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
     sticks = given_dots(frame, hints, sticks=(0, 1))
     judged = {name: judge_pair(frame.luma, one.inner, one.outer) for name, one in zip(STICKS, sticks, strict=True)}
     unlike = {name: why for name, why in judged.items() if isinstance(why, str)}
-    return Start(markers_on(frame.luma, *sticks), frame.index, 1, hints=hints, unlike=unlike)
+    start = Start(markers_on(frame.luma, *sticks), frame.index, 1, hints=hints)
+    # Part of a dot, or two dots that touch, are fitted somehow, and then not read.
+    hidden = (start.follower().step(frame)["state"].reshape(2, 2) == HIDDEN).any(axis=1)
+    again = {
+        name: "they are not read as round dots where they were given"
+        for name, not_read in zip(STICKS, hidden, strict=True)
+        if not_read
+    }
+    return replace(start, unlike={**again, **unlike})
 
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:

@@ -178,10 +178,10 @@ def _lost_as_it_moves(table: NDArray[np.void], start: Start, source: FrameSource
     return NoResultError(
         "the dots that were taken for the markers are lost as the picture moves",
         where=source.name,
-        value=f"all four in {seen.sum()} of {len(seen)} frames; {blur or 'what moves is sharp, and fast'}",
+        value=f"all four in {seen.sum()} of {len(seen)} frames; {blur or 'what moves is sharp'}",
         limit="half of the frames or more",
-        do=f"{SHARPER if blur else 'film more frames a second, or move more slowly'}; if the rings in track.png are on "
-        "something else, pick the markers with 'torsight markers' and name its file with --markers",
+        do="look in track.png: if the rings are on something else, pick the markers with 'torsight markers' and name "
+        f"its file with --markers, else {SHARPER if blur else 'film more frames a second, or move more slowly'}",
     )
 
 

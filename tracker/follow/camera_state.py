@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, copy_to, internal, lending, shared
+from torsight.core.compiled import compiled, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
@@ -62,6 +62,12 @@ def circle_sigma_px(away_px: float, varies: float) -> float:
 def own_circle_sigma_px(own: Record, end: int) -> float:
     """Return the standard deviation, px, of the distance to the axis of a stick's marker; ``own`` is a STICK."""
     return math.hypot(circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0), own.axis.sigma)
+
+
+@lending
+def beyond(own: Record, length: float) -> float:
+    """Return by how much a length, px at the scale of the start, lies outside a stick's bounds; negative inside."""
+    return max(length - own.longest, own.shortest - length)  # type: ignore[no-any-return]
 
 
 @shared
@@ -154,7 +160,10 @@ def goes_with_picture(scene: Scene, shift: Floats, turn: complex) -> bool:
         on_circle_px = complex(reading.x - off[end, 0], reading.y - off[end, 1]) - axis
         apart = abs(moved - common - (abs(turn) - 1.0) * on_circle_px)
         found += apart**2 / (own_circle_sigma_px(own, end) ** 2 + rolled_px**2)
-    return passes(found, 4)
+    # Both sticks have one scale: a base that is longer because one of its markers slides is not followed.
+    (ax, ay), (bx, by), size = at(scene, i), at(scene, i + 1), own.size * abs(turn)
+    beyond_px = max(size * beyond(own, math.hypot(bx - ax, by - ay) / size), 0.0)
+    return passes(found, 4) and passes((beyond_px / circle_sigma_px(own.longest, 0.0)) ** 2, 1)
 
 
 @lending
@@ -175,7 +184,7 @@ def take_turn(scene: Scene, a: Point, b: Point) -> None:
     step = 0.5 * (complex(a[0], a[1]) + complex(b[0], b[1])) - turn * middle
     own = scene.sticks[moving]
     carry_axis(own.axis, turn, step)
-    own.length, own.shortest, own.longest = size * own.length, size * own.shortest, size * own.longest
+    own.length, own.size = size * own.length, size * own.size
     for end in range(2):
         carry(rig.zero[end], turn, step)
         marker = scene.markers[2 * moving + end]

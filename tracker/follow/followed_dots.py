@@ -39,7 +39,7 @@ class DotState(Kept):
         self.scene.rig["moving"] = -1
         for stick, own in enumerate(self.scene.sticks):
             own["length"] = own["shortest"] = own["longest"] = math.dist(*self.ends(stick))
-            own["start_rad"], own["still"] = direction(*self.ends(stick)), still
+            own["size"], own["start_rad"], own["still"] = 1.0, direction(*self.ends(stick)), still
             own["axis"]["last_rad"] = math.nan
         if len(self.scene.sticks) > 1:
             for stick in (0, 1):

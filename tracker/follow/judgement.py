@@ -22,6 +22,7 @@ from tracker.follow.camera_state import (
     TURN_RAD,
     at,
     base_shift,
+    beyond,
     circle_misfit,
     circles_off,
     goes_with_picture,
@@ -100,7 +101,7 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     if own.still:
         return SIGMAS * off / (_LENGTH_PX + _LENGTH * own.length)  # type: ignore[no-any-return]
     if lost > 0:
-        off = min(off, max(length - own.longest, own.shortest - length, 0.0))
+        off = min(off, own.size * max(beyond(own, length / own.size), 0.0))
     share = _LENGTH * (1.0 + 0.5 * min(lost, STALE))
     return SIGMAS * off / (_LENGTH_PX + share * own.length)  # type: ignore[no-any-return]
 

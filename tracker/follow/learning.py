@@ -17,7 +17,16 @@ from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
-from tracker.follow.camera_state import TURN_RAD, at, circles_off, forget, middle_of, seen, take_turn, turn_of
+from tracker.follow.camera_state import (
+    TURN_RAD,
+    at,
+    circles_off,
+    forget,
+    middle_of,
+    seen,
+    take_turn,
+    turn_of,
+)
 from tracker.follow.judgement import SOON
 from tracker.follow.motion_model import STALE, is_base, predict
 from tracker.follow.reading import share_of_step
@@ -169,7 +178,9 @@ def _note_stick(scene: Scene, stick: int) -> None:
             own.length, own.start_rad = math.hypot(bx - ax, by - ay), math.atan2(by - ay, bx - ax)
         return
     own.length = math.hypot(bx - ax, by - ay)
-    own.shortest, own.longest = min(own.shortest, own.length), max(own.longest, own.length)
+    if abs(own.size - 1.0) < TURN_RAD:
+        length = own.length / own.size
+        own.shortest, own.longest = min(own.shortest, length), max(own.longest, length)
     base = 2 - 2 * stick
     if rig.moving >= 0 and not (seen(scene, base) and seen(scene, base + 1)):
         # With one base dot alone, a misread one would shift the axis.

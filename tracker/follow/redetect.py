@@ -79,7 +79,7 @@ class Prediction:
         return float(found + np.square(off).sum()), freedom + 4
 
     def turned_with(self, ends: Sequence[Point]) -> Prediction:
-        """Return the prediction of a stick at rest in a picture that was rolled and scaled so that it lies as ``ends``."""
+        """Return the prediction of a stick at rest in a picture that was turned so that the stick lies as ``ends``."""
         own = self.own.copy()
         own["start_rad"], own["length"] = direction(*ends), math.dist(*ends)
         return replace(self, own=own)

@@ -39,11 +39,20 @@ over the step, running mean and mean deviation. slope: gradient of the light. ch
 ``shape``, running means."""
 
 STICK: Final = np.dtype(
-    [("length", "f8"), ("shortest", "f8"), ("longest", "f8"), ("start_rad", "f8"), ("still", "i8"), ("axis", AXIS)]
+    [
+        ("length", "f8"),
+        ("shortest", "f8"),
+        ("longest", "f8"),
+        ("size", "f8"),
+        ("start_rad", "f8"),
+        ("still", "i8"),
+        ("axis", AXIS),
+    ]
 )
-"""A stick: distance of its markers in the picture, px, when last seen, and its bounds so far; its direction at the start
-(y down), or, once it is known to be the base, when it was last seen with the moving stick elsewhere; whether it is known
-not to turn; and the axis about which it turns."""
+"""A stick: distance of its markers in the picture, px, when last seen, and its bounds at the scale of the start; the
+picture's scale over that of the start; direction of the stick at the start (y down), or, once it is known to be the
+base, when it was last seen with the moving stick elsewhere; whether it is known not to turn; the axis about which it
+turns."""
 
 RIG: Final = np.dtype(
     [
@@ -69,9 +78,9 @@ RIG: Final = np.dtype(
 """Both sticks and the camera. moving: index of the stick that moves, −1 while it is not known. above: votes that the
 moving stick lies above the base. shift, shift_now: shift of the picture since the start, px, up to the last frame and
 measured in this frame; unknown: frames since it was last measured. last: the base's markers in the last frame, px;
-step: their motion when they were last seen; off: running means of the squared errors of predicting them at rest, and going on
-by the same step. zero: the base's markers at the start. anchor: while the moving stick is not seen (anchored), the shift when it was last
-seen. offset: displacement of the moving stick's circles from where the base's shift puts them, px. The rest is for
+step: their motion when they were last seen; off: running means of the squared errors of predicting them at rest, and
+going on by the same step. zero: the base's markers at the start. anchor: while the moving stick is not seen (anchored),
+the shift when it was last seen. offset: displacement of the moving stick's circles from where the base's shift puts them, px. The rest is for
 :mod:`tracker.appearance.motion_blur`."""
 
 

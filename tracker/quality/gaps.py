@@ -71,8 +71,8 @@ _DO: Final = {
         "out of the picture."
     ),
     "jump": (
-        "the picture jumps at frame {jump_frame:.0f}, {jump_s:.1f} s into the film: a part of the film is missing there, "
-        "or the camera was moved; film in one piece, with the camera fixed, and cut nothing out."
+        "the picture jumps at frame {jump_frame:.0f}, {jump_s:.1f} s into the film: a part of the film is missing "
+        "there, or the camera was moved; film in one piece, with the camera fixed, and cut nothing out."
     ),
     "interlaced": (
         "the film is interlaced without saying so: every second row shows another instant; film progressively (25p "

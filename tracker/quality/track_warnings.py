@@ -157,7 +157,8 @@ def _missing_base(result: TrackResult) -> list[str]:
     # Both markers have to be missing: the other stick may lie over one of them.
     gone = usable & (state[:, :2] != CODE["seen"]).all(axis=1)
     gone &= np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).any(axis=1)
-    if not usable.any() or gone.sum() < _GONE * usable.sum():
+    # A stick that turns is seen where it was given at first.
+    if not (usable & ~gone).any() or gone.sum() < _GONE * usable.sum():
         return []
     words = (
         f"The base is not where it was given in {gone.sum()} of {counted(int(usable.sum()), 'frame')}, so the angles "
