@@ -6,7 +6,7 @@ import cmath
 import math
 from typing import Final
 
-from torsight.core.compiled import compiled, internal, lending, shared
+from torsight.core.compiled import compiled, copy_to, internal, lending, shared
 from tracker.appearance.disc import Record
 from tracker.follow.rotation_axis import STANDS_PX, arm_px, direction_from, on_circle
 from tracker.follow.state import Scene
@@ -74,28 +74,21 @@ def goes_on(rig: Record) -> bool:
 
 @internal
 def predict(scene: Scene, time_s: float) -> None:
-    """Set the predicted position of every marker, and its predicted motion since the last frame; carry the base on."""
-    rig, going = scene.rig[0], goes_on(scene.rig[0])
-    for k in range(2):
-        rig.shift_now[k] = rig.shift[k] + (0.5 * (rig.step[0, k] + rig.step[1, k]) if going else 0.0)
+    """Set the predicted position of every marker, and its predicted motion since the last frame."""
+    rig = scene.rig[0]
+    copy_to(rig.shift_now, rig.shift)
+    base = 1 - rig.moving if rig.moving >= 0 and len(scene.sticks) > 1 else -1
+    if base >= 0 and goes_on(rig):
+        _carry_base(scene, base)
     for index in range(len(scene.markers)):
         marker, reading = scene.markers[index], scene.readings[index]
         reading.predicted[0], reading.predicted[1] = marker.x, marker.y
         reading.path[:] = 0.0
-        if is_base(rig, index // 2) and going:
-            reading.predicted[0] += rig.step[index % 2, 0]
-            reading.predicted[1] += rig.step[index % 2, 1]
-        elif not is_base(rig, index // 2) and marker.count > 0:
+        if index // 2 != base and marker.count > 0:
             place = extrapolated(marker, scene.sticks[index // 2].axis, time_s)
             reading.predicted[0], reading.predicted[1] = place.real + rig.shift_now[0], place.imag + rig.shift_now[1]
     for stick in range(len(scene.sticks)):
-        if is_base(rig, stick):
-            if going:
-                last, step = rig.last, rig.step
-                offset = complex(last[1, 0] - last[0, 0], last[1, 1] - last[0, 1])
-                turn = 1.0 + complex(step[1, 0] - step[0, 0], step[1, 1] - step[0, 1]) / offset
-                scene.sticks[stick].start_rad += cmath.phase(turn)
-                scene.sticks[stick].length *= abs(turn)
+        if stick == base:
             continue
         if scene.sticks[stick].axis.known:
             _carry_lost(scene, stick)
@@ -106,6 +99,21 @@ def predict(scene: Scene, time_s: float) -> None:
             elif marker.count > 0:
                 for i in range(2):
                     reading.path[i] = reading.predicted[i] - rig.shift_now[i] - marker.history[marker.count - 1, 1 + i]
+
+
+@lending
+def _carry_base(scene: Scene, base: int) -> None:
+    """Carry the base on by its last step, in the picture that goes on moving."""
+    rig, own, last, step = scene.rig[0], scene.sticks[base], scene.rig[0].last, scene.rig[0].step
+    for k in range(2):
+        rig.shift_now[k] += 0.5 * (step[0, k] + step[1, k])
+    for end in range(2):
+        scene.markers[2 * base + end].x += step[end, 0]
+        scene.markers[2 * base + end].y += step[end, 1]
+    offset = complex(last[1, 0] - last[0, 0], last[1, 1] - last[0, 1])
+    turn = 1.0 + complex(step[1, 0] - step[0, 0], step[1, 1] - step[0, 1]) / offset
+    own.start_rad += cmath.phase(turn)
+    own.length *= abs(turn)
 
 
 @lending

@@ -80,8 +80,8 @@ moving stick lies above the base. shift, shift_now: shift of the picture since t
 measured in this frame; unknown: frames since it was last measured. last: the base's markers in the last frame, px;
 step: their motion when they were last seen; off: running means of the squared errors of predicting them at rest, and
 going on by the same step. zero: the base's markers at the start. anchor: while the moving stick is not seen (anchored),
-the shift when it was last seen. offset: displacement of the moving stick's circles from where the base's shift puts them, px. The rest is for
-:mod:`tracker.appearance.motion_blur`."""
+the shift when it was last seen. offset: displacement of the moving stick's circles from where the base's shift puts
+them, px. The rest is for :mod:`tracker.appearance.motion_blur`."""
 
 
 class Scene(NamedTuple):
