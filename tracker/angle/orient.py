@@ -23,7 +23,7 @@ from tracker.angle.row_time import Readout
 from tracker.angle.tilt.estimate import fit_tilt
 from tracker.angle.tilt.models import KNOWN, Tilt
 from tracker.angle.tilt.paths import rectify
-from tracker.angle.views import in_one_plane, views_of
+from tracker.angle.views import in_one_plane, joined, views_of
 from tracker.stick_direction import Points
 
 
@@ -145,9 +145,7 @@ def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: In
     main = parts[max(range(len(views)), key=lambda k: (not views[k].carried, views[k].end - views[k].first))]
     still, plane, variance = main.still, main.plane, main.variance_rad2
     if len(parts) > 1:
-        names = ("frame", "time_s", "position_px", "covariance_px2", "valid")
-        joined = {name: np.concatenate([getattr(one.still, name) for one in parts]) for name in names}
-        still, plane = replace(still, **joined), in_one_plane(views, [one.plane for one in parts])
+        still, plane = joined([one.still for one in parts]), in_one_plane(views, [one.plane for one in parts])
         variance = np.concatenate([one.variance_rad2 for one in parts])
     found = from_plane(
         still,

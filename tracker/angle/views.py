@@ -6,10 +6,13 @@ is carried it changes from frame to frame, and is not known.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.core.series import BY_CHANCE, robust_sigma, runs
 from torsight.core.tracks import MarkerTracks
@@ -31,9 +34,23 @@ class View(NamedTuple):
 
     def of(self, tracks: MarkerTracks) -> MarkerTracks:
         """Return the tracks in these frames."""
-        part = np.s_[self.first : self.end]
-        names = ("frame", "time_s", "position_px", "covariance_px2", "valid")
-        return replace(tracks, **{name: getattr(tracks, name)[part] for name in names})
+        return _with_frames(tracks, *(values[self.first : self.end] for values in _by_frame(tracks)))
+
+
+def joined(parts: Sequence[MarkerTracks]) -> MarkerTracks:
+    """Return the tracks of successive parts of one film."""
+    return _with_frames(parts[0], *map(np.concatenate, zip(*map(_by_frame, parts), strict=True)))
+
+
+def _by_frame(tracks: MarkerTracks) -> tuple[NDArray[Any], ...]:
+    return tracks.frame, tracks.time_s, tracks.position_px, tracks.covariance_px2, tracks.valid
+
+
+def _with_frames(tracks: MarkerTracks, *by_frame: NDArray[Any]) -> MarkerTracks:
+    frame, time_s, position_px, covariance_px2, valid = by_frame
+    return replace(
+        tracks, frame=frame, time_s=time_s, position_px=position_px, covariance_px2=covariance_px2, valid=valid
+    )
 
 
 def views_of(tracks: MarkerTracks) -> list[View]:
@@ -44,7 +61,9 @@ def views_of(tracks: MarkerTracks) -> list[View]:
         return [View(0, count, carried=False)]
     turn_rad = np.unwrap(np.arctan2(offset[known, 1], offset[known, 0]))
     steps = steps_of_mean(turn_rad, SIDE)
-    limit = max(_CARRIED_RAD, BY_CHANCE * robust_sigma(steps))
+    # Second differences show the noise of single frames, whether the camera is carried or not.
+    noise = robust_sigma(np.diff(turn_rad, 2)) / math.sqrt(6.0)
+    limit = max(_CARRIED_RAD, BY_CHANCE * noise * math.sqrt(2.0 / SIDE))
     edges = list[int]()
     for begin, end in runs(np.abs(steps) > limit):
         # The views reach as far as the base is as in their own frames beside the step.

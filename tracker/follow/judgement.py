@@ -213,7 +213,7 @@ def judge_base(scene: Scene) -> bool:
         copy_to(rig.anchor, rig.shift)
     rig.anchored = not elsewhere
     judge_pair(scene, base)
-    if elsewhere and not _base_goes_along(scene, i, j):
+    if elsewhere and not base_goes_along(scene, i, j):
         for index in (i, j):
             if seen(scene, index):
                 scene.readings[index].state = HIDDEN
@@ -227,7 +227,7 @@ def judge_base(scene: Scene) -> bool:
 
 
 @internal
-def _base_goes_along(scene: Scene, i: int, j: int) -> bool:
+def base_goes_along(scene: Scene, i: int, j: int) -> bool:
     """Return whether the moving stick's circles are consistent with the shift of the base's markers that are seen."""
     shift, turn = np.empty(2), 1.0 + 0.0j
     if not base_shift(scene.readings[i : j + 1], scene.rig[0].zero, shift):

@@ -27,7 +27,7 @@ from tracker.follow.camera_state import (
     take_turn,
     turn_of,
 )
-from tracker.follow.judgement import SOON
+from tracker.follow.judgement import SOON, base_goes_along
 from tracker.follow.motion_model import STALE, is_base, predict
 from tracker.follow.reading import share_of_step
 from tracker.follow.rotation_axis import learn_axis
@@ -100,6 +100,10 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
     """Update the state with the readings of all markers."""
     rig = scene.rig[0]
     copy_to(rig.shift, rig.shift_now)
+    base, k = 2 - 2 * rig.moving, 2 * rig.moving
+    if rig.moving >= 0 and len(scene.sticks) > 1 and rig.anchored and seen(scene, k) and seen(scene, k + 1):
+        # The moving stick was found after the base was judged.
+        rig.anchored = not base_goes_along(scene, base, base + 1)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
     for index in range(len(scene.markers)):
@@ -109,12 +113,11 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
             learn_shutter(rig, scene.markers[index].shape, luma, (reading.x, reading.y), path)
     for stick in range(len(scene.sticks)):
         _note_stick(scene, stick)
-    i = 2 - 2 * rig.moving
     if rig.moving >= 0 and len(scene.sticks) > 1:
-        _note_step(scene, i)
-        both = seen(scene, i) and seen(scene, i + 1)
-        if both and not rig.anchored and abs(turn_of(scene, at(scene, i), at(scene, i + 1)) - 1.0) > TURN_RAD:
-            take_turn(scene, at(scene, i), at(scene, i + 1))
+        _note_step(scene, base)
+        both = seen(scene, base) and seen(scene, base + 1)
+        if both and not rig.anchored and abs(turn_of(scene, at(scene, base), at(scene, base + 1)) - 1.0) > TURN_RAD:
+            take_turn(scene, at(scene, base), at(scene, base + 1))
 
 
 @lending

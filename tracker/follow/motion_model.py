@@ -88,17 +88,21 @@ def predict(scene: Scene, time_s: float) -> None:
             place = extrapolated(marker, scene.sticks[index // 2].axis, time_s)
             reading.predicted[0], reading.predicted[1] = place.real + rig.shift_now[0], place.imag + rig.shift_now[1]
     for stick in range(len(scene.sticks)):
-        if stick == base:
-            continue
-        if scene.sticks[stick].axis.known:
-            _carry_lost(scene, stick)
-        for index in (2 * stick, 2 * stick + 1):
-            marker, reading = scene.markers[index], scene.readings[index]
-            if marker.count > 0 and marker.lost > 0:
-                reading.path[0], reading.path[1] = reading.predicted[0] - marker.x, reading.predicted[1] - marker.y
-            elif marker.count > 0:
-                for i in range(2):
-                    reading.path[i] = reading.predicted[i] - rig.shift_now[i] - marker.history[marker.count - 1, 1 + i]
+        if stick != base:
+            if scene.sticks[stick].axis.known:
+                _carry_lost(scene, stick)
+            for index in (2 * stick, 2 * stick + 1):
+                _set_path(rig, scene.markers[index], scene.readings[index])
+
+
+@lending
+def _set_path(rig: Record, marker: Record, reading: Record) -> None:
+    """Set a marker's predicted motion since the last frame."""
+    for i in range(2):
+        if marker.count > 0 and marker.lost > 0:
+            reading.path[i] = reading.predicted[i] - (marker.x if i == 0 else marker.y)
+        elif marker.count > 0:
+            reading.path[i] = reading.predicted[i] - rig.shift_now[i] - marker.history[marker.count - 1, 1 + i]
 
 
 @lending

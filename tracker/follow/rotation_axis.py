@@ -80,7 +80,7 @@ def suppose_axis(axis: Record, one: tuple[Point, Point], other: tuple[Point, Poi
 @lending
 def solved(weight: float, across: complex, right: complex) -> complex:
     """Return z of weight · z + across · conj(z) = right, with ``weight`` larger than the modulus of ``across``."""
-    return (weight * right - across * right.conjugate()) / (weight**2 - abs(across) ** 2)  # type: ignore[no-any-return]
+    return (weight * right - across * right.conjugate()) / (weight**2 - abs(across) ** 2)
 
 
 @compiled
