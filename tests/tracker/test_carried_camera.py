@@ -65,7 +65,7 @@ def errors_deg(angles: StickAngles, truth_deg: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_a_camera_that_is_carried_elsewhere(given: bool, tmp_path: Path) -> None:
+def test_a_camera_that_is_carried_elsewhere(*, given: bool, tmp_path: Path) -> None:
     def turn(number: int) -> complex:
         return np.exp((0.6j - 0.12) * eased(number, 20, 40))
 
@@ -89,7 +89,7 @@ def test_a_camera_that_comes_nearer(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("moved", [False, True], ids=["cut", "put elsewhere"])
-def test_a_picture_that_jumps_is_told_as_that(moved: bool, tmp_path: Path) -> None:
+def test_a_picture_that_jumps_is_told_as_that(*, moved: bool, tmp_path: Path) -> None:
     fast = replace(RIG, angle_deg=lambda t: 160.0 - 20.0 * t - 70.0 * (t >= 1.0))
     film = Seen(RIG, lambda n: np.exp(0.6j * (n >= 30)), lambda n: (40 - 50j) * (n >= 30)) if moved else fast
     _, angles, told = tracked(film, tmp_path)
@@ -99,7 +99,7 @@ def test_a_picture_that_jumps_is_told_as_that(moved: bool, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_sticks_in_one_line_are_not_found_the_wrong_way_round(given: bool, tmp_path: Path) -> None:
+def test_sticks_in_one_line_are_not_found_the_wrong_way_round(*, given: bool, tmp_path: Path) -> None:
     # Both lines cross nowhere at first; the outer marker is smeared over 40 px where the stick is fast.
     _, angles, _ = tracked(FAST, tmp_path, given=given)
     assert angles.valid.mean() > 0.7
