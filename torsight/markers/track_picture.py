@@ -79,7 +79,7 @@ class Sheet:
 
     def ring(self, centre: Floats, radius: float, colour: Colour) -> None:
         """Draw a circle with a cross in it."""
-        x, y, fine = *np.rint(centre * 2**_FINE).astype(int).tolist(), round(radius * 2**_FINE)
+        x, y, fine = np.rint(np.append(centre, radius) * 2**_FINE).astype(int).tolist()
         cv2.circle(self.pixels, (x, y), fine, colour[::-1], 2, cv2.LINE_AA, _FINE)
         for off in ((4.0, 0.0), (0.0, 4.0)):
             self.line(np.stack([centre - off, centre + off]), colour)
@@ -234,7 +234,7 @@ def _ticks(low: float, high: float) -> list[float]:
     rough = (high - low) / _TICKS
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(size * power for size in (1.0, 2.0, 5.0, 10.0) if size * power >= rough)
-    return (np.arange(math.ceil(low / step), math.floor(high / step) + 1) * step).tolist()
+    return [number * step for number in range(math.ceil(low / step), math.floor(high / step) + 1)]
 
 
 def _bounds(values: Floats) -> tuple[float, float]:
