@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.core.files.storage import write_bytes
 from torsight.core.parameter import REACH
 from torsight.core.series import runs, usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
-from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, rgb
 from torsight.core.words.wording import counted
+from torsight.markers.sheet import BLACK, Sheet, ticks
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
@@ -33,11 +32,7 @@ _SHAPE: Final = 4.0 / 3.0
 _HEAD_PX: Final = 40
 _PLOT_PX: Final = 260
 """Height of the text above a panel; height of the plot of the angle."""
-_FINE: Final = 4
-"""Binary digits of a pixel to which OpenCV draws."""
-_TICKS: Final = 6
-"""Ticks of an axis, about."""
-_BLACK, _GRID = (0, 0, 0), (225, 225, 225)
+_GRID: Final = (225, 225, 225)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,54 +41,6 @@ class Shown:
 
     index: int
     why: str
-
-
-class Sheet:
-    """A white picture to draw on: by OpenCV, which the tracker has loaded; matplotlib takes as long as tracking starts.
-
-    Positions are in pixels, y down; colours are red, green, blue.
-    """
-
-    def __init__(self, width: int, height: int) -> None:
-        self.pixels = np.full((height, width, 3), 255, np.uint8)
-        self._font: Any = cv2.FontFace("sans")
-
-    def text(self, words: str, x: float, y: float, *, size: int = 13, bold: bool = False, right: bool = False) -> None:
-        """Write words from a position, or up to it, with their lower edge there."""
-        weight = 700 if bold else 400
-        if right:
-            x -= cv2.getTextSize((1, 1), words, (0, 0), self._font, size, weight)[2]
-        cv2.putText(self.pixels, words, (round(x), round(y)), _BLACK, self._font, size, weight)
-
-    def line(self, points: Floats, colour: Colour, *, wide: int = 1) -> None:
-        """Draw a line through points (n, 2)."""
-        whole = np.rint(points * 2**_FINE).astype(np.int32)
-        cv2.polylines(
-            self.pixels, [whole], isClosed=False, color=colour[::-1], thickness=wide, lineType=cv2.LINE_AA, shift=_FINE
-        )
-
-    def dashed(self, x: float, top: float, bottom: float, *, dash: int) -> None:
-        """Draw an upright line of dashes, each as long as the gap after it."""
-        for y in range(round(top), round(bottom), 2 * dash):
-            self.line(np.array([[x, y], [x, min(y + dash, bottom)]]), _BLACK)
-
-    def ring(self, centre: Floats, radius: float, colour: Colour) -> None:
-        """Draw a circle with a cross in it."""
-        x, y, fine = np.rint(np.append(centre, radius) * 2**_FINE).astype(int).tolist()
-        cv2.circle(self.pixels, (x, y), fine, colour[::-1], 2, cv2.LINE_AA, _FINE)
-        for off in ((4.0, 0.0), (0.0, 4.0)):
-            self.line(np.stack([centre - off, centre + off]), colour)
-
-    def tint(self, outline: Floats, colour: Colour, share: float) -> None:
-        """Mix a colour into the inside of a polygon (n, 2)."""
-        over = self.pixels.copy()
-        cv2.fillPoly(over, [np.rint(outline * 2**_FINE).astype(np.int32)], colour[::-1], cv2.LINE_AA, _FINE)
-        cv2.addWeighted(over, share, self.pixels, 1.0 - share, 0.0, self.pixels)
-
-    def write(self, path: Path) -> None:
-        """Write the picture as a PNG file, compressed quickly."""
-        _, coded = cv2.imencode(".png", self.pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-        write_bytes(path, coded.tobytes())
 
 
 def keep_pictures(source: Source) -> None:
@@ -229,14 +176,6 @@ def _draw_frame(
                     sheet.text(f"or {name}", other[0] + 12.0, other[1] - 4.0)
 
 
-def _ticks(low: float, high: float) -> list[float]:
-    """Return round numbers between two bounds."""
-    rough = (high - low) / _TICKS
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(size * power for size in (1.0, 2.0, 5.0, 10.0) if size * power >= rough)
-    return [number * step for number in range(math.ceil(low / step), math.floor(high / step) + 1)]
-
-
 def _bounds(values: Floats) -> tuple[float, float]:
     """Return bounds of the finite values, with a margin."""
     known = values[np.isfinite(values)]
@@ -260,11 +199,11 @@ def _draw_angle(sheet: Sheet, angles: StickAngles, shown: list[Shown], *, place:
         y = top + height * (values[1] - np.clip(value, *values)) / (values[1] - values[0])
         return np.column_stack([x, y])
 
-    for number in _ticks(*times):
+    for number in ticks(*times):
         ends = at(np.full(2, number), np.array(values))
         sheet.line(ends, _GRID)
         sheet.text(f"{number:g}", ends[0, 0] - 8, top + height + 18)
-    for number in _ticks(*values):
+    for number in ticks(*values):
         ends = at(np.array(times), np.full(2, number))
         sheet.line(ends, _GRID)
         sheet.text(f"{number:g}°", left - 6, ends[0, 1] + 5, right=True)
@@ -280,7 +219,7 @@ def _draw_angle(sheet: Sheet, angles: StickAngles, shown: list[Shown], *, place:
     for one in shown:
         x = float(at(angles.time_s[[one.index]], np.array([values[0]]))[0, 0])
         sheet.dashed(x, top, top + height, dash=6 if one is shown[-1] else 2)
-    sheet.line(np.array([[left, top], [left, top + height], [left + width, top + height]], float), _BLACK)
+    sheet.line(np.array([[left, top], [left, top + height], [left + width, top + height]], float), BLACK)
     lost = int((~angles.valid).sum())
     gaps = f"; shaded: no angle ({counted(lost, 'frame')})" if lost else ""
     sheet.text(f"angle, with its 95 % interval{gaps}", left + 8, top - 6)
