@@ -18,7 +18,7 @@ from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.camera_motion import flattened, unmoved
 from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, from_plane, scaled, stick_witness, variance_by
+from tracker.angle.plane import Orientation, from_plane, joined_errors, scaled, stick_errors, stick_witness, variance_by
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt.estimate import fit_tilt
 from tracker.angle.tilt.models import KNOWN, Tilt
@@ -142,9 +142,16 @@ def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: In
     """Return the orientation in the picture's plane, corrected for the tilt of each view."""
     views = views_of(tracks)
     parts = [_Seen.of(one.of(tracks), pixel_aspect, intrinsics, carried=one.carried) for one in views]
-    main = parts[max(range(len(views)), key=lambda k: (not views[k].carried, views[k].end - views[k].first))]
+    longest = max(range(len(views)), key=lambda k: (not views[k].carried, views[k].end - views[k].first))
+    main, errors = parts[longest], None
     still, plane, variance = main.still, main.plane, main.variance_rad2
     if len(parts) > 1:
+        # Lengths are those of one view, and change while the camera is carried.
+        own = [
+            None if view.carried else stick_errors(one.still, one.plane, across=one.tilt.across)
+            for view, one in zip(views, parts, strict=True)
+        ]
+        errors = joined_errors(own, [view.end - view.first for view in views], longest)
         still, plane = joined([one.still for one in parts]), in_one_plane(views, [one.plane for one in parts])
         variance = np.concatenate([one.variance_rad2 for one in parts])
     found = from_plane(
@@ -156,6 +163,7 @@ def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: In
         else "no camera file: the picture's plane, its tilt unknown",
         across=main.tilt.across,
         systematic_rad2=variance,
+        errors=errors,
     )
     return found.with_report(tilt=main.tilt.report(), rolling_shutter=_rolling_report(main.tilt, main.readout))
 

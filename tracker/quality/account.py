@@ -175,7 +175,9 @@ def advice(
     words = list(gaps)
     compression, noise = account["compression"], account["noise"]
     ratio = compression["error_over_white_noise"]
-    if ratio is not None and ratio > FELT and not compression["lossless"]:
+    kinds = {one["kind"] for one in events}
+    # A camera that moves changes the sticks' lengths, too, by which errors are measured.
+    if ratio is not None and ratio > FELT and not compression["lossless"] and "bump" not in kinds:
         words.append(
             f"Compression ({compression['codec']}) makes positions {ratio:.1f} times worse than the picture's noise "
             "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless "
@@ -193,7 +195,6 @@ def advice(
     contrast = noise["marker_contrast_grey"]
     if radius_px is not None and contrast is not None and contrast < _FAINT:
         words.append(f"The dots are faint ({contrast:.0f} grey levels): darker dots or more light help directly.")
-    kinds = {one["kind"] for one in events}
     if "bump" in kinds:
         words.append("The camera was moved during the film: fix it, and do not touch the table.")
     if "light" in kinds and "flicker" not in account["frames"]["causes"]:
