@@ -150,7 +150,8 @@ def _has_turned(tracks: MarkerTracks) -> bool:
 
 def _missing_base(result: TrackResult) -> list[str]:
     """Return a warning if the base is mostly not found at its given position: the stick given may be the moving one."""
-    if _has_turned(result.tracks):
+    # Dots that are read as no dots are missing for that reason.
+    if _has_turned(result.tracks) or "base" in result.report["markers"].get("not_on_one_stick", {}):
         return []
     state = result.rows["state"]
     usable = ~np.isin(state, (CODE["dark"], CODE["damaged"])).any(axis=1)
