@@ -95,6 +95,8 @@ def test_a_picture_that_jumps_is_told_as_that(*, moved: bool, tmp_path: Path) ->
     _, angles, told = tracked(film, tmp_path)
     assert not angles.valid[30]
     assert next(iter(told["frames"]["causes"])) == "jump"
+    assert sum("jumps at frame 30" in text for text in told["advice"]) == 1
+    assert not any("keep at least one marker" in text for text in told["advice"])
     assert not any("Exchange base and moving" in text for text in told["advice"])
 
 

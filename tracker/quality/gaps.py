@@ -13,7 +13,7 @@ import numpy as np
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.units import Flags, Ints
-from torsight.core.words.wording import counted
+from torsight.core.words.wording import capital, counted
 from tracker.detect.marker_file import STICKS
 from tracker.detect.moving_part import LOOKED_AT, SHARPER
 from tracker.follow.motion_model import STALE
@@ -261,6 +261,13 @@ def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
         if count > _SECOND * frames["without_angle"]:
             told.append(f"{counted(count, 'frame')} of these have none for another reason: {causes.advice(name)}")
     return told
+
+
+def jump_advice(told: Sequence[str], causes: Causes) -> list[str]:
+    """Return advice on a jump of the picture, unless it is among what is ``told`` already; or none."""
+    if "jump" not in causes.count or any(causes.advice("jump") in text for text in told):
+        return []
+    return [capital(causes.advice("jump"))]
 
 
 def lone_marker_advice(result: TrackResult, angles: StickAngles, *, pictures: Pictures | None = None) -> list[str]:
