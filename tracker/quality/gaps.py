@@ -129,14 +129,14 @@ def find_causes(
     for index, state in zip(unknown.tolist(), states, strict=True):
         if index < first and state == "lost" and late:
             count["late"] += 1
-        elif index in jumped:
-            count["jump"] += 1
         elif state == "dark" and flicker is not None:
             count["flicker"] += 1
         elif state in (*_UNCLEAR, "shadowed") and unlike[index]:
             count["unlike"] += 1
         elif glared and state in (*_UNCLEAR, "shadowed"):
             count["glare"] += 1
+        elif index in jumped:
+            count["jump"] += 1
         elif state in _UNCLEAR:
             unclear.append(index)
         else:
