@@ -21,14 +21,14 @@ brightness and of the light around them (or, with the probability 1 − ``SURE``
 the sticks' lengths, of the moving pair's score as dots on a stick, and of how far the base's score is below it. h_j is
 the density of δ_jj for a stick over that for the line of any two dots. g_ij expects the base's line to the axis to be
 bright where the moving stick's is, at the same distance from the axis: both have one hub. Where only one of the two
-lines reaches, it is evidence neither for a couple nor against it. The distances of both inner dots from the axis are as
-similar as lengths, but with a Cauchy distribution: a base may be a frame around the rig. If the axis lies beyond the
-inner marker of one stick, the probability that it lies between those of the other is only 1 − ``SURE``; so is that of a
-dot on the axis, where sticks have a shaft or a screw, being a marker. These factors apply once the axis is known to
-within a marker's radius.
+lines reaches, it is evidence neither for a couple nor against it. A base dot that is lost, without the moving pair over
+it, counts as one that moves. The distances of both inner dots from the axis are as similar as lengths, but with a
+Cauchy distribution: a base may be a frame around the rig. If the axis lies beyond the inner marker of one stick, the
+probability that it lies between those of the other is only 1 − ``SURE``; so is that of a dot on the axis, where sticks
+have a shaft or a screw, being a marker. These factors apply once the axis is known to within a marker's radius.
 A marker may be none of the dots. That case has the probability of a couple with a misfit of three standard deviations,
-whose moving pair is one marker and a dot as clear as one picture requires: couples that fit worse, or of which one dot
-is less clear than the other, are not certain.
+whose moving pair is one marker and a dot as clear as one picture requires, and need not turn: couples that fit worse,
+or of which one dot is less clear than the other, are not certain.
 As long as nothing turns, the couples are those from the picture alone.
 """
 
@@ -114,14 +114,19 @@ class _Turning:
         return _Turning(*chosen, self.variance_px2[which], self.beside_px[which])
 
 
-def _usual(off_px: Places) -> Floats:
+def _usual(off_px: Places | Floats) -> Floats:
     """Return χ² of markers with residuals (n, …), NaN where they are not seen, in the median of n frames."""
     return np.asarray(_median(np.abs(off_px) ** 2) / STANDS_PX**2)
 
 
 def _stands(places: Places) -> Floats:
     """Return χ² of markers with positions (n, …) as ones at rest."""
-    return _usual(places - _median(places.real) - 1j * _median(places.imag))
+    return _usual(_off_rest(places))
+
+
+def _off_rest(places: Places) -> Places:
+    """Return the residuals of markers with positions (n, …) as ones at rest."""
+    return np.asarray(places - _median(places.real) - 1j * _median(places.imag))
 
 
 def _median(values: Floats) -> Floats:
@@ -226,7 +231,9 @@ class Weighing:
         """
         own, pairs = moving.ends[0], self._pairs
         beside = _beside(places, own, pairs.radius_px)
-        stand = _stands(beside)
+        # A dot at rest is lost as seldom as something else moves, unless the moving pair may lie over it.
+        gone = np.where(np.isnan(places), math.sqrt(LIMITS[1] * shake) * STANDS_PX, np.abs(_off_rest(beside)))
+        stand = _usual(gone)
         # A dot may also be of something else that moves: −2 ln(1 − SURE) is the quantile for two coordinates.
         rest = np.minimum(np.minimum(stand, _carried(beside, moving)), LIMITS[1] * shake)
         rest[own] = 0.0
@@ -250,10 +257,9 @@ class Weighing:
             bounds.append(_Bound(float(score[k]) + self._strips_of(first, second), second, first, axis))
         beside_px2 = pairs.radius_px[own].max() ** 2 + axis.beside_px**2 + axis.variance_px2
         none = 2.0 * CLEARNESS * math.log(pairs.score_by_chance(own))
-        none -= 0.5 * ((moving.turns[0] + rest.sum()) / shake + LIMITS[3] + math.log(beside_px2))
-        # The one marker of such a pair is not on the axis, either.
-        if axis.variance_px2 < pairs.radius_px[own].max() ** 2:
-            none += math.log(1.0 - SURE) * _any_lies_at([self._paths.dots[number] for number in first], axis.place)
+        # Two dots that are of no stick need not turn together.
+        misfit_of_two = min(float(moving.turns[0]) / shake, 2.0 * LIMITS[1])
+        none -= 0.5 * (misfit_of_two + rest.sum() / shake + LIMITS[3] + math.log(beside_px2))
         return bounds, float(none)
 
     def _central(self, pair: tuple[int, int], axis: _Axis) -> float:
@@ -455,8 +461,7 @@ def _circles(places: Places, ends: Ints, size_px: tuple[int, int]) -> _Turning:
 
 def _carried(places: Places, moving: _Turning) -> Floats:
     """Return χ² of markers at positions (n, d) as ones that are carried around by one moving pair."""
-    arms = (places - moving.axis[0]) * np.conj(moving.unit)
-    return _usual(arms - _median(arms.real) - 1j * _median(arms.imag))
+    return _stands((places - moving.axis[0]) * np.conj(moving.unit))
 
 
 def _beside(places: Places, moving: Ints, radius_px: Floats) -> Places:

@@ -32,7 +32,7 @@ from tracker.follow.rotation_axis import STANDS_PX
 from tracker.frames.frame import REPORT_EVERY, Frame, FrameSource
 from tracker.hypotheses import FRAMES, Search, share_read
 from tracker.innovation import SURE
-from tracker.rows import SEEN
+from tracker.rows import HIDDEN, SEEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +278,7 @@ class _Dots:
         self.start = Start(markers, index, None, doubtful=score <= CLEAR, choice=choice)
         self.in_tags = all(_in_tag(luma, marker) for marker in markers)
         # A couple that is certain remains so where light, focus or a hand hides it afterwards.
-        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * read >= 1.0)
+        return score > CLEAR and read > 0.0 and (weighed[0].probability > SURE or 2.0 * self._read >= 1.0)
 
     def _refuted(self, index: int, couple: Couple) -> bool:
         """Return whether a dot of a couple's moving stick is one of the base that an earlier picture is certain of."""
@@ -349,7 +349,15 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
     sticks = given_dots(frame, hints, sticks=(0, 1))
     judged = {name: judge_pair(frame.luma, one.inner, one.outer) for name, one in zip(STICKS, sticks, strict=True)}
     unlike = {name: why for name, why in judged.items() if isinstance(why, str)}
-    return Start(markers_on(frame.luma, *sticks), frame.index, 1, hints=hints, unlike=unlike)
+    start = Start(markers_on(frame.luma, *sticks), frame.index, 1, hints=hints)
+    # Part of a dot, or two dots that touch, are fitted somehow, and then not read.
+    hidden = (start.follower().step(frame)["state"].reshape(2, 2) == HIDDEN).any(axis=1)
+    again = {
+        name: "they are not read as round dots where they were given"
+        for name, not_read in zip(STICKS, hidden, strict=True)
+        if not_read
+    }
+    return replace(start, unlike={**again, **unlike})
 
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:

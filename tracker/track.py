@@ -20,6 +20,7 @@ from torsight.core.tracks import LEAST_SURE, MarkerTracks
 from torsight.core.words.shown import Shown
 from tracker.angle.axis_of_circles import turned_round
 from tracker.angle.camera_motion import unmoved
+from tracker.angle.views import longest_view
 from tracker.checkpoint import RowStore, source_key
 from tracker.couples import Choice
 from tracker.detect.dots import HUGE_PX
@@ -177,10 +178,10 @@ def _lost_as_it_moves(table: NDArray[np.void], start: Start, source: FrameSource
     return NoResultError(
         "the dots that were taken for the markers are lost as the picture moves",
         where=source.name,
-        value=f"all four in {seen.sum()} of {len(seen)} frames; {blur or 'what moves is sharp, and fast'}",
+        value=f"all four in {seen.sum()} of {len(seen)} frames; {blur or 'what moves is sharp'}",
         limit="half of the frames or more",
-        do=f"{SHARPER if blur else 'film more frames a second, or move more slowly'}; if the rings in track.png are on "
-        "something else, pick the markers with 'torsight markers' and name its file with --markers",
+        do="look in track.png: if the rings are on something else, pick the markers with 'torsight markers' and name "
+        f"its file with --markers, else {SHARPER if blur else 'film more frames a second, or move more slowly'}",
     )
 
 
@@ -216,7 +217,7 @@ def told_by_motion(
     """
     # Probabilities, for base and moving stick, that the marker called the inner one is the outer one: the more
     # probable order is used, and the angle is wrong by half a turn if it is not the right one.
-    exchanged = turned_round(unmoved(tracks).tracks, radius_px=radius_px)
+    exchanged = turned_round(unmoved(longest_view(tracks)).tracks, radius_px=radius_px)
     order = [i ^ int(exchanged[i // 2] > 0.5) for i in range(4)]
     base_off, moving_off = np.minimum(exchanged, 1.0 - exchanged).tolist()
     opposite = base_off * (1.0 - moving_off) + moving_off * (1.0 - base_off)

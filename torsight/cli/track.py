@@ -237,6 +237,7 @@ WHY: Final = {
     "speed": "the stick is too fast for the search",
     "focus": "the picture is out of focus",
     "interlaced": "the film is interlaced",
+    "jump": "the picture jumps",
 }
 """Words for the causes of :mod:`tracker.quality.gaps`."""
 

@@ -1,36 +1,39 @@
-"""A picture of the first frame with a grid, the numbered candidates, and the reason for rejecting each.
-
-Figures are drawn without matplotlib's configured backend, which need not be installed. Positions are in pixels of the
-frame, where pixel centres are whole numbers.
-"""
+"""A picture of the first frame with a grid, the numbered candidates, and the reason for rejecting each."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
+import cv2
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from torsight.core.files.figure_file import write_figure
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
-from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, hex_of
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import capital
 from torsight.markers.beginning import SHOWN_PX
+from torsight.markers.sheet import BLACK, WHITE, Sheet, ticks
 
 if TYPE_CHECKING:
-    from tracker.detect.candidates import Sighting
+    from collections.abc import Callable
+
+    from tracker.detect.candidates import Candidate, Sighting
 
 _LINE_CHARACTERS: Final = 98
 """Longest line of the list beside the frame."""
-_DOT: Final = LIGHT["held"]
-_REFUSED: Final = "#cc79a7"
+_LINE_PX: Final = 18
+_LIST_PX: Final = 680
+"""Height of a line of the list, and the list's width."""
+_EDGE_PX: Final = 40
+"""Width of the margin with the title and the grid's numbers."""
+_RING_PX: Final = 9.0
+"""Radius of a marker's ring."""
+_GRID_LINES: Final = 16
+_DOT: Final = rgb(LIGHT["held"])
+_REFUSED: Final = (204, 121, 167)
 """A dot that was not taken; a candidate that is no dot."""
 
 
@@ -50,45 +53,81 @@ def write_preview(
     ``given_px`` by a person, ``named_px`` found automatically (only where it is known which stick moves).
     """
     scale = SHOWN_PX / max(luma.shape)
-    figure = Figure((scale * luma.shape[1] / 100.0, scale * luma.shape[0] / 100.0), dpi=100.0)
-    # The file is as much larger than the frame as the words around it need.
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_title(title, loc="left", fontweight="bold")
-    show_frame(axes, luma)
-    axes.locator_params(nbins=16)
-    axes.tick_params(labelsize="small")
-    axes.grid(color="white", alpha=0.28)
-    axes.set(xlabel="x (px)", ylabel="y (px)")
-    listed = []
+    frame = cv2.resize(luma, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+    said = textwrap.wrap(capital(message or _found_words(seen, named_px)), _LINE_CHARACTERS)
+    said += ["Rings in yellow: the positions that were given."] if given_px is not None else []
+    listed: list[tuple[Colour | None, str]] = [
+        (_colour(one), line) for one in seen.candidates for line in _lines(one)
+    ] or [(None, "no place looks like a dot")]
+    beside = _EDGE_PX + frame.shape[1] + 20
+    rows = max(frame.shape[0] + 30, _LINE_PX * (len(said) + len(listed) + 1))
+    sheet = Sheet(beside + _LIST_PX, _EDGE_PX + rows)
+    sheet.text(title, _EDGE_PX, 24, size=16, bold=True)
+    sheet.pixels[_EDGE_PX : _EDGE_PX + frame.shape[0], _EDGE_PX : _EDGE_PX + frame.shape[1]] = frame[..., None]
+
+    def at(x_px: float, y_px: float) -> Floats:
+        return np.asarray(scale * (np.array([x_px, y_px]) + 0.5) + _EDGE_PX - 0.5)
+
+    _draw_grid(sheet, at, luma.shape[::-1])
+    right, bottom = _EDGE_PX + frame.shape[1], _EDGE_PX + frame.shape[0]
+    corners = [[_EDGE_PX - 1, _EDGE_PX - 1], [right, _EDGE_PX - 1], [right, bottom], [_EDGE_PX - 1, bottom]]
+    sheet.line(np.array([*corners, corners[0]], float), BLACK)
     for one in seen.candidates:
-        colour = _DOT if one.is_dot else _REFUSED
         if not one.taken:
-            reach = max(1.5 * one.radius_px, 4.0)
-            show_ring(axes, (one.x_px, one.y_px), reach, color=colour, linestyle="-" if one.is_dot else ":")
-            show_label(axes, (one.x_px + 0.8 * reach, one.y_px - 0.8 * reach), str(one.number), colour)
-        text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
-        label = textwrap.fill(text, _LINE_CHARACTERS, subsequent_indent=" " * 6)
-        # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
-        listed += axes.plot([], [], "s", color="none" if one.taken else colour, label=label)
-    colours = [BASE_COLOUR, BASE_COLOUR, MOVING_COLOUR, MOVING_COLOUR]
+            reach = scale * max(1.5 * one.radius_px, 4.0)
+            place = at(one.x_px, one.y_px)
+            sheet.ring(place, reach, _colour(one), cross=False)
+            sheet.text(str(one.number), place[0] + 0.8 * reach, place[1] - 0.8 * reach, on=_colour(one))
+    for (x_px, y_px), name, colour in _marks(seen, given_px, named_px):
+        place = at(x_px, y_px)
+        sheet.ring(place, _RING_PX, colour)
+        sheet.text(name, place[0] + 15.0, place[1] - 3.0, on=colour)
+    for number, line in enumerate(said):
+        sheet.text(line, beside, _EDGE_PX + 12 + _LINE_PX * number)
+    for number, (colour_or_none, line) in enumerate(listed, len(said) + 1):
+        top = _EDGE_PX + 12 + _LINE_PX * number
+        if colour_or_none is not None:
+            # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
+            sheet.text("  ", beside, top, on=colour_or_none)
+        sheet.text(line, beside + 16, top)
+    sheet.write(path)
+
+
+def _marks(seen: Sighting, given_px: Floats | None, named_px: Floats | None) -> list[tuple[Floats, str, Colour]]:
+    """Return position, name and colour of every marker that was found or given."""
     names = [name.replace("_", " ") for name in MARKERS]
+    colours = [BASE_COLOUR, BASE_COLOUR, MOVING_COLOUR, MOVING_COLOUR]
+    marks = list[tuple[Floats, str, Colour]]()
     if named_px is not None:
-        show_named(axes, named_px, names, colours)
+        marks += zip(named_px, names, colours, strict=True)
     elif seen.sticks_px is not None:
         sticks = [f"stick {stick} {end}" for stick in (1, 2) for end in ("inner", "outer")]
-        show_named(axes, seen.sticks_px.reshape(4, 2), sticks, colours)
-    said = [textwrap.fill(capital(message or _found_words(seen, named_px)), _LINE_CHARACTERS)]
+        marks += zip(seen.sticks_px.reshape(4, 2), sticks, colours, strict=True)
     if given_px is not None:
-        show_named(axes, given_px, [f"{name}, given" for name in names], [GIVEN_COLOUR] * 4)
-        said.append("Rings in yellow: the positions that were given.")
-    if not seen.candidates:
-        said.append("no place looks like a dot")
-    beside = axes.legend(
-        handles=listed, title="\n".join(said), title_fontsize="small", alignment="left", frameon=False, **TEXT
-    )
-    beside.set_loc("upper left")
-    beside.set_bbox_to_anchor((1.0, 1.0), axes.transAxes)
-    write_figure(path, figure, bbox_inches="tight")
+        marks += [(place, f"{name}, given", GIVEN_COLOUR) for place, name in zip(given_px, names, strict=True)]
+    return marks
+
+
+def _colour(one: Candidate) -> Colour:
+    return _DOT if one.is_dot else _REFUSED
+
+
+def _lines(one: Candidate) -> list[str]:
+    text = f"{one.number:>2}  [{one.x_px:.1f}, {one.y_px:.1f}]  r {one.radius_px:.1f} px: {one.reason or 'marker'}"
+    return textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent=" " * 6)
+
+
+def _draw_grid(sheet: Sheet, at: Callable[[float, float], Floats], size_px: tuple[int, int]) -> None:
+    """Draw lines over the frame with their pixel numbers beside it."""
+    width, height = size_px
+    for number in ticks(0.0, float(width - 1), about=_GRID_LINES):
+        ends = np.array([at(number, -0.5), at(number, height - 0.5)])
+        sheet.tint(np.concatenate([ends, ends[::-1] + np.array([1.0, 0.0])]), WHITE, 0.28)
+        sheet.text(f"{number:g}", ends[1, 0] - 10, ends[1, 1] + 16)
+    for number in ticks(0.0, float(height - 1), about=_GRID_LINES):
+        ends = np.array([at(-0.5, number), at(width - 0.5, number)])
+        sheet.tint(np.concatenate([ends, ends[::-1] + np.array([0.0, 1.0])]), WHITE, 0.28)
+        sheet.text(f"{number:g}", ends[0, 0] - 4, ends[0, 1] + 5, right=True)
 
 
 def _found_words(seen: Sighting, named_px: Floats | None) -> str:
@@ -97,35 +136,3 @@ def _found_words(seen: Sighting, named_px: Floats | None) -> str:
     if named_px is None:
         return "Four markers were found; which stick moves is not seen in the first seconds."
     return "Four markers were found."
-
-
-TEXT: Final[dict[str, Any]] = {"fontsize": "small"}
-"""Style of text beside and on a frame."""
-
-
-def show_frame(axes: Axes, luma: NDArray[Any], *, view_px: tuple[int, int, int, int] | None = None) -> None:
-    """Draw a frame, or the part of it from ``(left, top)`` to before ``(right, bottom)``, over whole axes."""
-    left, top, right, bottom = view_px or (0, 0, luma.shape[1], luma.shape[0])
-    edges = (left - 0.5, right - 0.5, bottom - 0.5, top - 0.5)
-    axes.imshow(luma[top:bottom, left:right], cmap="gray", vmin=0, vmax=255, extent=edges, aspect="auto")
-    # What is drawn on the frame must not widen the axes.
-    axes.autoscale(enable=False)
-
-
-def show_ring(axes: Axes, centre_px: Sequence[float], radius_px: float, **style: Any) -> None:
-    """Draw a circle round a position."""
-    axes.add_patch(Circle((centre_px[0], centre_px[1]), radius_px, fill=False, linewidth=1.5, **style))
-
-
-def show_label(axes: Axes, place_px: Sequence[float], words: str, colour: str, *, offset: float = 0.0) -> None:
-    """Write black text on a coloured box, its lower left corner to the right of a position by an offset in points."""
-    box = {"facecolor": colour, "edgecolor": "none", "pad": 2.0}
-    axes.annotate(words, (place_px[0], place_px[1]), (offset, 2.0), textcoords="offset points", bbox=box, **TEXT)
-
-
-def show_named(axes: Axes, places_px: Floats, names: Sequence[str], colours: Sequence[Colour]) -> None:
-    """Draw positions (n, 2) as rings with a cross and a name."""
-    for place, name, colour in zip(places_px.tolist(), names, map(hex_of, colours), strict=True):
-        axes.plot(*place, "o", color=colour, markersize=13.0, markeredgewidth=1.5, markerfacecolor="none")
-        axes.plot(*place, "+", color=colour)
-        show_label(axes, place, name, colour, offset=11.0)

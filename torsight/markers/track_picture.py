@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
+import cv2
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from torsight.core.files.figure_file import write_figure
 from torsight.core.parameter import REACH
 from torsight.core.series import runs, usual_step
 from torsight.core.tracks import StickAngles
-from torsight.core.units import DEG
-from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, hex_of
+from torsight.core.units import DEG, Floats
+from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, rgb
 from torsight.core.words.wording import counted
-from torsight.markers.preview import TEXT, show_frame, show_named, show_ring
+from torsight.markers.sheet import BLACK, Sheet, ticks
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
@@ -27,13 +25,14 @@ if TYPE_CHECKING:
 
 _OVER_THE_FILM: Final = 4
 """Frames beside the first one and the worst one, evenly spaced up to the last."""
-_PANEL_PX: Final = 420.0
+_PANEL_PX: Final = 420
 """Width of a frame's panel; three of them stand side by side."""
 _SHAPE: Final = 4.0 / 3.0
 """Width over height of the part of a frame that is drawn, where the frame has it."""
-_HEAD_PX: Final = 40.0
-_PLOT_PX: Final = 260.0
+_HEAD_PX: Final = 40
+_PLOT_PX: Final = 260
 """Height of the text above a panel; height of the plot of the angle."""
+_GRID: Final = (225, 225, 225)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,31 +56,29 @@ def write_track_picture(path: Path, source: Source, result: TrackResult, angles:
     """
     shown = chosen_frames(result, angles)
     view = _view(result)
-    tall = min(_PANEL_PX, _PANEL_PX * (view[3] - view[1]) / (view[2] - view[0]))
+    tall = round(min(_PANEL_PX, _PANEL_PX * (view[3] - view[1]) / (view[2] - view[0])))
     rows = (len(shown) + 2) // 3
-    wide, high = 3 * _PANEL_PX + 40.0, _HEAD_PX + rows * (tall + _HEAD_PX) + _PLOT_PX + 90.0
-    figure = Figure((wide / 100.0, high / 100.0), dpi=100.0)
-
-    def part(left: float, top: float, width: float, height: float) -> Axes:
-        return figure.add_axes((left / wide, 1.0 - (top + height) / high, width / wide, height / high))
-
+    wide, high = 3 * _PANEL_PX + 40, _HEAD_PX + rows * (tall + _HEAD_PX) + _PLOT_PX + 90
+    sheet = Sheet(wide, high)
     known = int(angles.valid.sum())
-    title = f"{Path(source.name).name}: {known} of {counted(len(angles), 'frame')} have an angle"
-    figure.suptitle(title, x=0.01, y=1.0 - 10.0 / high, ha="left", fontweight="bold")
+    sheet.text(
+        f"{Path(source.name).name}: {known} of {counted(len(angles), 'frame')} have an angle",
+        12,
+        26,
+        size=17,
+        bold=True,
+    )
     lumas = source.pictures([one.index for one in shown])
     for number, one in enumerate(shown):
         row, column = divmod(number, 3)
-        left, top = 10.0 + column * (_PANEL_PX + 10.0), 2 * _HEAD_PX + row * (tall + _HEAD_PX)
+        left, top = 10 + column * (_PANEL_PX + 10), 2 * _HEAD_PX + row * (tall + _HEAD_PX)
         angle = f"{angles.angle_rad[one.index] / DEG:.2f}°" if angles.valid[one.index] else "no angle"
-        axes = part(left, top, _PANEL_PX, tall)
-        axes.set(xticks=[], yticks=[])
-        below = f"frame {one.index}, {angles.time_s[one.index]:.2f} s: {angle}"
-        axes.set_title(f"{one.why}\n{below}", **TEXT)
-        _draw_frame(axes, lumas.get(one.index), one, result=result, view=view)
-    top = 2 * _HEAD_PX + rows * (tall + _HEAD_PX) - 10.0
-    _draw_angle(part(70.0, top, wide - 90.0, _PLOT_PX), angles, shown)
-    # Quick compression: the usual one takes a quarter of the drawing's time, for a file a quarter smaller.
-    write_figure(path, figure, pil_kwargs={"compress_level": 1})
+        sheet.text(one.why, left, top - 21)
+        sheet.text(f"frame {one.index}, {angles.time_s[one.index]:.2f} s: {angle}", left, top - 5)
+        _draw_frame(sheet, lumas.get(one.index), one, result=result, view=view, place=(left, top, _PANEL_PX, tall))
+    top = 2 * _HEAD_PX + rows * (tall + _HEAD_PX) - 10
+    _draw_angle(sheet, angles, shown, place=(80, top, wide - 100, _PLOT_PX))
+    sheet.write(path)
 
 
 def chosen_frames(result: TrackResult, angles: StickAngles) -> list[Shown]:
@@ -139,42 +136,91 @@ def _view(result: TrackResult) -> tuple[int, int, int, int]:
 
 
 def _draw_frame(
-    axes: Axes, luma: NDArray[np.uint8] | None, one: Shown, *, result: TrackResult, view: tuple[int, int, int, int]
+    sheet: Sheet,
+    luma: NDArray[np.uint8] | None,
+    one: Shown,
+    *,
+    result: TrackResult,
+    view: tuple[int, int, int, int],
+    place: tuple[int, int, int, int],
 ) -> None:
+    """Draw the part ``view`` of a frame at a place (left, top, width, height), and the markers as read."""
+    left, top, width, height = place
     if luma is None:
-        axes.text(0.5, 0.5, "this frame cannot be decoded", ha="center", transform=axes.transAxes)
+        sheet.text("this frame cannot be decoded", left + 0.3 * width, top + 0.5 * height)
         return
-    show_frame(axes, luma, view_px=view)
-    radius = float(result.report["markers"]["radius_px"])
-    read = np.where(result.tracks.valid[one.index, :, None], result.tracks.position_px[one.index], np.nan)
-    for stick, colour in ((read[:2], hex_of(BASE_COLOUR)), (read[2:], hex_of(MOVING_COLOUR))):
-        axes.plot(*stick.T, "+-", color=colour, linewidth=0.8, markersize=5.0)
-        for place in stick[np.isfinite(stick).all(axis=1)].tolist():
-            show_ring(axes, place, 1.6 * radius, color=colour)
+    part = luma[view[1] : view[3], view[0] : view[2]]
+    drawn = cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR)
+    sheet.pixels[top : top + height, left : left + width] = drawn[..., None]
+    larger = np.array([width / part.shape[1], height / part.shape[0]])
+
+    def at(points: Floats) -> Floats:
+        # A pixel's centre lies half a pixel from its edge.
+        return np.asarray((points + 0.5 - view[:2]) * larger - 0.5 + (left, top))
+
+    radius = 1.6 * float(result.report["markers"]["radius_px"]) * float(larger[0])
+    read = result.tracks.position_px[one.index]
+    valid = result.tracks.valid[one.index]
+    for first, colour in ((0, BASE_COLOUR), (2, MOVING_COLOUR)):
+        stick = read[first : first + 2][valid[first : first + 2]]
+        sheet.line(at(stick), colour)
+        for marker in stick:
+            sheet.ring(at(marker), radius, colour)
     if one.index == 0:
         # The dots that may equally be the markers.
         taken = result.report["markers"].get("taken", {})
         for rival in result.report["markers"].get("rivals", []):
             for name in ("base", "moving"):
-                if rival[name] != taken[name]:
-                    show_named(axes, np.array(rival[name]), [f"or {name}"] * 2, [GIVEN_COLOUR] * 2)
+                for other in at(np.array(rival[name])) if rival[name] != taken[name] else ():
+                    sheet.ring(other, 9.0, GIVEN_COLOUR)
+                    sheet.text(f"or {name}", other[0] + 12.0, other[1] - 4.0)
 
 
-def _draw_angle(axes: Axes, angles: StickAngles, shown: list[Shown]) -> None:
+def _bounds(values: Floats) -> tuple[float, float]:
+    """Return bounds of the finite values, with a margin."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    room = 0.05 * (high - low) or 0.5
+    return low - room, high + room
+
+
+def _draw_angle(sheet: Sheet, angles: StickAngles, shown: list[Shown], *, place: tuple[int, int, int, int]) -> None:
     """Draw the angle over time, its 95 % interval, the gaps as bands, and the times of the frames above."""
-    time_s, angle_deg = angles.time_s, np.where(angles.valid, angles.angle_rad, np.nan) / DEG
-    band, colour = REACH * angles.sigma_rad / DEG, LIGHT["after"]
-    axes.plot(time_s, angle_deg, color=colour, linewidth=0.8, label="angle, with its 95 % interval")
-    axes.fill_between(time_s, angle_deg - band, angle_deg + band, color=colour, alpha=0.25, linewidth=0.0)
-    half, gaps = 0.5 * (usual_step(time_s) or 1.0), runs(~angles.valid)
-    spans = [(time_s[begin] - half, time_s[end - 1] - time_s[begin] + 2.0 * half) for begin, end in gaps]
-    if spans:
-        style: dict[str, Any] = {"facecolor": LIGHT["before"], "alpha": 0.3, "transform": axes.get_xaxis_transform()}
-        axes.broken_barh(spans, (0.0, 1.0), label=f"no angle ({counted(int((~angles.valid).sum()), 'frame')})", **style)
+    left, top, width, height = place
+    angle_deg = np.where(angles.valid, angles.angle_rad, np.nan) / DEG
+    band = REACH * angles.sigma_rad / DEG
+    times = _bounds(angles.time_s)
+    # A turn that is not certain would leave nothing else to see.
+    narrow = np.where(angles.branch_certain, band, 0.0)
+    values = _bounds(np.concatenate([angle_deg - narrow, angle_deg + narrow]))
+
+    def at(time_s: Floats, value: Floats) -> Floats:
+        x = left + width * (np.asarray(time_s) - times[0]) / (times[1] - times[0])
+        y = top + height * (values[1] - np.clip(value, *values)) / (values[1] - values[0])
+        return np.column_stack([x, y])
+
+    for number in ticks(*times):
+        ends = at(np.full(2, number), np.array(values))
+        sheet.line(ends, _GRID)
+        sheet.text(f"{number:g}", ends[0, 0] - 8, top + height + 18)
+    for number in ticks(*values):
+        ends = at(np.array(times), np.full(2, number))
+        sheet.line(ends, _GRID)
+        sheet.text(f"{number:g}°", left - 6, ends[0, 1] + 5, right=True)
+    half, colour, gone = 0.5 * (usual_step(angles.time_s) or 1.0), rgb(LIGHT["after"]), rgb(LIGHT["before"])
+    for begin, end in runs(~angles.valid):
+        corners = at(np.array([angles.time_s[begin] - half, angles.time_s[end - 1] + half]), np.array(values))
+        sheet.tint(corners[[0, 0, 1, 1]][:, [0, 1]] * [1, 0] + corners[[0, 1, 1, 0]] * [0, 1], gone, 0.3)
+    for begin, end in runs(angles.valid):
+        part = np.s_[begin:end]
+        low, high = (at(angles.time_s[part], angle_deg[part] + sign * band[part]) for sign in (-1.0, 1.0))
+        sheet.tint(np.concatenate([low, high[::-1]]), colour, 0.25)
+        sheet.line(at(angles.time_s[part], angle_deg[part]), colour)
     for one in shown:
-        axes.axvline(time_s[one.index], color="black", linewidth=0.8, linestyle="--" if one is shown[-1] else ":")
-    axes.margins(x=0.01)
-    axes.tick_params(labelsize="small")
-    axes.grid(color="0.9")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, **TEXT)
-    axes.set(xlabel="time (s); dotted: the frames above, dashed: the worst one", ylabel="angle (°)")
+        x = float(at(angles.time_s[[one.index]], np.array([values[0]]))[0, 0])
+        sheet.dashed(x, top, top + height, dash=6 if one is shown[-1] else 2)
+    sheet.line(np.array([[left, top], [left, top + height], [left + width, top + height]], float), BLACK)
+    lost = int((~angles.valid).sum())
+    gaps = f"; shaded: no angle ({counted(lost, 'frame')})" if lost else ""
+    sheet.text(f"angle, with its 95 % interval{gaps}", left + 8, top - 6)
+    sheet.text("time (s); dotted: the frames above, dashed: the worst one", left + 0.33 * width, top + height + 40)

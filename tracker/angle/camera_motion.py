@@ -10,7 +10,7 @@ its own noise nothing is subtracted: that would only add the base's noise to the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,7 @@ _BUMP_PX: Final = 1.5 * SHAKE_PX
 shaking that the tracker is required to bear."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Unmoved:
+class Unmoved(NamedTuple):
     """The markers as a fixed camera would have seen them.
 
     ``tracks`` have the camera's shift and change of scale removed. While the base is hidden, the variance of the shift

@@ -10,18 +10,20 @@ import numpy as np
 from torsight.core.errors import NoResultError
 from torsight.core.optics.axis import Axis, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Camera, Intrinsics, Pose, require_size
-from torsight.core.optics.geometry import carried, on_plane, rotation_matrix
+from torsight.core.optics.geometry import carried as carried_by
+from torsight.core.optics.geometry import on_plane, rotation_matrix
 from torsight.core.parallel.threads import one_thread
 from torsight.core.series import bridged, known_median
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
-from tracker.angle.camera_motion import Unmoved, flattened, unmoved
+from tracker.angle.camera_motion import flattened, unmoved
 from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, from_plane, scaled, stick_witness, variance_by
+from tracker.angle.plane import Orientation, from_plane, joined_errors, scaled, stick_errors, stick_witness, variance_by
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt.estimate import fit_tilt
 from tracker.angle.tilt.models import KNOWN, Tilt
 from tracker.angle.tilt.paths import rectify
+from tracker.angle.views import in_one_plane, joined, views_of
 from tracker.stick_direction import Points
 
 
@@ -45,14 +47,13 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
     ConfigError
         When the camera file is for another picture size.
     """
-    readout = Readout.of(tracks)
     if camera is None:
-        return _without_camera(unmoved(tracks, pixel_aspect=pixel_aspect), readout, pixel_aspect)
+        return _without_camera(tracks, pixel_aspect)
     require_size(camera, tracks.size_px, film="the film")
-    still, pose = unmoved(tracks, camera.intrinsics), camera.pose
-    tracks, open_rad2 = still.tracks, np.zeros(len(tracks))
+    still, pose, readout = unmoved(tracks, camera.intrinsics), camera.pose, Readout.of(tracks)
+    open_rad2 = np.zeros(len(tracks))
     if pose is not None:
-        method = "camera file: rays met with each stick's plane"
+        tracks, method = still.tracks, "camera file: rays met with each stick's plane"
         tilt = {"known": True, "from": "the camera file", "tilt_deg": _tilt_deg(pose)}
     else:
         paths = still.paths
@@ -60,8 +61,8 @@ def orient(tracks: MarkerTracks, camera: Camera | None, *, pixel_aspect: float =
             axis = axis_in_picture(paths.position_px[:, 2:], paths.covariance_px2[:, 2:], camera.intrinsics)
         except NoResultError:
             # Too little motion to determine the axis: the lens is corrected, the tilt stays unknown.
-            return _without_camera(still, readout, pixel_aspect, intrinsics=camera.intrinsics)
-        method = "lens file, axis from the markers' own ellipses"
+            return _without_camera(tracks, pixel_aspect, intrinsics=camera.intrinsics)
+        tracks, method = still.tracks, "lens file, axis from the markers' own ellipses"
         pose, open_rad2 = pose_from_axis(axis), _axis_variance(tracks, camera.intrinsics, axis)
         tilt = _tilt_by_lens(axis, open_rad2)
     plane, position_mm = in_planes(tracks, camera.intrinsics, pose)
@@ -109,28 +110,62 @@ def _against_still(points: list[Floats]) -> Floats:
     return np.asarray(np.arctan2(moving[:, 1], moving[:, 0]) - still)
 
 
-def _without_camera(
-    still: Unmoved, readout: Readout, pixel_aspect: float, *, intrinsics: Intrinsics | None = None
-) -> Orientation:
-    """Return the orientation in the picture's plane, corrected for tilt where the markers' paths determine it."""
-    flat = _in_half_widths(still.tracks, pixel_aspect, intrinsics)
-    paths = _in_half_widths(still.paths, pixel_aspect, intrinsics)[2:]
-    scale = stick_witness(flat[2:], in_motion(still.tracks.position_px[:, 2:])).scale
-    inner, outer = (scaled(points, scale) for points in paths)
-    tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.tracks.size_px[0])
-    places, slopes = _from_above(flat, tilt.values, readout)
-    plane = [(at, carried(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """A view without a camera file: its tracks as by a fixed camera, the markers' plane, its tilt, and variances."""
+
+    still: MarkerTracks
+    plane: list[Points]
+    tilt: Tilt
+    readout: Readout
+    variance_rad2: Floats
+
+    @classmethod
+    def of(cls, tracks: MarkerTracks, pixel_aspect: float, intrinsics: Intrinsics | None, *, carried: bool) -> _Seen:
+        """Return the view, in the picture's plane, corrected for tilt where the markers' paths determine it."""
+        still = paths = tracks
+        if carried:
+            # No tilt explains the paths.
+            paths = replace(tracks, position_px=np.full_like(tracks.position_px, np.nan))
+        else:
+            still, paths, *_ = unmoved(tracks, intrinsics, pixel_aspect=pixel_aspect)
+        flat, readout = _in_half_widths(still, pixel_aspect, intrinsics), Readout.of(tracks)
+        scale = stick_witness(flat[2:], in_motion(still.position_px[:, 2:])).scale
+        inner, outer = (scaled(points, scale) for points in _in_half_widths(paths, pixel_aspect, intrinsics)[2:])
+        tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.size_px[0])
+        places, slopes = _from_above(flat, tilt.values, readout)
+        plane = [(at, carried_by(own[1], by)) for at, own, by in zip(places, flat, slopes, strict=True)]
+        return cls(still, plane, tilt, readout, _variance(flat, tilt, readout))
+
+
+def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: Intrinsics | None = None) -> Orientation:
+    """Return the orientation in the picture's plane, corrected for the tilt of each view."""
+    views = views_of(tracks)
+    parts = [_Seen.of(one.of(tracks), pixel_aspect, intrinsics, carried=one.carried) for one in views]
+    longest = max(range(len(views)), key=lambda k: (not views[k].carried, views[k].end - views[k].first))
+    main, errors = parts[longest], None
+    still, plane, variance = main.still, main.plane, main.variance_rad2
+    if len(parts) > 1:
+        # Lengths are those of one view, and change while the camera is carried.
+        own = [
+            None if view.carried else stick_errors(one.still, one.plane, across=one.tilt.across)
+            for view, one in zip(views, parts, strict=True)
+        ]
+        errors = joined_errors(own, [view.end - view.first for view in views], longest)
+        still, plane = joined([one.still for one in parts]), in_one_plane(views, [one.plane for one in parts])
+        variance = np.concatenate([one.variance_rad2 for one in parts])
     found = from_plane(
-        still.tracks,
+        still,
         plane,
         position_mm=None,
         method="no camera file: the picture's plane, corrected for tilt"
-        if tilt.known
+        if main.tilt.known
         else "no camera file: the picture's plane, its tilt unknown",
-        across=tilt.across,
-        systematic_rad2=_variance(flat, tilt, readout),
+        across=main.tilt.across,
+        systematic_rad2=variance,
+        errors=errors,
     )
-    return found.with_report(tilt=tilt.report(), rolling_shutter=_rolling_report(tilt, readout))
+    return found.with_report(tilt=main.tilt.report(), rolling_shutter=_rolling_report(main.tilt, main.readout))
 
 
 def _from_above(flat: list[Points], values: Floats, readout: Readout) -> tuple[list[Floats], list[Floats]]:
@@ -221,6 +256,6 @@ def in_planes(
     position_mm = np.full((len(tracks), 4, 3), np.nan)
     for marker, z_mm in enumerate(height_mm.tolist()):
         found, slopes = on_plane(tracks.position_px[:, marker], intrinsics, pose=pose, z_mm=z_mm)
-        plane.append((found[:, :2], carried(tracks.covariance_px2[:, marker], slopes)))
+        plane.append((found[:, :2], carried_by(tracks.covariance_px2[:, marker], slopes)))
         position_mm[:, marker] = found
     return plane, position_mm

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -89,13 +89,15 @@ def from_plane(
     method: str,
     across: float = 1.0,
     systematic_rad2: Floats | None = None,
+    errors: StickErrors | None = None,
 ) -> Orientation:
     """Return the angle from the markers' positions in planes across the axis.
 
     ``across`` is the ratio of the errors across the moving stick to those along it, which its length shows;
     ``systematic_rad2`` (n,) is variance of the angle that the positions do not show, such as by an unknown tilt.
+    ``errors`` are those of the positions, by default from the lengths of the sticks over the whole film.
     """
-    errors = stick_errors(tracks, plane, across=across)
+    errors = errors or stick_errors(tracks, plane, across=across)
     base_scale, scale = errors.scale.T
     base_rad, base_variance = stick_direction(plane[0], plane[1])
     base_rad[errors.base.outlier] = np.nan
@@ -150,6 +152,30 @@ def stick_errors(tracks: MarkerTracks, plane: list[Points], *, across: float = 1
     of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, hidden))
     of_moving = across * np.where(moves, moving.scale, moving.still)
     return StickErrors(base, moving, np.stack([of_base, of_moving], axis=1))
+
+
+def joined_errors(parts: Sequence[StickErrors | None], counts: Sequence[int], main: int) -> StickErrors:
+    """Return the errors in successive parts of a film, of which ``main`` is the longest, with their frames' ``counts``.
+
+    Where a part has none they are as in the main one.
+    """
+    found, usual = [one or parts[main] for one in parts], parts[main]
+    assert usual is not None  # noqa: S101 - for the type checker: the longest part has errors
+
+    def whole(stick: int) -> LengthWitness:
+        own = [(one.base, one.moving)[stick] if one else None for one in parts]
+        flags = [
+            np.zeros(count, np.bool_) if one is None else one.outlier for one, count in zip(own, counts, strict=True)
+        ]
+        left = [np.zeros(count) if one is None else one.residual for one, count in zip(own, counts, strict=True)]
+        return replace((usual.base, usual.moving)[stick], residual=np.concatenate(left), outlier=np.concatenate(flags))
+
+    scale = [
+        np.broadcast_to(np.median(one.scale, axis=0), (count, 2)) if part is None else one.scale
+        for one, part, count in zip(found, parts, counts, strict=True)
+        if one is not None
+    ]
+    return StickErrors(whole(0), whole(1), np.concatenate(scale))
 
 
 def moving_direction(plane: list[Points], scale: Floats, *, outlier: Flags | None = None) -> Moving:

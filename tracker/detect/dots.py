@@ -264,7 +264,9 @@ def _places_of(levels: Levels, radius_px: float) -> Floats:
         / side**2
         for sums in cv2.integral2(level, sdepth=cv2.CV_64F)
     )
-    clear = np.abs(like) ** 8 * np.maximum(square - mean**2, 0.0) ** 0.25
+    variance = np.maximum(square - mean**2, 0.0)
+    clear = np.abs(like) ** 8 * variance**0.25
     size = np.full(len(rows), radius_px)
     found = np.stack([clear, (columns + half) / scale, (rows + half) / scale, size, np.sign(like)], axis=1)
-    return np.asarray(found[np.isfinite(like)])
+    # The disc's step by regression; of a dot whose radius or place is between those tried, as much as correlates.
+    return np.asarray(found[np.abs(like) * np.sqrt(variance) > _LIKELY * FAINTEST * float(pattern.std())])

@@ -1,18 +1,21 @@
-"""Shift and roll of the picture since the start, from the base or from the moving stick's circles (compiled)."""
+"""Motion of the picture since the start, from the base or from the moving stick's circles (compiled).
+
+The picture is shifted, rolled and scaled: a position z is carried to turn · z + step, in the complex plane. The state
+holds the shift alone; where turn differs from 1 the present picture becomes the new start.
+"""
 
 from __future__ import annotations
 
-import cmath
 import math
 from typing import Final
 
 import numpy as np
 
-from torsight.core.compiled import compiled, copy_to, internal, lending, shared
+from torsight.core.compiled import compiled, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
-from tracker.follow.rotation_axis import OFF_CIRCLE_PX, arm_px, carry_axis, folded, on_circle
+from tracker.follow.rotation_axis import OFF_CIRCLE_PX, arm_px, carry_axis, on_circle
 from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
 from tracker.rows import SEEN
@@ -23,8 +26,8 @@ to follow."""
 _STEP_PX2: Final = 2.0 * SHAKE_PX**2
 """Variance of the change of that shift from one frame to the next, if both are independent."""
 TURN_RAD: Final = math.radians(0.7)
-"""Standard deviation of the base's direction while nothing confirms that the camera was rolled; a larger roll is
-included in the state."""
+"""Standard deviation of the base's turn from one frame to the next, as a hand rolls a camera; a turn or a relative
+change of scale that is larger than this makes the present picture the new start."""
 OFF_CIRCLE: Final = 0.1
 """Three standard deviations of a marker's distance from its axis, relative, in addition to those in px: perspective."""
 KNOWN: Final = 2
@@ -58,7 +61,13 @@ def circle_sigma_px(away_px: float, varies: float) -> float:
 @shared
 def own_circle_sigma_px(own: Record, end: int) -> float:
     """Return the standard deviation, px, of the distance to the axis of a stick's marker; ``own`` is a STICK."""
-    return circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0)
+    return math.hypot(circle_sigma_px(arm_px(own.axis, end), own.longest / own.shortest - 1.0), own.axis.sigma)
+
+
+@lending
+def beyond(own: Record, length: float) -> float:
+    """Return by how much a length, px at the scale of the start, lies outside a stick's bounds; negative inside."""
+    return max(length - own.longest, own.shortest - length)  # type: ignore[no-any-return]
 
 
 @shared
@@ -98,7 +107,6 @@ def find_shift(scene: Scene) -> bool:
     It is measured on the base, or on the moving stick's circles while the base is not seen.
     """
     rig, i = scene.rig[0], 2 - 2 * scene.rig[0].moving
-    copy_to(rig.shift_now, rig.shift)
     if base_shift(scene.readings[i : i + 2], rig.zero, rig.shift_now):
         return True
     off = np.empty((2, 2))
@@ -128,31 +136,34 @@ def circles_off(scene: Scene, out: Floats) -> bool:
 
 
 @shared
-def roll_of(scene: Scene, a: Point, b: Point) -> float:
-    """Return the roll of the picture for a base with its markers at two positions."""
-    start_rad = scene.sticks[1 - scene.rig[0].moving].start_rad
-    return folded(math.atan2(b[1] - a[1], b[0] - a[0]) - start_rad)
+def turn_of(scene: Scene, a: Point, b: Point) -> complex:
+    """Return the picture's turn, exp(i roll) times its scale, for a base with its markers at two positions."""
+    zero = scene.rig[0].zero
+    return complex(b[0] - a[0], b[1] - a[1]) / complex(zero[1, 0] - zero[0, 0], zero[1, 1] - zero[0, 1])
 
 
 @compiled
-def goes_with_picture(scene: Scene, shift: Floats, roll_rad: float) -> bool:
-    """Return whether the moving stick's circles are consistent with a shift (2,) and a roll measured on the base.
+def goes_with_picture(scene: Scene, shift: Floats, turn: complex) -> bool:
+    """Return whether the moving stick's circles are consistent with a shift (2,) and a turn measured on the base.
 
-    The picture moves as a whole: dots that moved differently are not the base. The roll is not known where the shift
-    comes from one dot. True while the circles are not known.
+    The picture moves as a whole: dots that moved differently are not the base. The turn is not known where the shift
+    comes from one dot, and is 1 then. True while the circles are not known.
     """
     rig, own, off = scene.rig[0], scene.sticks[scene.rig[0].moving], np.empty((2, 2))
     if not circles_off(scene, off):
         return True
-    x, y = own.axis.centre[0] - middle_of(rig.zero[:, 0]), own.axis.centre[1] - middle_of(rig.zero[:, 1])
-    cos, sin = math.cos(roll_rad), math.sin(roll_rad)
-    expected = (shift[0] + cos * x - sin * y - x, shift[1] + sin * x + cos * y - y)
-    rolled_px = TURN_RAD * math.hypot(x, y)
-    found = 0.0
+    axis = complex(own.axis.centre[0], own.axis.centre[1])
+    away = axis - complex(middle_of(rig.zero[:, 0]), middle_of(rig.zero[:, 1]))
+    common, rolled_px, found, i = (turn - 1.0) * away, TURN_RAD * abs(away), 0.0, 2 * rig.moving
     for end in range(2):
-        apart = (off[end, 0] - expected[0]) ** 2 + (off[end, 1] - expected[1]) ** 2
-        found += apart / (own_circle_sigma_px(own, end) ** 2 + rolled_px**2)
-    return passes(found, 4)
+        reading, moved = scene.readings[i + end], complex(off[end, 0] - shift[0], off[end, 1] - shift[1])
+        on_circle_px = complex(reading.x - off[end, 0], reading.y - off[end, 1]) - axis
+        apart = abs(moved - common - (abs(turn) - 1.0) * on_circle_px)
+        found += apart**2 / (own_circle_sigma_px(own, end) ** 2 + rolled_px**2)
+    # Both sticks have one scale: a base that is longer because one of its markers slides is not followed.
+    (ax, ay), (bx, by), size = at(scene, i), at(scene, i + 1), own.size * abs(turn)
+    beyond_px = max(size * beyond(own, math.hypot(bx - ax, by - ay) / size), 0.0)
+    return passes(found, 4) and passes((beyond_px / circle_sigma_px(own.longest, 0.0)) ** 2, 1)
 
 
 @lending
@@ -162,32 +173,45 @@ def middle_of(ends: Floats) -> float:
 
 
 @compiled
-def take_roll(scene: Scene, a: Point, b: Point) -> None:
-    """Make the present picture the new reference, by the roll and shift of a base with its markers at two positions.
+def take_turn(scene: Scene, a: Point, b: Point) -> None:
+    """Make the present picture the new start, by the turn and shift of a base with its markers at two positions.
 
     All stored positions refer to the picture at the start, with a shift alone: they are transformed.
     """
     rig, moving = scene.rig[0], scene.rig[0].moving
-    roll_rad = roll_of(scene, a, b)
-    turn = cmath.exp(1j * roll_rad)
+    turn, size = turn_of(scene, a, b), abs(turn_of(scene, a, b))
     middle = complex(middle_of(rig.zero[:, 0]), middle_of(rig.zero[:, 1]))
     step = 0.5 * (complex(a[0], a[1]) + complex(b[0], b[1])) - turn * middle
-    carry_axis(scene.sticks[moving].axis, turn, step)
+    own = scene.sticks[moving]
+    carry_axis(own.axis, turn, step)
+    own.length, own.size = size * own.length, size * own.size
     for end in range(2):
         carry(rig.zero[end], turn, step)
         marker = scene.markers[2 * moving + end]
         for k in range(marker.count):
             carry(marker.history[k, 1:], turn, step)
     carry(rig.offset, turn, 0j)
-    scene.sticks[1 - moving].start_rad += roll_rad
-    rig.last_rad = scene.sticks[1 - moving].start_rad
+    for index in range(len(scene.markers)):
+        shape = scene.markers[index].shape
+        shape.radius, shape.strip = size * shape.radius, size * shape.strip
+        for side in range(2):
+            shape.edges[side] *= size
+        scene.markers[index].first_radius *= size
+        forget(scene.looks[index][2])
     rig.shift[:] = 0.0
     rig.shift_now[:] = 0.0
     rig.anchor[:] = 0.0
 
 
 @lending
+def forget(systems: Record) -> None:
+    """Empty a marker's cache: its shape has changed."""
+    for slot in range(len(systems)):
+        systems[slot].filled = 0
+
+
+@lending
 def carry(place: Floats, turn: complex, step: complex) -> None:
-    """Rotate a position (2,) about the picture's corner, and shift it, in place."""
+    """Turn a position (2,) about the picture's corner, and shift it, in place."""
     now = turn * complex(place[0], place[1]) + step
     place[0], place[1] = now.real, now.imag

@@ -13,12 +13,11 @@ from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
 from tracker.appearance.motion_blur import shutter_limits
 from tracker.checkpoint import Kept
-from tracker.detect.sticks import crossing_point
 from tracker.follow.frame_step import DONE, START, advance
 from tracker.follow.learning import skip
 from tracker.follow.marker import Marker
 from tracker.follow.redetect import direction, place_of, redetect
-from tracker.follow.rotation_axis import suppose_axis
+from tracker.follow.rotation_axis import learn_axis, suppose_axis
 from tracker.follow.state import Scene, state_type
 
 
@@ -40,11 +39,13 @@ class DotState(Kept):
         self.scene.rig["moving"] = -1
         for stick, own in enumerate(self.scene.sticks):
             own["length"] = own["shortest"] = own["longest"] = math.dist(*self.ends(stick))
-            own["start_rad"], own["still"] = direction(*self.ends(stick)), still
+            own["size"], own["start_rad"], own["still"] = 1.0, direction(*self.ends(stick)), still
             own["axis"]["last_rad"] = math.nan
         if len(self.scene.sticks) > 1:
             for stick in (0, 1):
-                self._suppose_axis(stick, self.ends(1 - stick))
+                own = self.scene.sticks[stick]["axis"]
+                suppose_axis(own, self.ends(1 - stick), self.ends(stick), self.radius_px)
+                learn_axis(own, *self.ends(stick))
 
     def ends(self, stick: int) -> tuple[Point, Point]:
         """Return the positions of both markers of a stick, px."""
@@ -80,16 +81,9 @@ class DotState(Kept):
         one, two = (_seen_last(marker) for marker in scene.markers[2 - 2 * moving : 4 - 2 * moving])
         ends = (one, two)
         rig, base = scene.rig[0], scene.sticks[1 - moving]
-        rig["moving"], rig["zero"], rig["last_rad"] = moving, ends, direction(*ends)
-        base["still"], base["start_rad"] = True, rig["last_rad"]
-        self._suppose_axis(moving, ends)
-
-    def _suppose_axis(self, stick: int, other: tuple[Point, Point]) -> None:
-        """Set the first guess of a stick's axis: the point where its line crosses that of the other stick."""
-        centre = crossing_point(*other, *self.ends(stick))
-        if centre is not None:
-            # Markers lie on the middle line of a stick to within their radius.
-            suppose_axis(self.scene.sticks[stick]["axis"], *centre, self.radius_px)
+        rig["moving"], rig["zero"], rig["last"], rig["off"] = moving, ends, ends, 0.0
+        base["still"], base["start_rad"] = True, direction(*ends)
+        suppose_axis(scene.sticks[moving]["axis"], ends, self.ends(moving), self.radius_px)
 
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Follow the markers into the next frame and return their readings, which the next frame overwrites.

@@ -6,7 +6,7 @@ stage: :mod:`tracker.follow.redetect` searches for the stick, and the step is re
 
 from __future__ import annotations
 
-from torsight.core.compiled import compiled, copy_to, internal, shared
+from torsight.core.compiled import compiled, internal, shared
 from tracker.appearance.lucas_kanade import Luma
 from tracker.follow.camera_state import KNOWN, find_shift, seen
 from tracker.follow.judgement import covers, judge_base, judge_moving, judge_pair, note_covered
@@ -70,7 +70,6 @@ def advance(scene: Scene, luma: Luma, time_s: float, stage: int) -> int:
     """Process a frame from a stage on; return the stage at which it is interrupted, or ``DONE``."""
     rig = scene.rig[0]
     if stage == START:
-        copy_to(rig.shift_now, rig.shift)
         predict(scene, time_s)
         read_all(scene, luma)
     for stop in (FIRST, SECOND):

@@ -18,19 +18,19 @@ from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
 from tracker.follow.camera_state import (
     KNOWN,
-    OFF_CIRCLE,
     SHAKE_PX,
     TURN_RAD,
     at,
     base_shift,
+    beyond,
     circle_misfit,
     circles_off,
     goes_with_picture,
-    roll_of,
     seen,
+    turn_of,
 )
 from tracker.follow.motion_model import STALE, is_base
-from tracker.follow.rotation_axis import OFF_CIRCLE_PX, STANDS_PX, turned
+from tracker.follow.rotation_axis import STANDS_PX, turned
 from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
 from tracker.rows import HIDDEN, LOST, SEEN, SHADOWED
@@ -95,15 +95,13 @@ def _length_misfit(own: Record, length: float, lost: int) -> float:
     """Return the deviation of a distance between a stick's markers from the expected one, in standard deviations.
 
     In an oblique view the length changes as the stick turns: by more, the longer the stick was not seen, but within the
-    bounds observed so far. The length of the base may change slowly, by refocusing of the lens, and stays near that at
-    the start.
+    bounds observed so far. That of the base changes with the camera's distance alone.
     """
     off = abs(length - own.length)
     if own.still:
-        drift = abs(length - own.shortest) / (OFF_CIRCLE * own.shortest + OFF_CIRCLE_PX)
-        return SIGMAS * max(off / (_LENGTH_PX + _LENGTH * own.length), drift)  # type: ignore[no-any-return]
+        return SIGMAS * off / (_LENGTH_PX + _LENGTH * own.length)  # type: ignore[no-any-return]
     if lost > 0:
-        off = min(off, max(length - own.longest, own.shortest - length, 0.0))
+        off = min(off, own.size * max(beyond(own, length / own.size), 0.0))
     share = _LENGTH * (1.0 + 0.5 * min(lost, STALE))
     return SIGMAS * off / (_LENGTH_PX + share * own.length)  # type: ignore[no-any-return]
 
@@ -132,12 +130,12 @@ def rigid_misfit(own: Record, shift: Floats, a: Point, b: Point, lost: int, expe
 
 
 @shared
-def sure_misfit(rig: Record, a: Point, b: Point) -> float:
+def sure_misfit(base: Record, a: Point, b: Point) -> float:
     """Return the base's turn since the moving stick was last seen elsewhere, in standard deviations.
 
-    A moving stick that is not seen may lie anywhere, even over the base.
+    A moving stick that is not seen may lie anywhere, even over the base; ``base`` is a STICK.
     """
-    return turned(math.atan2(b[1] - a[1], b[0] - a[0]), rig.last_rad) / SURE_RAD
+    return turned(math.atan2(b[1] - a[1], b[0] - a[0]), base.start_rad) / SURE_RAD
 
 
 @shared
@@ -160,7 +158,7 @@ def judge_pair(scene: Scene, stick: int) -> None:
     expected_px = math.hypot(q[0] - p[0], q[1] - p[1])
     found, freedom = rigid_misfit(scene.sticks[stick], rig.shift_now, a, b, lost, expected_px)
     if is_base(rig, stick) and rig.anchored:
-        found, freedom = found + sure_misfit(rig, a, b) ** 2, freedom + 1
+        found, freedom = found + sure_misfit(scene.sticks[stick], a, b) ** 2, freedom + 1
     if passes(found, freedom):
         return
     off_a, off_b = math.hypot(a[0] - p[0], a[1] - p[1]), math.hypot(b[0] - q[0], b[1] - q[1])
@@ -215,15 +213,11 @@ def judge_base(scene: Scene) -> bool:
         copy_to(rig.anchor, rig.shift)
     rig.anchored = not elsewhere
     judge_pair(scene, base)
-    if elsewhere and not _base_goes_along(scene, i, j):
+    if elsewhere and not base_goes_along(scene, i, j):
         for index in (i, j):
             if seen(scene, index):
                 scene.readings[index].state = HIDDEN
-    if seen(scene, i) and seen(scene, j):
-        if elsewhere:
-            (ax, ay), (bx, by) = at(scene, i), at(scene, j)
-            rig.last_rad = math.atan2(by - ay, bx - ax)
-    elif not elsewhere:
+    if not elsewhere and not (seen(scene, i) and seen(scene, j)):
         for end in range(2):
             (x, y), zero = at(scene, i + end), rig.zero[end]
             off = ((x - zero[0] - rig.anchor[0]) ** 2 + (y - zero[1] - rig.anchor[1]) ** 2) / STANDS_PX**2
@@ -233,14 +227,14 @@ def judge_base(scene: Scene) -> bool:
 
 
 @internal
-def _base_goes_along(scene: Scene, i: int, j: int) -> bool:
+def base_goes_along(scene: Scene, i: int, j: int) -> bool:
     """Return whether the moving stick's circles are consistent with the shift of the base's markers that are seen."""
-    shift, roll_rad = np.empty(2), 0.0
+    shift, turn = np.empty(2), 1.0 + 0.0j
     if not base_shift(scene.readings[i : j + 1], scene.rig[0].zero, shift):
         return True
     if seen(scene, i) and seen(scene, j):
-        roll_rad = roll_of(scene, at(scene, i), at(scene, j))
-    return goes_with_picture(scene, shift, roll_rad)
+        turn = turn_of(scene, at(scene, i), at(scene, j))
+    return goes_with_picture(scene, shift, turn)
 
 
 @lending
@@ -275,7 +269,7 @@ def both_own(scene: Scene) -> bool:
     if scene.markers[i].lost or scene.markers[i + 1].lost or not circles_off(scene, off):
         return False
     (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
-    if turned(math.atan2(by - ay, bx - ax), scene.rig[0].last_rad) < MOVED_RAD:
+    if turned(math.atan2(by - ay, bx - ax), scene.sticks[1 - scene.rig[0].moving].start_rad) < MOVED_RAD:
         return False
     apart = (off[1, 0] - off[0, 0]) ** 2 + (off[1, 1] - off[0, 1]) ** 2
     return passes(apart / (_LENGTH_PX / SIGMAS) ** 2, 2)

@@ -17,8 +17,17 @@ from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
 from tracker.appearance.motion_blur import is_sharp, learn_shutter
-from tracker.follow.camera_state import TURN_RAD, at, circles_off, middle_of, roll_of, seen, take_roll
-from tracker.follow.judgement import SOON
+from tracker.follow.camera_state import (
+    TURN_RAD,
+    at,
+    circles_off,
+    forget,
+    middle_of,
+    seen,
+    take_turn,
+    turn_of,
+)
+from tracker.follow.judgement import SOON, base_goes_along
 from tracker.follow.motion_model import STALE, is_base, predict
 from tracker.follow.reading import share_of_step
 from tracker.follow.rotation_axis import learn_axis
@@ -52,8 +61,7 @@ def learn_look(marker: Record, systems: Record, reading: Record) -> None:
     in_range = SIZES[0] < radius / marker.first_radius < SIZES[1]
     if in_range and math.hypot(e, f) <= MOST_STRETCH:
         shape.radius, shape.stretch[0], shape.stretch[1] = radius, e, f
-        for slot in range(len(systems)):
-            systems[slot].filled = 0
+        forget(systems)
     marker.change[:] = 0.0
 
 
@@ -92,6 +100,10 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
     """Update the state with the readings of all markers."""
     rig = scene.rig[0]
     copy_to(rig.shift, rig.shift_now)
+    base, k = 2 - 2 * rig.moving, 2 * rig.moving
+    if rig.moving >= 0 and len(scene.sticks) > 1 and rig.anchored and seen(scene, k) and seen(scene, k + 1):
+        # The moving stick was found after the base was judged.
+        rig.anchored = not base_goes_along(scene, base, base + 1)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
     for index in range(len(scene.markers)):
@@ -101,10 +113,32 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
             learn_shutter(rig, scene.markers[index].shape, luma, (reading.x, reading.y), path)
     for stick in range(len(scene.sticks)):
         _note_stick(scene, stick)
-    if rig.moving >= 0 and len(scene.sticks) > 1 and not rig.anchored:
-        i = 2 - 2 * rig.moving
-        if seen(scene, i) and seen(scene, i + 1) and abs(roll_of(scene, at(scene, i), at(scene, i + 1))) > TURN_RAD:
-            take_roll(scene, at(scene, i), at(scene, i + 1))
+    if rig.moving >= 0 and len(scene.sticks) > 1:
+        _note_step(scene, base)
+        both = seen(scene, base) and seen(scene, base + 1)
+        if both and not rig.anchored and abs(turn_of(scene, at(scene, base), at(scene, base + 1)) - 1.0) > TURN_RAD:
+            take_turn(scene, at(scene, base), at(scene, base + 1))
+
+
+@lending
+def _note_step(scene: Scene, base: int) -> None:
+    """Update the base's step, and the errors of predicting its markers, from ``base`` on, at rest and going on.
+
+    A base that is not seen counts as one at rest, and keeps its step.
+    """
+    rig, rest, going = scene.rig[0], 0.0, 0.0
+    told = (seen(scene, base) or seen(scene, base + 1)) and not rig.anchored
+    for end in range(2):
+        marker = scene.markers[base + end]
+        for k in range(2):
+            now = marker.x if k == 0 else marker.y
+            step = now - rig.last[end, k] if told else 0.0
+            rest, going = rest + step**2, going + (step - rig.step[end, k]) ** 2
+            rig.last[end, k] = now
+            if told:
+                rig.step[end, k] = step
+    rig.off[0] += RATE * (rest - rig.off[0])
+    rig.off[1] += RATE * (going - rig.off[1])
 
 
 @compiled
@@ -141,10 +175,15 @@ def _note_stick(scene: Scene, stick: int) -> None:
     if not (seen(scene, i) and seen(scene, i + 1)):
         return
     (ax, ay), (bx, by) = at(scene, i), at(scene, i + 1)
-    own.length += RATE * (math.hypot(bx - ax, by - ay) - own.length)
     if own.still:
+        # A moving stick that is not seen may lie over the base.
+        if not rig.anchored:
+            own.length, own.start_rad = math.hypot(bx - ax, by - ay), math.atan2(by - ay, bx - ax)
         return
-    own.shortest, own.longest = min(own.shortest, own.length), max(own.longest, own.length)
+    own.length = math.hypot(bx - ax, by - ay)
+    if abs(own.size - 1.0) < TURN_RAD:
+        length = own.length / own.size
+        own.shortest, own.longest = min(own.shortest, length), max(own.longest, length)
     base = 2 - 2 * stick
     if rig.moving >= 0 and not (seen(scene, base) and seen(scene, base + 1)):
         # With one base dot alone, a misread one would shift the axis.

@@ -6,7 +6,7 @@ import cmath
 import math
 from typing import Final
 
-from torsight.core.compiled import compiled, internal, lending, shared
+from torsight.core.compiled import compiled, copy_to, internal, lending, shared
 from tracker.appearance.disc import Record
 from tracker.follow.rotation_axis import STANDS_PX, arm_px, direction_from, on_circle
 from tracker.follow.state import Scene
@@ -62,38 +62,71 @@ def by_other_px(own: Record, end: int) -> float:
     It is very large where the other marker lies on the axis. ``own`` is the STICK.
     """
     arm = max(arm_px(own.axis, 1 - end), 1e-9)
-    return math.hypot(jump_px(own.length, 1), STANDS_PX * arm_px(own.axis, end) / arm)
+    sigma_px = math.hypot(own.axis.sigma, STANDS_PX * arm_px(own.axis, end) / arm)
+    return math.hypot(jump_px(own.length, 1), sigma_px)
+
+
+@shared
+def goes_on(rig: Record) -> bool:
+    """Return whether the picture goes on moving as in its last step: a camera is carried rather than shaken.
+
+    A single jump makes both errors equal, and independent shaking that of going on three times as large.
+    """
+    return bool(2.0 * rig.off[1] < rig.off[0])
 
 
 @internal
 def predict(scene: Scene, time_s: float) -> None:
     """Set the predicted position of every marker, and its predicted motion since the last frame."""
     rig = scene.rig[0]
+    copy_to(rig.shift_now, rig.shift)
+    base = 1 - rig.moving if rig.moving >= 0 and len(scene.sticks) > 1 else -1
+    if base >= 0 and goes_on(rig):
+        _carry_base(scene, base)
     for index in range(len(scene.markers)):
         marker, reading = scene.markers[index], scene.readings[index]
         reading.predicted[0], reading.predicted[1] = marker.x, marker.y
         reading.path[:] = 0.0
-        if not is_base(rig, index // 2) and marker.count > 0:
+        if index // 2 != base and marker.count > 0:
             place = extrapolated(marker, scene.sticks[index // 2].axis, time_s)
-            reading.predicted[0], reading.predicted[1] = place.real + rig.shift[0], place.imag + rig.shift[1]
+            reading.predicted[0], reading.predicted[1] = place.real + rig.shift_now[0], place.imag + rig.shift_now[1]
     for stick in range(len(scene.sticks)):
-        if is_base(rig, stick):
-            continue
-        if scene.sticks[stick].axis.known:
-            _carry_lost(scene, stick)
-        for index in (2 * stick, 2 * stick + 1):
-            marker, reading = scene.markers[index], scene.readings[index]
-            if marker.count > 0 and marker.lost > 0:
-                reading.path[0], reading.path[1] = reading.predicted[0] - marker.x, reading.predicted[1] - marker.y
-            elif marker.count > 0:
-                for i in range(2):
-                    reading.path[i] = reading.predicted[i] - rig.shift[i] - marker.history[marker.count - 1, 1 + i]
+        if stick != base:
+            if scene.sticks[stick].axis.known:
+                _carry_lost(scene, stick)
+            for index in (2 * stick, 2 * stick + 1):
+                _set_path(rig, scene.markers[index], scene.readings[index])
+
+
+@lending
+def _set_path(rig: Record, marker: Record, reading: Record) -> None:
+    """Set a marker's predicted motion since the last frame."""
+    for i in range(2):
+        if marker.count > 0 and marker.lost > 0:
+            reading.path[i] = reading.predicted[i] - (marker.x if i == 0 else marker.y)
+        elif marker.count > 0:
+            reading.path[i] = reading.predicted[i] - rig.shift_now[i] - marker.history[marker.count - 1, 1 + i]
+
+
+@lending
+def _carry_base(scene: Scene, base: int) -> None:
+    """Carry the base on by its last step, in the picture that goes on moving."""
+    rig, own, last, step = scene.rig[0], scene.sticks[base], scene.rig[0].last, scene.rig[0].step
+    for k in range(2):
+        rig.shift_now[k] += 0.5 * (step[0, k] + step[1, k])
+    for end in range(2):
+        scene.markers[2 * base + end].x += step[end, 0]
+        scene.markers[2 * base + end].y += step[end, 1]
+    offset = complex(last[1, 0] - last[0, 0], last[1, 1] - last[0, 1])
+    turn = 1.0 + complex(step[1, 0] - step[0, 0], step[1, 1] - step[0, 1]) / offset
+    own.start_rad += cmath.phase(turn)
+    own.length *= abs(turn)
 
 
 @lending
 def _carry_lost(scene: Scene, stick: int) -> None:
     """Predict lost markers on their circles from the other marker, where that is more precise than their own motion."""
-    shift, own = scene.rig[0].shift, scene.sticks[stick]
+    shift, own = scene.rig[0].shift_now, scene.sticks[stick]
     for end in range(2):
         marker, other = scene.markers[2 * stick + end], 2 * stick + 1 - end
         more_precise = by_other_px(own, end) < jump_px(own.length, 1 + marker.lost)

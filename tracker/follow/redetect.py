@@ -30,12 +30,12 @@ from tracker.follow.camera_state import (
     circle_misfit,
     goes_with_picture,
     own_circle_sigma_px,
-    roll_of,
-    take_roll,
+    take_turn,
+    turn_of,
 )
 from tracker.follow.frame_step import stick_at
 from tracker.follow.judgement import CLOSE, NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
-from tracker.follow.motion_model import by_other_px, is_base, jump_px
+from tracker.follow.motion_model import JUMP, by_other_px, is_base, jump_px
 from tracker.follow.reading import read_at, read_marker
 from tracker.follow.rotation_axis import arm_px
 from tracker.follow.state import Scene
@@ -78,19 +78,15 @@ class Prediction:
         off = np.subtract(ends, self.ends) / self.sigma_px
         return float(found + np.square(off).sum()), freedom + 4
 
-    def is_turned_round(self, ends: Sequence[Point]) -> bool:
-        """Return whether a pair of positions is nearer to the markers with inner and outer one exchanged.
-
-        Both markers look the same. Once the axis is known their circles distinguish them, and the answer is False.
-        """
-        ways = [np.square(np.subtract(ends, own)).sum() for own in (self.ends, self.ends[::-1])]
-        return bool(ways[0] > ways[1]) and not self.own["axis"]["known"]
-
-    def rolled_with(self, ends: Sequence[Point]) -> Prediction:
-        """Return the prediction of a stick at rest in a picture that was rolled so that it points along ``ends``."""
+    def turned_with(self, ends: Sequence[Point]) -> Prediction:
+        """Return the prediction of a stick at rest in a picture that was turned so that the stick lies as ``ends``."""
         own = self.own.copy()
-        own["start_rad"] = direction(*ends)
+        own["start_rad"], own["length"] = direction(*ends), math.dist(*ends)
         return replace(self, own=own)
+
+    def size_misfit(self, ends: Sequence[Point]) -> float:
+        """Return the picture's change of scale, if the stick lies as ``ends``, over that by a jump of the camera."""
+        return (math.dist(*ends) / float(self.own["length"]) - 1.0) / JUMP
 
     def region(self, end: int, size_px: tuple[int, int]) -> Region:
         """Return the region of a picture (width, height) in which the marker at ``end`` may be."""
@@ -119,8 +115,8 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
             reading["state"] = SHADOWED if hidden and covers(scene, 1 - stick, place_of(reading), index) else SEEN
             scene.readings[index] = reading
         ends = place_of(found[0][1]), place_of(found[0][2])
-        if is_base(scene.rig[0], stick) and abs(roll_of(scene, *ends)) > TURN_RAD:
-            take_roll(scene, *ends)
+        if is_base(scene.rig[0], stick) and abs(turn_of(scene, *ends) - 1.0) > TURN_RAD:
+            take_turn(scene, *ends)
 
 
 def _jump_px(scene: Scene, stick: int) -> float:
@@ -164,24 +160,26 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     pairs = list(itertools.product(inner, outer))
     lost = max(1, int(markers["lost"].sum()))
 
-    def fitting(*, rolled: bool) -> list[tuple[float, Record, Record]]:
+    def fitting(*, turned: bool) -> list[tuple[float, Record, Record]]:
         found: list[tuple[float, Record, Record]] = []
         for one, two in pairs:
             pair = place_of(one), place_of(two)
-            if expected.is_turned_round(pair):
-                continue
-            misfit, freedom = (expected.rolled_with(pair) if rolled else expected).innovation(pair, lost=lost)
-            if is_base(rig, stick) and not other_seen and not rolled:
-                misfit, freedom = misfit + sure_misfit(rig, *pair) ** 2, freedom + 1
+            misfit, freedom = (expected.turned_with(pair) if turned else expected).innovation(pair, lost=lost)
+            if turned:
+                misfit, freedom = misfit + expected.size_misfit(pair) ** 2, freedom + 1
+            elif is_base(rig, stick) and not other_seen:
+                misfit, freedom = misfit + sure_misfit(scene.sticks[stick], *pair) ** 2, freedom + 1
             if passes(misfit, freedom) and not _of_other_stick(scene, stick, pair, jump=jump):
-                found.append((misfit, one, two))
+                # Both markers look the same: with inner and outer one exchanged the pair has to be improbable.
+                exchanged, _ = expected.innovation(pair[::-1], lost=lost)
+                found += [] if passes(exchanged - misfit, 2) else [(misfit, one, two)]
         return [one for one in found if _goes_along(scene, luma, *one[1:])] if is_base(rig, stick) else found
 
-    found = fitting(rolled=False)
+    found = fitting(turned=False)
     if found or not jump or not is_base(rig, stick) or not scene.sticks["axis"]["known"][1 - stick]:
         return found
-    # A base that points elsewhere is accepted if the moving stick confirms that the camera was rolled.
-    return fitting(rolled=True)
+    # A base that lies otherwise is accepted if the moving stick confirms that the camera was moved.
+    return fitting(turned=True)
 
 
 def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point], *, jump: bool) -> bool:
@@ -216,17 +214,17 @@ def _goes_along(scene: Scene, luma: NDArray[np.uint8], inner: Record, outer: Rec
     """
     kept, moving = scene.readings.copy(), 2 * int(scene.rig["moving"][0])
     pair = place_of(inner), place_of(outer)
-    roll_rad, middle = roll_of(scene, *pair), np.mean(pair, axis=0)
+    turn, middle = turn_of(scene, *pair), np.mean(pair, axis=0)
     if not _both_seen(scene, moving // 2):
         base = [place_of(one) for one in scene.markers[2 - moving : 4 - moving]]
         before, now = complex(*np.mean(base, axis=0)), complex(*middle)
-        turn = cmath.exp(1j * (roll_rad - roll_of(scene, base[0], base[1])))
+        since = turn / turn_of(scene, base[0], base[1])
         for index in (moving, moving + 1):
-            place = now + turn * (complex(*scene.readings["predicted"][index]) - before)
+            place = now + since * (complex(*scene.readings["predicted"][index]) - before)
             scene.readings["predicted"][index] = place.real, place.imag
             read_marker(scene, luma, index)
     both = _both_seen(scene, moving // 2)
-    if both and goes_with_picture(scene, middle - scene.rig["zero"][0].mean(axis=0), roll_rad):
+    if both and goes_with_picture(scene, middle - scene.rig["zero"][0].mean(axis=0), turn):
         return True
     scene.readings[:] = kept
     return False

@@ -16,7 +16,6 @@ import numpy as np
 from torsight.core.compiled import compiled, internal, lending, shared
 from tracker.appearance.disc import Record
 from tracker.appearance.lucas_kanade import Point
-from tracker.innovation import SIGMAS
 
 AXIS: Final = np.dtype(
     [
@@ -29,18 +28,20 @@ AXIS: Final = np.dtype(
         ("back", "c16", (2,)),
         ("guess", "c16"),
         ("guessed", "f8"),
+        ("guessed_across", "c16"),
+        ("sigma", "f8"),
         ("last_rad", "f8"),
     ]
 )
 """Axis c and arms q (inner, outer), px, in the picture of the camera at its position at the start. Sums over the frames
-that were added: their number, exp(iψ), both positions, and each position times exp(−iψ). A first guess of the axis, and
-its weight. The direction at which a frame was last added."""
+that were added: their number, exp(iψ), both positions, and each position times exp(−iψ). A first guess g of the axis,
+with the information matrix that multiplies z to guessed · z + guessed_across · conj(z), in units of one frame's. The
+standard deviation of c along its least known direction, px, infinite where nothing is known. The direction at which a
+frame was last added."""
 STANDS_PX: Final = 0.8
 """Standard deviation of a marker's position from the expected one: noise, and an edge of the other stick nearby."""
 OFF_CIRCLE_PX: Final = 5.0
-"""Three standard deviations of a marker's distance from its axis: the error of a first guess of the axis."""
-_KNOWN: Final = (SIGMAS * STANDS_PX / OFF_CIRCLE_PX) ** 2
-"""Weight, in frames, above which the axis is known as precisely as by that guess."""
+"""Three standard deviations of a marker's distance from its axis, if the axis is known: tilt, and an edge nearby."""
 STEP_RAD: Final = math.radians(3.0)
 """Turn of the stick after which another frame is added: closer frames carry no new information."""
 
@@ -58,10 +59,28 @@ def turned(one: float, other: float) -> float:
 
 
 @compiled
-def suppose_axis(axis: Record, x: float, y: float, sigma_px: float) -> None:
-    """Set a first guess of the axis and its standard deviation; motion soon outweighs it."""
-    axis.guess, axis.guessed = complex(x, y), (STANDS_PX / sigma_px) ** 2
+def suppose_axis(axis: Record, one: tuple[Point, Point], other: tuple[Point, Point], radius_px: float) -> None:
+    """Set a first guess of the axis from the markers (inner, outer) of both sticks; motion soon outweighs it.
+
+    The axis lies on the middle line of a stick to within a marker's radius, and beyond its inner marker, by half a
+    stick's length give or take as much.
+    """
+    weight, across, right = 0.0, 0j, 0j
+    for (near_x, near_y), (far_x, far_y) in (one, other):
+        along = complex(near_x - far_x, near_y - far_y)
+        half = 0.5 * abs(along)
+        unit, at = along / (2.0 * half), complex(near_x, near_y) + 0.5 * along
+        sides = (STANDS_PX / radius_px) ** 2, (STANDS_PX / half) ** 2
+        own, own_across = 0.5 * (sides[0] + sides[1]), 0.5 * (sides[1] - sides[0]) * unit**2
+        weight, across, right = weight + own, across + own_across, right + own * at + own_across * at.conjugate()
+    axis.guessed, axis.guessed_across, axis.guess = weight, across, solved(weight, across, right)
     solve_axis(axis)
+
+
+@lending
+def solved(weight: float, across: complex, right: complex) -> complex:
+    """Return z of weight · z + across · conj(z) = right, with ``weight`` larger than the modulus of ``across``."""
+    return (weight * right - across * right.conjugate()) / (weight**2 - abs(across) ** 2)
 
 
 @compiled
@@ -82,30 +101,31 @@ def learn_axis(axis: Record, inner: Point, outer: Point) -> None:
 
 @lending
 def carry_axis(axis: Record, turn: complex, step: complex) -> None:
-    """Transform the sums for a picture that is rotated by a complex number of modulus one, and then shifted."""
-    axis.back += step * (turn * axis.unit).conjugate()
-    axis.unit *= turn
+    """Transform the sums for a picture that is turned, rolled and scaled, by a complex number, and then shifted."""
+    size = abs(turn)
+    axis.unit *= turn / size
+    for end in range(2):
+        axis.back[end] = size * axis.back[end] + step * axis.unit.conjugate()
     axis.places = turn * axis.places + 2.0 * axis.frames * step
     axis.guess = turn * axis.guess + step
+    axis.guessed_across *= (turn / size) ** 2
     axis.last_rad += cmath.phase(turn)
     solve_axis(axis)
-
-
-@shared
-def axis_weight(axis: Record) -> float:
-    """Return the axis' weight: the number of independent marker positions with the same precision."""
-    turned_frames = 2.0 * axis.frames - 2.0 * abs(axis.unit) ** 2 / max(axis.frames, 1.0)
-    return axis.guessed + turned_frames  # type: ignore[no-any-return]
 
 
 @internal
 def solve_axis(axis: Record) -> None:
     """Solve the normal equations: eliminating the arms leaves one equation for the axis."""
-    n, weight = axis.frames, axis_weight(axis)
-    axis.known = n > 0.0 and (axis.guessed > 0.0 or weight > _KNOWN)
-    if axis.known:
-        right = axis.guessed * axis.guess + axis.places - axis.unit * (axis.back[0] + axis.back[1]) / n
-        centre = right / weight
+    n = axis.frames
+    weight = axis.guessed + 2.0 * n - 2.0 * abs(axis.unit) ** 2 / max(n, 1.0)
+    least = weight - abs(axis.guessed_across)
+    axis.known, axis.sigma = 0, np.inf
+    # Rounding of the sums of a stick that was guessed nothing and has not turned.
+    if n > 0.0 and least > 1e-9 * n:
+        axis.known, axis.sigma = 1, STANDS_PX / math.sqrt(least)
+        right = axis.guessed * axis.guess + axis.guessed_across * axis.guess.conjugate()
+        right += axis.places - axis.unit * (axis.back[0] + axis.back[1]) / n
+        centre = solved(weight, axis.guessed_across, right)
         axis.centre[0], axis.centre[1] = centre.real, centre.imag
         for end in range(2):
             arm = (axis.back[end] - centre * axis.unit.conjugate()) / n

@@ -39,10 +39,19 @@ over the step, running mean and mean deviation. slope: gradient of the light. ch
 ``shape``, running means."""
 
 STICK: Final = np.dtype(
-    [("length", "f8"), ("shortest", "f8"), ("longest", "f8"), ("start_rad", "f8"), ("still", "i8"), ("axis", AXIS)]
+    [
+        ("length", "f8"),
+        ("shortest", "f8"),
+        ("longest", "f8"),
+        ("size", "f8"),
+        ("start_rad", "f8"),
+        ("still", "i8"),
+        ("axis", AXIS),
+    ]
 )
-"""A stick: distance of its markers in the picture, px, now, and its bounds so far; its direction at the start (y down),
-or, once it is known to be the base, its present direction; whether it is known not to turn; and the axis about which it
+"""A stick: distance of its markers in the picture, px, when last seen, and its bounds at the scale of the start; the
+picture's scale over that of the start; direction of the stick at the start (y down), or, once it is known to be the
+base, when it was last seen with the moving stick elsewhere; whether it is known not to turn; the axis about which it
 turns."""
 
 RIG: Final = np.dtype(
@@ -52,8 +61,10 @@ RIG: Final = np.dtype(
         ("shift", "f8", (2,)),
         ("shift_now", "f8", (2,)),
         ("unknown", "i8"),
+        ("last", "f8", (2, 2)),
+        ("step", "f8", (2, 2)),
+        ("off", "f8", (2,)),
         ("zero", "f8", (2, 2)),
-        ("last_rad", "f8"),
         ("anchor", "f8", (2,)),
         ("anchored", "i8"),
         ("offset", "f8", (2,)),
@@ -66,10 +77,11 @@ RIG: Final = np.dtype(
 )
 """Both sticks and the camera. moving: index of the stick that moves, −1 while it is not known. above: votes that the
 moving stick lies above the base. shift, shift_now: shift of the picture since the start, px, up to the last frame and
-measured in this frame; unknown: frames since it was last measured. zero: the base's markers at the start. last_rad:
-direction of the base when last seen. anchor: while the moving stick is not seen (anchored), the shift when it was last
-seen. offset: displacement of the moving stick's circles from where the base's shift puts them, px. The rest is for
-:mod:`tracker.appearance.motion_blur`."""
+measured in this frame; unknown: frames since it was last measured. last: the base's markers in the last frame, px;
+step: their motion when they were last seen; off: running means of the squared errors of predicting them at rest, and
+going on by the same step. zero: the base's markers at the start. anchor: while the moving stick is not seen (anchored),
+the shift when it was last seen. offset: displacement of the moving stick's circles from where the base's shift puts
+them, px. The rest is for :mod:`tracker.appearance.motion_blur`."""
 
 
 class Scene(NamedTuple):

@@ -17,7 +17,7 @@ from tracker.angle.plane import Orientation
 from tracker.frames.timing import timing
 from tracker.quality.events import event, events_of_right, find_events
 from tracker.quality.gap_pictures import Pictures
-from tracker.quality.gaps import Causes, find_causes, flicker_advice, gap_advice, lone_marker_advice
+from tracker.quality.gaps import Causes, find_causes, flicker_advice, gap_advice, jump_advice, lone_marker_advice
 from tracker.quality.light import FELT
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
@@ -80,12 +80,14 @@ def account(
     markers = result.report["markers"]
     # Doubts about the angles come before advice on how to improve them.
     content["advice"] = list(doubts)
+    told = gap_advice(content["frames"], causes)
     content["advice"] += advice(
         content,
         length_px=markers["stick_length_px"],
         radius_px=markers["radius_px"] if markers["kind"] == "dot" else None,
         events=events,
-        gaps=gap_advice(content["frames"], causes)
+        gaps=told
+        + jump_advice(told, causes)
         + lone_marker_advice(result, angles, pictures=pictures)
         + flicker_advice(causes)
         + list(minor),
@@ -175,7 +177,9 @@ def advice(
     words = list(gaps)
     compression, noise = account["compression"], account["noise"]
     ratio = compression["error_over_white_noise"]
-    if ratio is not None and ratio > FELT and not compression["lossless"]:
+    kinds = {one["kind"] for one in events}
+    # A camera that moves changes the sticks' lengths, too, by which errors are measured.
+    if ratio is not None and ratio > FELT and not compression["lossless"] and "bump" not in kinds:
         words.append(
             f"Compression ({compression['codec']}) makes positions {ratio:.1f} times worse than the picture's noise "
             "would: film with a higher bit rate (H.264 CRF 12 or less), Motion JPEG at high quality, or lossless "
@@ -193,7 +197,6 @@ def advice(
     contrast = noise["marker_contrast_grey"]
     if radius_px is not None and contrast is not None and contrast < _FAINT:
         words.append(f"The dots are faint ({contrast:.0f} grey levels): darker dots or more light help directly.")
-    kinds = {one["kind"] for one in events}
     if "bump" in kinds:
         words.append("The camera was moved during the film: fix it, and do not touch the table.")
     if "light" in kinds and "flicker" not in account["frames"]["causes"]:
@@ -204,7 +207,7 @@ def advice(
             "the film was converted to another frame rate, or the camera lacks light. Use the camera's own film, or "
             "more light."
         )
-    if "turn uncertain" in kinds:
+    if "turn uncertain" in kinds and "jump" not in account["frames"]["causes"]:
         words.append("A gap was so long that a whole turn could be missing: keep at least one marker in sight.")
     return words
 

@@ -34,6 +34,9 @@ BLURRED: Final = 0.6
 FAST: Final = 2.0
 """Turn from one frame to the next, over the largest one that was followed, above which the stick is too fast."""
 LEAST_FAST_DEG: Final = 3.0
+JUMP: Final = 4.0
+"""Pixels that change at once over those that change before and afterwards where the picture jumps: a stick that turns
+twice as fast changes twice as many."""
 SMEARED: Final = 0.4
 """Motion blur, in radii of a dot, above which dots are no longer recognised in every frame."""
 ALIKE: Final = 0.5
@@ -105,6 +108,24 @@ def look_at_gaps(unknown: Ints, tracks: MarkerTracks, angles: StickAngles, pictu
         smear_px = (layout.width_deg(picture) - width_deg) * DEG * layout.outer_px if layout else 0.0
         seen.append(Seen(combed(picture, after), _steepness(picture) / max(edges, 1e-9), step_deg, step_px, smear_px))
     return seen
+
+
+def jumps_at(frames: Iterable[int], pictures: Pictures) -> list[int]:
+    """Return those of some frames at which the picture jumps: it changes at once, and neither before nor afterwards.
+
+    A part of the film is missing there, or the camera was moved meanwhile. A hand comes, and a stick moves, in more
+    than one frame.
+    """
+    around = {frame: range(frame - 2, frame + 2) for frame in frames}
+    shown = pictures(sorted({index for part in around.values() for index in part})) if around else {}
+    found = []
+    for frame, part in around.items():
+        if all(index in shown for index in part):
+            before, now, after = (
+                int((cv2.absdiff(shown[index], shown[index - 1]) > MOVED_GREY).sum()) for index in part[1:]
+            )
+            found += [frame] if now > JUMP * max(before, after, MOVED_PX) else []
+    return found
 
 
 def spread_over(frames: Ints) -> Ints:

@@ -13,11 +13,11 @@ import numpy as np
 from torsight.core.series import runs
 from torsight.core.tracks import StickAngles
 from torsight.core.units import Flags, Ints
-from torsight.core.words.wording import counted
+from torsight.core.words.wording import capital, counted
 from tracker.detect.marker_file import STICKS
-from tracker.detect.moving_part import SHARPER
+from tracker.detect.moving_part import LOOKED_AT, SHARPER
 from tracker.follow.motion_model import STALE
-from tracker.quality.gap_pictures import ALIKE, SMEARED, Pictures, Seen, look_at_gaps, usual_step_deg
+from tracker.quality.gap_pictures import ALIKE, SMEARED, Pictures, Seen, jumps_at, look_at_gaps, usual_step_deg
 from tracker.quality.light import GLARES, Flicker, flicker_of, glare_at_loss
 from tracker.rows import CODE
 from tracker.track import TrackResult
@@ -70,6 +70,10 @@ _DO: Final = {
         "the picture is out of focus there; lock the focus on the sticks before filming, and keep anything nearer "
         "out of the picture."
     ),
+    "jump": (
+        "the picture jumps at frame {jump_frame:.0f}, {jump_s:.1f} s into the film: a part of the film is missing "
+        "there, or the camera was moved; film in one piece, with the camera fixed, and cut nothing out."
+    ),
     "interlaced": (
         "the film is interlaced without saying so: every second row shows another instant; film progressively (25p "
         "or 30p instead of 50i or 60i), or give one field of every frame as pictures."
@@ -120,6 +124,7 @@ def find_causes(
     count: Counter[str] = Counter()
     unclear: list[int] = []
     unlike = _without_unlike(result)
+    jumped = _jumped(unknown[~np.isin(states, ("dark", "damaged"))], angles, pictures, figures)
     late = first > 0 and not (pictures and _base_was_there(first, result, pictures))
     for index, state in zip(unknown.tolist(), states, strict=True):
         if index < first and state == "lost" and late:
@@ -130,6 +135,8 @@ def find_causes(
             count["unlike"] += 1
         elif glared and state in (*_UNCLEAR, "shadowed"):
             count["glare"] += 1
+        elif index in jumped:
+            count["jump"] += 1
         elif state in _UNCLEAR:
             unclear.append(index)
         else:
@@ -138,6 +145,25 @@ def find_causes(
         state = states[int(np.searchsorted(unknown, index))]
         count[cause or without_dots or _OF_STATE.get(state, "hand")] += 1
     return Causes(dict(count.most_common()), figures, flicker)
+
+
+def _jumped(unknown: Ints, angles: StickAngles, pictures: Pictures | None, figures: dict[str, float]) -> frozenset[int]:
+    """Return those of the frames ``unknown`` that are missing since a jump of the picture; store the longest gap's.
+
+    The longest gaps are examined, as many as pictures elsewhere: few of them only where they leave the turn uncertain.
+    """
+    gaps = [(begin, end) for begin, end in runs(~angles.valid) if begin >= 2 and begin in unknown]
+    if len(unknown) <= _FELT * len(angles):
+        gaps = [
+            (begin, end) for begin, end in gaps if angles.branch_certain[begin - 1] > angles.branch_certain[end - 1]
+        ]
+    if pictures is None or not gaps:
+        return frozenset()
+    ends = dict(sorted(gaps, key=lambda one: one[0] - one[1])[:LOOKED_AT])
+    jumps = jumps_at(ends, pictures)
+    if jumps:
+        figures["jump_frame"], figures["jump_s"] = jumps[0], float(angles.time_s[jumps[0]] - angles.time_s[0])
+    return frozenset(index for begin in jumps for index in range(begin, ends[begin]))
 
 
 def _base_was_there(first: int, result: TrackResult, pictures: Pictures) -> bool:
@@ -235,6 +261,13 @@ def gap_advice(frames: Mapping[str, Any], causes: Causes) -> list[str]:
         if count > _SECOND * frames["without_angle"]:
             told.append(f"{counted(count, 'frame')} of these have none for another reason: {causes.advice(name)}")
     return told
+
+
+def jump_advice(told: Sequence[str], causes: Causes) -> list[str]:
+    """Return advice on a jump of the picture, unless it is among what is ``told`` already; or none."""
+    if "jump" not in causes.count or any(causes.advice("jump") in text for text in told):
+        return []
+    return [capital(causes.advice("jump"))]
 
 
 def lone_marker_advice(result: TrackResult, angles: StickAngles, *, pictures: Pictures | None = None) -> list[str]:

@@ -23,6 +23,11 @@ GLARES: Final = 0.125
 glare on the marker: half of the dot's own area."""
 _AGAIN: Final = 0.5
 """Autocorrelation of the brightness above which it is periodic: half of its variance."""
+_SHARED: Final = 0.5
+"""Relative change of the light around the base over that of the whole picture above which both are the lamp's: it is 1
+for a lamp, and 0 for something that moves."""
+_FEW: Final = 30
+"""Fewest frames with the base from which that is known."""
 _TIMES: Final = 3
 """Fewest periods in a film: two may be a lamp that was switched off twice."""
 FELT: Final = 1.5
@@ -103,11 +108,19 @@ class Flicker:
 
 
 def flicker_of(rows: NDArray[np.void]) -> Flicker | None:
-    """Return the flicker of the light, from the pictures' mean grey level; None where there is none."""
+    """Return the flicker of the light, from the pictures' mean grey level; None where there is none.
+
+    A stick that goes to and fro changes that level as well, but not the light around the base's markers.
+    """
     read = np.flatnonzero(rows["level"] > 0.0)
     if not len(read):
         return None
     level = np.interp(np.arange(len(rows)), read, rows["level"][read])
+    lit = (rows["state"][:, :2] == CODE["seen"]).all(axis=1) & (rows["light"][:, :2] > 0.0).all(axis=1)
+    if lit.sum() >= _FEW:
+        shares = [np.log(values / values.mean()) for values in (level[lit], rows["light"][lit, :2].mean(axis=1))]
+        if shares[0] @ shares[1] < _SHARED * (shares[0] @ shares[0]):
+            return None
     again = _comes_again(level - level.mean())
     low, high = np.quantile(level, [0.05, 0.95])
     bright = level > 0.5 * (low + high)

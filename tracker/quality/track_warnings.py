@@ -13,6 +13,7 @@ from torsight.core.words.wording import counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation
+from tracker.angle.views import longest_view
 from tracker.detect.marker_file import STICKS
 from tracker.follow.camera_state import circle_sigma_px
 from tracker.follow.judgement import MOVED_RAD
@@ -41,7 +42,7 @@ def doubts(result: TrackResult) -> list[str]:
     if given and "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
         # Either end of a tag may be nearer to the axis, depending on how it was attached: it has no inner marker.
         found = found or _exchanged_markers(result.tracks)
-    still = unmoved(result.tracks).tracks
+    still = unmoved(longest_view(result.tracks)).tracks
     found += _off_their_stick(result.report["markers"], still)
     return found + _repeated_texture(result) + _moving_axis(still) + _file_faults(result)
 
@@ -140,14 +141,25 @@ def _exchanged_sticks(tracks: MarkerTracks) -> list[str]:
     return [words]
 
 
+def _has_turned(tracks: MarkerTracks) -> bool:
+    """Return whether the moving stick has turned against the base: then they are not exchanged."""
+    sticks = [direction_of(tracks, first)[0] for first in (0, 2)]
+    turn = (sticks[1] - sticks[0])[np.isfinite(sticks[0] + sticks[1])]
+    return len(turn) > _FEW and bool(np.abs(np.angle(np.exp(1j * (turn - turn[0])))).max() > SIGMAS * MOVED_RAD)
+
+
 def _missing_base(result: TrackResult) -> list[str]:
     """Return a warning if the base is mostly not found at its given position: the stick given may be the moving one."""
+    # Dots that are read as no dots are missing for that reason.
+    if _has_turned(result.tracks) or "base" in result.report["markers"].get("not_on_one_stick", {}):
+        return []
     state = result.rows["state"]
     usable = ~np.isin(state, (CODE["dark"], CODE["damaged"])).any(axis=1)
     # Both markers have to be missing: the other stick may lie over one of them.
     gone = usable & (state[:, :2] != CODE["seen"]).all(axis=1)
     gone &= np.isin(state[:, :2], (CODE["lost"], CODE["hidden"])).any(axis=1)
-    if not usable.any() or gone.sum() < _GONE * usable.sum():
+    # A stick that turns is seen where it was given at first.
+    if not (usable & ~gone).any() or gone.sum() < _GONE * usable.sum():
         return []
     words = (
         f"The base is not where it was given in {gone.sum()} of {counted(int(usable.sum()), 'frame')}, so the angles "

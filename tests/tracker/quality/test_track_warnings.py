@@ -102,11 +102,18 @@ def test_base_and_moving_exchanged(rig: Rig, tmp_path: Path, capsys: pytest.Capt
 
 def test_a_base_that_is_hardly_ever_seen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     base, moving = positions()
-    film = write_film(replace(RIG, covers=[Cover(0.2, 1.0, "base", size_px=60.0)]), tmp_path / "film.mkv")
-    first = advice_of(film, tmp_path / "out", markers={"base": base, "moving": moving})[0]
+    hidden = replace(RIG, covers=[Cover(0.2, 1.0, "base", size_px=60.0)])
+    resting = replace(hidden, angle_deg=lambda t: 60.0 + 0.0 * t)
+    first = advice_of(
+        write_film(resting, tmp_path / "film.mkv"), tmp_path / "out", markers={"base": base, "moving": moving}
+    )[0]
     assert first.startswith("The base is not where")
     assert "Exchange base and moving" in first
     assert first in capsys.readouterr().err
+    # A stick that turned against the base is the moving one.
+    film = write_film(hidden, tmp_path / "film.mkv")
+    told = advice_of(film, tmp_path / "out", markers={"base": base, "moving": moving})
+    assert not any("Exchange" in text for text in told)
 
 
 def test_a_dot_beside_the_stick_is_no_marker_of_the_stick(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,87 @@
+"""A picture to draw on, of the markers of a film."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+
+from torsight.core.files.storage import write_bytes
+from torsight.core.units import Floats
+from torsight.core.words.colours import Colour
+
+BLACK: Final = (0, 0, 0)
+WHITE: Final = (255, 255, 255)
+_FINE: Final = 4
+"""Binary digits of a pixel to which OpenCV draws."""
+
+
+class Sheet:
+    """A white picture to draw on: by OpenCV, which the tracker has loaded; matplotlib takes as long as tracking starts.
+
+    Positions are in pixels, y down; colours are red, green, blue.
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        self.pixels = np.full((height, width, 3), 255, np.uint8)
+        self._font: Any = cv2.FontFace("sans")
+
+    def text(
+        self,
+        words: str,
+        x: float,
+        y: float,
+        *,
+        size: int = 13,
+        bold: bool = False,
+        right: bool = False,
+        on: Colour | None = None,
+    ) -> None:
+        """Write words from a position, or up to it, with their lower edge there, ``on`` a colour or nothing."""
+        weight = 700 if bold else 400
+        width = cv2.getTextSize((1, 1), words, (0, 0), self._font, size, weight)[2] if right or on else 0
+        left, base = round(x - width * right), round(y)
+        if on is not None:
+            cv2.rectangle(self.pixels, (left - 2, base - size), (left + width + 2, base + 3), on[::-1], cv2.FILLED)
+        cv2.putText(self.pixels, words, (left, base), BLACK, self._font, size, weight)
+
+    def line(self, points: Floats, colour: Colour, *, wide: int = 1) -> None:
+        """Draw a line through points (n, 2)."""
+        whole = np.rint(points * 2**_FINE).astype(np.int32)
+        cv2.polylines(
+            self.pixels, [whole], isClosed=False, color=colour[::-1], thickness=wide, lineType=cv2.LINE_AA, shift=_FINE
+        )
+
+    def dashed(self, x: float, top: float, bottom: float, *, dash: int) -> None:
+        """Draw an upright line of dashes, each as long as the gap after it."""
+        for y in range(round(top), round(bottom), 2 * dash):
+            self.line(np.array([[x, y], [x, min(y + dash, bottom)]]), BLACK)
+
+    def ring(self, centre: Floats, radius: float, colour: Colour, *, cross: bool = True) -> None:
+        """Draw a circle, with a cross in it."""
+        x, y, fine = np.rint(np.append(centre, radius) * 2**_FINE).astype(int).tolist()
+        cv2.circle(self.pixels, (x, y), fine, colour[::-1], 2, cv2.LINE_AA, _FINE)
+        for off in ((4.0, 0.0), (0.0, 4.0)) if cross else ():
+            self.line(np.stack([centre - off, centre + off]), colour)
+
+    def tint(self, outline: Floats, colour: Colour, share: float) -> None:
+        """Mix a colour into the inside of a polygon (n, 2)."""
+        over = self.pixels.copy()
+        cv2.fillPoly(over, [np.rint(outline * 2**_FINE).astype(np.int32)], colour[::-1], cv2.LINE_AA, _FINE)
+        cv2.addWeighted(over, share, self.pixels, 1.0 - share, 0.0, self.pixels)
+
+    def write(self, path: Path) -> None:
+        """Write the picture as a PNG file, compressed quickly."""
+        _, coded = cv2.imencode(".png", self.pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        write_bytes(path, coded.tobytes())
+
+
+def ticks(low: float, high: float, *, about: int = 6) -> list[float]:
+    """Return round numbers between two bounds."""
+    rough = (high - low) / about
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(size * power for size in (1.0, 2.0, 5.0, 10.0) if size * power >= rough)
+    return [number * step for number in range(math.ceil(low / step), math.floor(high / step) + 1)]
