@@ -77,7 +77,7 @@ def _between_readings(readings: Readings, wanted_s: Floats) -> Conditioned:
         noise_c = readings.noise_c * math.sqrt(readings.alike)
         level_holds(time_s, temp_c, noise_c, value=known_c, rate=slope_c_s, left_over=left_over)
     else:
-        known_c = temp_c
+        known_c, left_over = temp_c, np.full(len(temp_c), readings.noise_c)
     peaks_c = ripple_peaks(time_s, temp_c, known_c, readings.digit_noise_c, readings.alike)
     known = readings.with_corners(known_c, left_over, wanted_s)
     return replace(known, peaks_c=np.interp(wanted_s, time_s, peaks_c), log_evidence=evidence)
