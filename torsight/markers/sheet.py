@@ -69,9 +69,14 @@ class Sheet:
 
     def tint(self, outline: Floats, colour: Colour, share: float) -> None:
         """Mix a colour into the inside of a polygon (n, 2)."""
-        over = self.pixels.copy()
-        cv2.fillPoly(over, [np.rint(outline * 2**_FINE).astype(np.int32)], colour[::-1], cv2.LINE_AA, _FINE)
-        cv2.addWeighted(over, share, self.pixels, 1.0 - share, 0.0, self.pixels)
+        # A film may have a gap every few frames: only the part around each polygon is mixed.
+        size = np.array(self.pixels.shape[1::-1])
+        left, top = np.clip(np.floor(outline.min(axis=0)).astype(int) - 2, 0, size)
+        right, bottom = np.clip(np.ceil(outline.max(axis=0)).astype(int) + 3, 0, size)
+        part = self.pixels[top:bottom, left:right]
+        over, inside = part.copy(), np.rint((outline - (left, top)) * 2**_FINE).astype(np.int32)
+        cv2.fillPoly(over, [inside], colour[::-1], cv2.LINE_AA, _FINE)
+        part[:] = cv2.addWeighted(over, share, part, 1.0 - share, 0.0)
 
     def write(self, path: Path) -> None:
         """Write the picture as a PNG file, compressed quickly."""

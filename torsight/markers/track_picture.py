@@ -209,8 +209,8 @@ def _draw_angle(sheet: Sheet, angles: StickAngles, shown: list[Shown], *, place:
         sheet.text(f"{number:g}°", left - 6, ends[0, 1] + 5, right=True)
     half, colour, gone = 0.5 * (usual_step(angles.time_s) or 1.0), rgb(LIGHT["after"]), rgb(LIGHT["before"])
     for begin, end in runs(~angles.valid):
-        corners = at(np.array([angles.time_s[begin] - half, angles.time_s[end - 1] + half]), np.array(values))
-        sheet.tint(corners[[0, 0, 1, 1]][:, [0, 1]] * [1, 0] + corners[[0, 1, 1, 0]] * [0, 1], gone, 0.3)
+        first_s, last_s = angles.time_s[begin] - half, angles.time_s[end - 1] + half
+        sheet.tint(at(np.array([first_s, first_s, last_s, last_s]), np.array([*values, *values[::-1]])), gone, 0.3)
     for begin, end in runs(angles.valid):
         part = np.s_[begin:end]
         low, high = (at(angles.time_s[part], angle_deg[part] + sign * band[part]) for sign in (-1.0, 1.0))
