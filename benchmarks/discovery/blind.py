@@ -77,7 +77,7 @@ def make_record(case: Case, *, turned: bool | None = None) -> Record:
     pieces = [] if case.law is None else [law_piece(case.law, rng, rig, plain)]
     drawn = {name: drawn_effect(name, case.kind, rng, rig.record.duration_s) for name in case.effects}
     pieces += [effect_piece(name, numbers) for name, numbers in drawn.items()]
-    sizes = [piece.sized(rig, wanted_deg=log_uniform(rng, *_SIZE_DEG)) for piece in pieces]
+    sizes = [piece.sized(rig, plain, wanted_deg=log_uniform(rng, *_SIZE_DEG)) for piece in pieces]
     factors = [factor for factor, _ in sizes]
     details, laws = together(pieces, factors, [1.0] * len(pieces))
     whole = run_rig(rig, (details, laws))

@@ -156,20 +156,23 @@ def factor_for(wanted: float, change: Callable[[float], float], *, first: float,
 class Piece:
     """Something hidden as a function of its strength, and the strength to begin with and the largest one.
 
-    ``at`` takes the strength and the share of it that acts: at 0 the rig is as it would be without the piece.
+    ``at`` takes the strength and the share of it that acts: at 0 the rig is as it would be without the piece, and that
+    is the plain rig if the piece ``leaves_nothing`` there.
     """
 
     name: str
     at: Callable[[float, float], Hidden]
     first: float
     most: float
+    leaves_nothing: bool = True
 
-    def sized(self, rig: DrawnRig, *, wanted_deg: float) -> tuple[float, float]:
+    def sized(self, rig: DrawnRig, plain: Run, *, wanted_deg: float) -> tuple[float, float]:
         """Return the strength that makes the wanted size, and the size."""
         sizes: dict[float, float] = {}
 
         def size(factor: float) -> float:
-            change = on_log_clock(rig, self.at(factor, 1.0)) - on_log_clock(rig, self.at(factor, 0.0))
+            without = plain.angle_deg if self.leaves_nothing else on_log_clock(rig, self.at(factor, 0.0))
+            change = on_log_clock(rig, self.at(factor, 1.0)) - without
             sizes[factor] = float(np.sqrt(np.mean(change**2)))
             return sizes[factor]
 
@@ -192,7 +195,9 @@ def effect_piece(name: str, drawn: Mapping[str, object]) -> Piece:
         return {name: {**drawn, strength: factor * own, "share": warm}}, ()
 
     most = abs(_STRONGEST[strength] - null) / abs(own)
-    return Piece(name, crosstalk if name == "heat_crosstalk" else at, first=1.0, most=most)
+    if name == "heat_crosstalk":
+        return Piece(name, crosstalk, first=1.0, most=most, leaves_nothing=False)
+    return Piece(name, at, first=1.0, most=most)
 
 
 def law_piece(place: Key, rng: np.random.Generator, rig: DrawnRig, plain: Run) -> Piece:
