@@ -185,11 +185,11 @@ def _with_holds(segment: HeatingSegment, signal: EvenSignal) -> HeatingSegment:
 
     The motion may go on for a while, because it is late.
     """
-    time_s = signal.time_s
+    time_s, last = signal.time_s, len(signal.value) - 1
     begin, end = np.searchsorted(time_s, [segment.begin_s, segment.end_s])
     usual = (segment.high_c - segment.low_c) / max(segment.end_s - segment.begin_s, signal.step_s)
     held = signal.slope[begin:end] + BY_CHANCE * signal.slope_sigma < _HELD_SHARE * usual
-    spans = [(float(time_s[begin + i]) + LATEST_S, float(time_s[begin:][: k + 1][-1])) for i, k in runs(held)]
+    spans = [(float(time_s[begin + i]) + LATEST_S, float(time_s[min(begin + k, last)])) for i, k in runs(held)]
     return replace(segment, held_s=tuple(span for span in spans if span[1] > span[0]))
 
 

@@ -142,7 +142,7 @@ def _without_camera(tracks: MarkerTracks, pixel_aspect: float, *, intrinsics: In
     """Return the orientation in the picture's plane, corrected for the tilt of each view."""
     views = views_of(tracks)
     parts = [_Seen.of(one.of(tracks), pixel_aspect, intrinsics, carried=one.carried) for one in views]
-    longest = max(range(len(views)), key=lambda k: (not views[k].carried, views[k].end - views[k].first))
+    longest = max(range(len(views)), key=lambda k: views[k].rank)
     main, errors = parts[longest], None
     still, plane, variance = main.still, main.plane, main.variance_rad2
     if len(parts) > 1:

@@ -1,7 +1,7 @@
 """Views of a rig in one film: a camera that is picked up and put down elsewhere sees it from another side.
 
-Between the views the base turns in the picture. The tilt is that of one view; while the camera
-is carried it changes from frame to frame, and is not known.
+Between the views the base turns in the picture. The tilt is that of one view; while the camera is carried it changes
+from frame to frame, and is not known.
 """
 
 from __future__ import annotations
@@ -31,6 +31,11 @@ class View(NamedTuple):
     first: int
     end: int
     carried: bool
+
+    @property
+    def rank(self) -> tuple[bool, int]:
+        """Its place among the views: those in which the camera stands come first, and of these the longest."""
+        return not self.carried, self.end - self.first
 
     def of(self, tracks: MarkerTracks) -> MarkerTracks:
         """Return the tracks in these frames."""
@@ -87,7 +92,7 @@ def views_of(tracks: MarkerTracks) -> list[View]:
 
 def longest_view(tracks: MarkerTracks) -> MarkerTracks:
     """Return the tracks in the longest of the views."""
-    return max(views_of(tracks), key=lambda one: (not one.carried, one.end - one.first)).of(tracks)
+    return max(views_of(tracks), key=lambda one: one.rank).of(tracks)
 
 
 def in_one_plane(views: list[View], planes: list[list[Points]]) -> list[Points]:

@@ -179,7 +179,8 @@ def take_turn(scene: Scene, a: Point, b: Point) -> None:
     All stored positions refer to the picture at the start, with a shift alone: they are transformed.
     """
     rig, moving = scene.rig[0], scene.rig[0].moving
-    turn, size = turn_of(scene, a, b), abs(turn_of(scene, a, b))
+    turn = turn_of(scene, a, b)
+    size = abs(turn)
     middle = complex(middle_of(rig.zero[:, 0]), middle_of(rig.zero[:, 1]))
     step = 0.5 * (complex(a[0], a[1]) + complex(b[0], b[1])) - turn * middle
     own = scene.sticks[moving]

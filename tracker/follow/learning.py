@@ -101,7 +101,8 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
     rig = scene.rig[0]
     copy_to(rig.shift, rig.shift_now)
     base, k = 2 - 2 * rig.moving, 2 * rig.moving
-    if rig.moving >= 0 and len(scene.sticks) > 1 and rig.anchored and seen(scene, k) and seen(scene, k + 1):
+    with_base = rig.moving >= 0 and len(scene.sticks) > 1
+    if with_base and rig.anchored and seen(scene, k) and seen(scene, k + 1):
         # The moving stick was found after the base was judged.
         rig.anchored = not base_goes_along(scene, base, base + 1)
     for index in range(len(scene.markers)):
@@ -113,7 +114,7 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
             learn_shutter(rig, scene.markers[index].shape, luma, (reading.x, reading.y), path)
     for stick in range(len(scene.sticks)):
         _note_stick(scene, stick)
-    if rig.moving >= 0 and len(scene.sticks) > 1:
+    if with_base:
         _note_step(scene, base)
         both = seen(scene, base) and seen(scene, base + 1)
         if both and not rig.anchored and abs(turn_of(scene, at(scene, base), at(scene, base + 1)) - 1.0) > TURN_RAD:

@@ -218,7 +218,7 @@ def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -
     past_s, left_s = wanted_s - time_s[low], time_s[low + 1] - wanted_s
     from_before, from_after = temp_c[low] + before * past_s, temp_c[low + 1] - after * left_s
     outer = np.where(before > after, np.minimum(from_before, from_after), np.maximum(from_before, from_after))
-    corners = corner_gaps(time_s, temp_c, sigma_c[:-1])
+    corners = _corner_gaps(time_s, temp_c, sigma_c)
     known_c = np.where(corners[low], outer, temp_c[low] + slope[low] * past_s)
     doubt = np.zeros(len(wanted_s))
     for top in tops_of(time_s, temp_c, sigma_c):
@@ -227,16 +227,16 @@ def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -
     return known_c, doubt
 
 
-def corner_gaps(time_s: Floats, temp_c: Floats, noise_c: Floats | float) -> Flags:
+def _corner_gaps(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> Flags:
     """Return the mask (n − 1,) of the gaps between readings (n,) in which the wire has a corner.
 
     At a corner the slope changes by more than noise explains and the wire bends beside it, and the lines beside the gap
-    meet within it. ``noise_c`` is one value for all gaps or one per gap.
+    meet within it.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     first, before, after, last = (_beside(slope, step) for step in (-2, -1, 1, 2))
     bend = np.maximum(np.abs(before - first), np.abs(last - after))
-    seen = np.abs(after - before) > BY_CHANCE * 2.0 * noise_c / np.diff(time_s) + _SHARP * bend
+    seen = np.abs(after - before) > BY_CHANCE * 2.0 * sigma_c[:-1] / np.diff(time_s) + _SHARP * bend
     return np.asarray(seen & ((before - slope) * (after - slope) < 0.0))
 
 
