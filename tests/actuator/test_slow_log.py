@@ -40,6 +40,18 @@ def test_rows_that_are_readings_stay(noise_c):
     assert own_readings(ROWS_S, np.round(wire(ROWS_S) + noise, 2)) is None
 
 
+def test_even_corners_of_a_programme_are_no_readings():
+    # Corners at multiples of five seconds, as of a programme in round numbers; the wire cools freely after each top.
+    parts = []
+    for top_c in (66.0, 76.0, 70.0, 63.0):
+        ramps = [np.arange(22.0, 60.0, 0.05), np.arange(60.0, 59.0, -0.05), np.arange(59.0, top_c, 0.05)]
+        cooling = 22.0 + (top_c - 22.0) * np.exp(-np.arange(1200) / 240.0)
+        parts += [*ramps, np.full(80, top_c), cooling, np.full(800, 22.0)]
+    temp_c = np.concatenate(parts)
+    time_s = 0.25 * np.arange(len(temp_c))
+    assert condition(time_s, temp_c).temp_c == pytest.approx(temp_c, abs=1e-9)
+
+
 @pytest.mark.parametrize(("interval_s", "within_c"), [(2.0, 0.15), (5.0, 0.3)])
 def test_the_top_between_two_readings_is_found(interval_s, within_c):
     # The wire's top of 72 °C lies in the middle between two readings, from which the lines cut off half of its descent.

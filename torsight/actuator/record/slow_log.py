@@ -52,7 +52,7 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     """
     if len(time_s) < SHORTEST:
         return None
-    times, temps, stands = _meetings(time_s, temp_c)
+    times, temps, stands, bends = _meetings(time_s, temp_c)
     if len(times) < SHORTEST:
         return None
     apart_s = np.diff(times)
@@ -67,6 +67,9 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]
     whole = np.maximum(np.rint(np.diff(ends[0]) / interval_s), 1.0).astype(np.int64)
     number = np.concatenate([[0], np.cumsum(whole)])
+    # One reading bends two rows at most: where more are bent, a wire without noise was read at every row.
+    if bends > 2 * number[-1]:
+        return None
     wanted_s = np.interp(np.arange(number[-1] + 1), number, ends[0])
     if stands:
         return wanted_s, temp_c[np.searchsorted(time_s, wanted_s + 0.5 * usual_step(time_s)) - 1]
@@ -245,11 +248,11 @@ def _beside(slope: Floats, step: int) -> Floats:
     return slope[np.clip(np.arange(len(slope)) + step, 0, len(slope) - 1)]
 
 
-def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
+def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool, int]:
     """Return times and temperatures at which straight lines of rows meet (on a row or between two rows).
 
     Level lines do not meet: where most lines are level, every reading is repeated until the next, from its first row,
-    and the third value is true.
+    and the third value is true. The fourth is the number of rows that do not lie on a line with both neighbours.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
@@ -264,4 +267,5 @@ def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
     times = np.concatenate([time_s[alone], time_s[pair] + past_s])
     temps = np.concatenate([temp_c[alone], temp_c[pair] + before * past_s])
     order = np.argsort(times)
-    return times[order], temps[order], bool(2 * np.count_nonzero(level) > len(times))
+    stands = bool(2 * np.count_nonzero(level) > len(times))
+    return times[order], temps[order], stands, int(np.count_nonzero(bent))
