@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.actuator.record.log_noise import SHORTEST
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST
 from torsight.actuator.record.turns import REVERSAL_C, turns_of
 from torsight.core.series import APART, BY_CHANCE, usual_step
 from torsight.core.units import Flags, Floats
@@ -52,7 +52,7 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     """
     if len(time_s) < SHORTEST:
         return None
-    times, temps, stands, bends = _meetings(time_s, temp_c)
+    times, temps, stands = _meetings(time_s, temp_c)
     if len(times) < SHORTEST:
         return None
     apart_s = np.diff(times)
@@ -67,13 +67,16 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]
     whole = np.maximum(np.rint(np.diff(ends[0]) / interval_s), 1.0).astype(np.int64)
     number = np.concatenate([[0], np.cumsum(whole)])
-    # One reading bends two rows at most: where more are bent, a wire without noise was read at every row.
-    if bends > 2 * number[-1]:
-        return None
     wanted_s = np.interp(np.arange(number[-1] + 1), number, ends[0])
     if stands:
-        return wanted_s, temp_c[np.searchsorted(time_s, wanted_s + 0.5 * usual_step(time_s)) - 1]
-    return wanted_s, np.interp(wanted_s, *ends)
+        wanted_c = temp_c[np.searchsorted(time_s, wanted_s + 0.5 * usual_step(time_s)) - 1]
+        rows_c = wanted_c[np.searchsorted(wanted_s, time_s, side="right") - 1]
+    else:
+        known_s, first = np.unique(np.r_[times, time_s], return_index=True)
+        wanted_c = np.interp(wanted_s, known_s, np.r_[temps, temp_c][first])
+        rows_c = np.interp(time_s, wanted_s, wanted_c)
+    # The corners of a programme without noise may be as even as readings: then rows between them do not follow.
+    return (wanted_s, wanted_c) if np.max(np.abs(rows_c - temp_c)) <= NEGLIGIBLE_C else None
 
 
 class _Line(NamedTuple):
@@ -248,11 +251,11 @@ def _beside(slope: Floats, step: int) -> Floats:
     return slope[np.clip(np.arange(len(slope)) + step, 0, len(slope) - 1)]
 
 
-def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool, int]:
+def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool]:
     """Return times and temperatures at which straight lines of rows meet (on a row or between two rows).
 
     Level lines do not meet: where most lines are level, every reading is repeated until the next, from its first row,
-    and the third value is true. The fourth is the number of rows that do not lie on a line with both neighbours.
+    and the third value is true.
     """
     slope = np.diff(temp_c) / np.diff(time_s)
     share = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
@@ -267,5 +270,4 @@ def _meetings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats, bool, int
     times = np.concatenate([time_s[alone], time_s[pair] + past_s])
     temps = np.concatenate([temp_c[alone], temp_c[pair] + before * past_s])
     order = np.argsort(times)
-    stands = bool(2 * np.count_nonzero(level) > len(times))
-    return times[order], temps[order], stands, int(np.count_nonzero(bent))
+    return times[order], temps[order], bool(2 * np.count_nonzero(level) > len(times))

@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 
 from torsight.actuator.drive import Drive
-from torsight.actuator.record.turns import REVERSAL_C, turning_points
-from torsight.core.series import bridged, means_beside, runs, scatter, usual_step
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C
+from torsight.actuator.record.turns import REVERSAL_C, turning_points, turns_of
+from torsight.core.series import APART, bridged, means_beside, runs, scatter, usual_step
 from torsight.core.units import DEG, Flags, Floats, Ints
 
 REST_SPEED_DEG_S: Final = 0.02
@@ -23,18 +24,21 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
     """Return the indices of the rows that a fit uses: between them the angle or a temperature changes noticeably.
 
     The stepping is exact for steps of any length over which temperatures rise or fall: rows only have to sample the
-    residual. One row is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute, at
-    changes of the half-cycle, and around the ends of heatings, where an incomplete transformation ends: all rows within
-    two seconds, one every 1.5 s within fifteen. The end of a heating is where the driven temperature turns down, where
-    it is highest, and (behind a slow sensor, before both) where the angle stops. The same rows are kept where the angle
-    starts from a rest: with friction over the speed, steps that contain a start are not exact. ``way`` (n,) is the
-    distance covered (:func:`way_of`), ``at_rest`` (n,) the rows at rest.
+    residual. One row is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute,
+    where the driven temperature turns by more than noise, at changes of the half-cycle, and around the ends of
+    heatings, where an incomplete transformation ends: all rows within two seconds, one every 1.5 s within fifteen. The
+    end of a heating is where the driven temperature turns down, where it is highest, and (behind a slow sensor, before
+    both) where the angle stops. The same rows are kept where the angle starts from a rest: with friction over the
+    speed, steps that contain a start are not exact. ``way`` (n,) is the distance covered (:func:`way_of`), ``at_rest``
+    (n,) the rows at rest.
     """
     active, _ = drive.temps_by_role()
     interval = usual_step(drive.time_s)
     smooth = _running_median(drive.angle_rad / DEG)
     keep = np.zeros(len(drive), bool)
     keep[np.flatnonzero(np.diff(np.floor(way))) + 1] = True
+    # A transformation only advances: between two rows a dip would hide how far it has come.
+    keep[turns_of(active, max(APART * drive.noise_c, NEGLIGIBLE_C))] = True
     turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
     near, far, second = (max(1, round(span_s / interval)) for span_s in (2.0, 15.0, 1.5))
     for place in [*turn, *_starts(at_rest, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
