@@ -127,8 +127,12 @@ class Likelihood:
         return bool(rows.any() and self.count[rows] @ scaled <= np.sum(self.count[rows]))
 
     def over_floor(self, residual: Floats) -> float:
-        """Return the root mean square of a residual, in noise floors."""
-        noise = max(float(self.count @ self.noise**2), 1e-30)
+        """Return the root mean square of a residual, in noise floors; no floor is below half of the least discrepancy.
+
+        A residual of the size of the least discrepancy does not matter, however exact the record is; one of two floors
+        does.
+        """
+        noise = max(float(self.count @ self.noise**2), float(np.sum(self.count)) * (0.5 * self.least) ** 2, 1e-30)
         return float(np.sqrt(float(self.count @ residual**2) / noise))
 
     def discrepancy(self, residual: Floats) -> Floats:

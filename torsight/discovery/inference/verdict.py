@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
 
 import numpy as np
 from scipy.special import softmax
@@ -94,13 +96,41 @@ def decide(field: Field, *, settings: Settings, choices: int, can_hold_out: bool
     )
 
 
+def _evidence(field: Field) -> dict[EffectSet, float]:
+    """Return the evidence of every set, without what it gains by differences that do not matter.
+
+    Where a set and a part of it predict every stretch of the record alike to within the resolution, the set's residual
+    is as good as the part's: no model is more exact than that, and a record without noise shows by how much. What the
+    set gains because it pulls fewer values remains.
+    """
+    sets, excess = field.explanations, dict[EffectSet, float]()
+
+    @cache
+    def log(members: EffectSet) -> float:
+        return sets[members].likelihood.log(sets[members].residual)
+
+    for members in sorted(sets, key=len):
+        parts = (part for size in range(len(members)) for part in combinations(members, size) if part in sets)
+        alike = [part for part in parts if _are_alike(field, sets[members], sets[part])]
+        excess[members] = max((log(members) - log(part) + excess[part] for part in alike), default=0.0)
+    return {members: one.log_evidence - max(excess[members], 0.0) for members, one in sets.items()}
+
+
+def _are_alike(field: Field, one: Explanation, other: Explanation) -> bool:
+    """Return whether two predictions differ by the resolution at most in every stretch, root mean square."""
+    square = np.cumsum(np.append(0.0, (one.residual - other.residual) ** 2))
+    start, stop = field.stretches.start, field.stretches.stop
+    least = field.base.fitter.problem.resolution
+    return bool(np.all(square[stop] - square[start] <= (stop - start) * least**2))
+
+
 class _Judge:
     def __init__(self, field: Field, settings: Settings, choices: int) -> None:
         self._field = field
         self._settings = settings
         sets = field.explanations
         price = settings.price(choices)
-        log = np.array([one.log_evidence - price * len(members) for members, one in sets.items()])
+        log = np.array([evidence - price * len(members) for members, evidence in _evidence(field).items()])
         self.probability = dict(zip(sets, softmax(log).tolist(), strict=True))
         self._log = dict(zip(sets, log.tolist(), strict=True))
 
