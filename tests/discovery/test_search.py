@@ -15,6 +15,7 @@ from torsight.core.parallel.threads import in_parallel
 from torsight.core.parameter import Parameter
 from torsight.core.progress import silent
 from torsight.discovery.actuator_problem import ActuatorProblem
+from torsight.discovery.inference.engine import find_missing
 from torsight.discovery.inference.explanation import curvature_spread, places_of
 from torsight.discovery.inference.fitting import AtPoint, Fitter
 from torsight.discovery.inference.law.measure import Bar
@@ -133,9 +134,9 @@ def test_a_prediction_is_unsure_of_what_only_extends_the_answer() -> None:
 
 
 def decided_with(problem: LinearProblem, shares: Mapping[tuple[str, ...], float]) -> Decision:
-    """Return the decision where sets hold these shares of the probability, and all others nothing."""
+    """Return the decision where sets hold these shares of the probability, however little their predictions differ."""
     settings = Settings(most=2)
-    search = Search(problem, settings=settings, progress=silent)
+    search = Search(replace(problem, resolution=0.0), settings=settings, progress=silent)
     field = search.run()
     sets = {
         members: replace(
@@ -144,6 +145,16 @@ def decided_with(problem: LinearProblem, shares: Mapping[tuple[str, ...], float]
         for members, one in field.explanations.items()
     }
     return decide(replace(field, explanations=sets), settings=settings, choices=search.choices, can_hold_out=False)
+
+
+@pytest.mark.parametrize(("resolution", "named"), [(0.02, ["spring"]), (0.1, [])])
+def test_what_changes_the_prediction_by_less_than_the_resolution_is_not_named(resolution, named) -> None:
+    """However sure it is: a record without noise shows the difference between two ways to compute the same model."""
+    position = signals()["position"]
+    made = machine(0.05 * position / np.std(position), seed=7, resolution=resolution, tau=1.0)
+    found = find_missing(replace(made, drivers={}))
+    assert list(found.decision.chosen.members) == named
+    assert found.verdict == ("identified" if named else "none")
 
 
 def test_of_two_that_are_alike_alone_the_one_is_found_that_fits_beside_the_rest() -> None:
