@@ -228,13 +228,13 @@ def quiet(parameters: Sequence[Parameter], values: Mapping[str, float], sigma: F
     )
 
 
-def misfit(drive: Drive, rmse_deg: float, ratio: float, floor_deg: float) -> str:
+def misfit(drive: Drive, rmse_deg: float, times: float, floor_deg: float) -> str:
     """Return the note on a fit whose residual is far above the noise; else an empty string.
 
-    ``ratio`` is the mean square of the residual over that of the noise, ``floor_deg`` the root mean square of the noise
-    of readings and temperatures.
+    ``times`` is the residual in noise floors, ``floor_deg`` the root mean square of the noise of readings and
+    temperatures.
     """
-    doubt = unexplained(float(np.sqrt(ratio)))
+    doubt = unexplained(times)
     if not doubt:
         return ""
     low, high = extent(drive.angle_rad[drive.measured])

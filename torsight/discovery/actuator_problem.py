@@ -28,13 +28,11 @@ from torsight.core.parallel.threads import with_help
 from torsight.core.parameter import Parameter
 from torsight.core.series import pair_means
 from torsight.core.units import DEG, Flags, Floats, Ints
-from torsight.core.words.wording import EXPLAINED
+from torsight.core.words.wording import EXPLAINED, RESOLUTION_DEG
 from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
 from torsight.discovery.actuator.temperature_errors import alike_s, draw_errors, lasting_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
-RESOLUTION_DEG: Final = 0.1
-"""A difference that does not matter: 0.02 % of the stroke."""
 _NOISE_DRAWS: Final = 6
 """Number of draws of the temperatures' noise: they give a sample's standard deviation to three parts in ten (1/√12),
 and its mean over a record to a few hundredths (benchmarks/discovery/tops.py, --constants)."""

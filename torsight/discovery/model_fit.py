@@ -97,7 +97,11 @@ def _result(problem: ActuatorProblem, found: Explanation, *, converged: bool) ->
     rmse_deg = rms(residual[counted]) / DEG
     floor_deg = float(np.sqrt(noise / count.sum()))
     pulled = contradiction(characterised(problem.spec, pulls_of(problem, found)))
-    doubts = (misfit(drive, rmse_deg, ratio, floor_deg), pulled, *notes_of_drive(drive))
+    doubts = (
+        misfit(drive, rmse_deg, found.likelihood.over_floor(found.residual), floor_deg),
+        pulled,
+        *notes_of_drive(drive),
+    )
     attention = tuple(words for words in doubts if words)
     return FitResult(
         model=model,

@@ -133,10 +133,14 @@ def _cannot_tell(discovery: Mapping[str, Any]) -> str:
 
 
 def error_words(value_deg: float | None) -> str:
-    """Return an error of the angle with three digits, or two below one degree: ``6.00°``, ``0.087°``."""
+    """Return an error of the angle with three digits, or two below one degree: ``6.00°``, ``0.087°``, ``< 0.001°``."""
+    if value_deg is not None and 0.0 < value_deg < 5e-4:
+        return "< 0.001°"
     return f"{number(value_deg, 2 if value_deg is None or value_deg < 1.0 else 3)}°"
 
 
+RESOLUTION_DEG: Final = 0.1
+"""A difference that does not matter: 0.02 % of the stroke."""
 EXPLAINED: Final = 2.0
 """Residual in noise floors up to which a record is explained: noise and the uncertainty of the fit make that much."""
 
@@ -210,7 +214,7 @@ def not_fixed(discovery: Mapping[str, Any]) -> str:
     show that the model lacks anything.
     """
     left, floor = held_out_errors(discovery)[1], discovery.get("noise_floor_deg")
-    if not_explained(discovery) or left is None or not floor or left <= EXPLAINED * float(floor):
+    if not_explained(discovery) or left is None or not floor or left <= max(EXPLAINED * float(floor), RESOLUTION_DEG):
         return ""
     return (
         f"This record does not determine the model's values: held-out half-cycles are missed by "

@@ -21,6 +21,7 @@ from torsight.core.words.wording import (
     has_unnamed_law,
     held_out_errors,
     not_explained,
+    not_fixed,
     number,
     times_floor,
 )
@@ -79,7 +80,7 @@ def _limit(results: RunResults) -> str:
         if decides(discovery.get("next_experiment")):
             return f"{same} Run the one proposed below."
         return f"{same} No other programme that was tried separates them: measure directly in what they differ."
-    if left > EXPLAINED * floor:
+    if not_fixed(discovery):
         return (
             "How well this record determines the values: the residual of the fit is noise, but held-out half-cycles "
             f"are off by {number(left, 2)}° rms, {number(left / floor, 2)} times the noise floor. More half-cycles "
