@@ -22,7 +22,7 @@ from torsight.core.errors import InputError, NoResultError
 from torsight.core.files.tables import read_merged
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.units import DEG
-from torsight.core.words.wording import CONTRADICTED_SIGMAS
+from torsight.core.words.wording import CONTRADICTED_SIGMAS, EXPLAINED, RESOLUTION_DEG
 from torsight.discovery.prediction import predict_with_sigma
 from torsight.synthetic.experiment import make_record
 
@@ -68,6 +68,19 @@ def test_values_of_another_integrator_come_back():
     for name in declared(rig_record()).uncertainty:
         estimate = result.estimates[name]
         assert abs(estimate.value - true[name]) < 4.5 * estimate.sigma
+
+
+def test_a_record_without_noise_is_explained():
+    # Two integrators differ by a hundredth of a degree, which is any number of times a noise of nothing.
+    made = make_record(
+        {"protocol": {"time_factor": 0.6, "half_cycle": HALVES[:2]}, "sensor": {"sample_s": 0.25, "noise_c": 0.0}},
+        sigma_deg=0.0,
+    )
+    model = ActuatorModel(declared(made))
+    found = fit_model(model, model.prepare(made.table))
+    assert found.rmse_deg < RESOLUTION_DEG
+    assert found.variance_ratio > EXPLAINED**2
+    assert not found.attention
 
 
 def test_what_is_left_is_held_against_the_noise_of_the_inputs():

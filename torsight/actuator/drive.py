@@ -24,9 +24,9 @@ from torsight.core.errors import InputError
 from torsight.core.records import SyncedTable, TemperatureLog
 from torsight.core.series import APART, extent, pair_means, scatter, usual_step
 from torsight.core.series.outliers import outliers
-from torsight.core.units import Flags, Floats, Ints
+from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.shown import span
-from torsight.core.words.wording import counted, number
+from torsight.core.words.wording import RESOLUTION_DEG, counted, number
 
 ROW_RATE_HZ: Final = 5.0
 """Rows per second to which a faster record is thinned for a fit, approximately."""
@@ -243,10 +243,11 @@ def filled_in(log: TemperatureLog) -> tuple[TemperatureLog, Ints]:
 def wrong_frames(time_s: Floats, angle_rad: Floats, sigma_rad: Floats) -> Flags:
     """Return the mask (n,) of rows whose angle belongs to no motion: another marker was taken, or a hand passed.
 
-    Such an angle is further off its neighbours' line than ``APART`` times the row's own sigma and the angle's scatter.
+    Such an angle is further off its neighbours' line than ``APART`` times the row's own sigma and the angle's scatter,
+    and than a difference that matters.
     """
-    known = angle_rad[np.isfinite(angle_rad)]
-    return outliers(time_s, angle_rad, APART * np.fmax(sigma_rad, max(scatter(known), _ROUNDED_RAD)))
+    noise = np.fmax(sigma_rad, scatter(angle_rad[np.isfinite(angle_rad)]))
+    return outliers(time_s, angle_rad, np.fmax(APART * noise, RESOLUTION_DEG * DEG))
 
 
 def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
