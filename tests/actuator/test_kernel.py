@@ -99,7 +99,7 @@ def same_by_both_ways(drive, model, monkeypatch, more=None):
         slid.append(glide(*given))
         return slid[-1]
 
-    for name in ("run", "step_through"):
+    for name in ("run", "step_through", "_balanced_with_crosstalk"):
         monkeypatch.setattr(kernel, name, getattr(kernel, name).py_func)
     monkeypatch.setattr(kernel, "glide", counted)
     model.simulate(drive, values)

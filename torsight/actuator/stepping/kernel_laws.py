@@ -68,13 +68,14 @@ class State(NamedTuple):
     """State of one run."""
 
     s: NDArray[np.void]
-    """(1,) of :data:`STEP`: Values of the sample, and those that persist."""
+    """(2,) of :data:`STEP`: Values of the sample, and those that persist; room to keep them while it is balanced."""
     q: NDArray[np.void]
-    """(3,) of :data:`REFERENCE`: The reference state, that before the last turn, and room to exchange them."""
+    """(4,) of :data:`REFERENCE`: The reference state, that before the last turn, and room for two more."""
     w: Floats
     saved_w: Floats
+    before_w: Floats
     """(7, m): Per section of the wire: ξ, ξ0, the furthest place in the law's window, a trial's ξ and place, the rate
-    of ξ over the sample before, and ξ at its end; and the same before the last turn."""
+    of ξ over the sample before, and ξ at its end; the same before the last turn; and before the sample is balanced."""
     wound: Floats
     """(2,): Largest winding so far of both springs, rad."""
     held: Floats

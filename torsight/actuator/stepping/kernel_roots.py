@@ -257,8 +257,9 @@ def _passive_excess(
 @shared
 def crosstalk(theta: float, s: Scalars, o: Scalars, tables: Floats) -> float:
     """Let the passive spring transform at its own temperature and return the torque of its recovery."""
-    base = cold_torque(theta, s["wound"], o, tables)
-    angle = left_by_winding(s["wound"], o, tables) * o["passive_share"]
+    wound = max(s["wound"], theta)
+    base = cold_torque(theta, wound, o, tables)
+    angle = left_by_winding(wound, o, tables) * o["passive_share"]
     if s["turn_now"] != s["turn_p"]:
         s["xi_0_p"], s["turn_p"] = s["xi_p"], s["turn_now"]
     heating, xi = s["turn_p"] > 0.0, s["xi_p"]

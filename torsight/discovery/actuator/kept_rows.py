@@ -28,20 +28,19 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
     where the driven temperature turns by more than noise, at changes of the half-cycle, and around the ends of
     heatings, where an incomplete transformation ends: all rows within two seconds, one every 1.5 s within fifteen. The
     end of a heating is where the driven temperature turns down, where it is highest, and (behind a slow sensor, before
-    both) where the angle stops. The same rows are kept where the angle starts from a rest: with friction over the
-    speed, steps that contain a start are not exact. ``way`` (n,) is the distance covered (:func:`way_of`), ``at_rest``
-    (n,) the rows at rest.
+    both) where the angle stops. The same rows are kept where the angle comes to rest or leaves it: steps that contain
+    either are not exact where the load changes with time meanwhile (a passive spring that transforms) or friction with
+    the speed. ``way`` (n,) is the distance covered (:func:`way_of`), ``at_rest`` (n,) the rows at rest.
     """
     active, _ = drive.temps_by_role()
     interval = usual_step(drive.time_s)
     smooth = _running_median(drive.angle_rad / DEG)
     keep = np.zeros(len(drive), bool)
     keep[np.flatnonzero(np.diff(np.floor(way))) + 1] = True
-    # A transformation only advances: between two rows a dip would hide how far it has come.
-    keep[turns_of(active, max(APART * drive.noise_c, NEGLIGIBLE_C))] = True
+    keep[_dips(active, drive)] = True
     turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
     near, far, second = (max(1, round(span_s / interval)) for span_s in (2.0, 15.0, 1.5))
-    for place in [*turn, *_starts(at_rest, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
+    for place in [*turn, *_ends_of_rests(at_rest, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
         keep[max(0, place - near) : place + near] = True
         keep[max(0, place - far) : place + far : second] = True
     change = np.flatnonzero(np.diff(drive.cycles.half))
@@ -50,13 +49,27 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
     return np.flatnonzero(keep)
 
 
-def _starts(at_rest: Flags, angle_deg: Floats) -> list[int]:
-    """Return the rows at which the angle starts from a rest."""
+def _dips(active: Floats, drive: Drive) -> Ints:
+    """Return the rows at which the driven temperature turns, and those at which it is as high again as before a dip.
+
+    A transformation only advances: between two rows a dip would hide how far it has come, and how long it stood.
+    """
+    least = max(APART * drive.noise_c, NEGLIGIBLE_C)
+    found = [turns_of(active, least)]
+    for begin, end in zip(drive.cycles.begins, np.append(drive.cycles.begins[1:], len(drive)), strict=True):
+        below = np.maximum.accumulate(active[begin:end]) - active[begin:end] > least
+        found.append(begin + np.flatnonzero(np.diff(below.astype(np.int8)) < 0) + 1)
+    return np.concatenate(found)
+
+
+def _ends_of_rests(at_rest: Flags, angle_deg: Floats) -> list[int]:
+    """Return the rows at which the angle comes to rest, and those at which it leaves a rest."""
     found = []
-    for _, stop in runs(at_rest):
-        away = np.abs(angle_deg[stop - 1 :] - angle_deg[stop - 1]) > _STOPPED_DEG
-        if away.any():
-            found.append(stop - 1 + int(np.argmax(away)))
+    for start, stop in runs(at_rest):
+        ways = angle_deg[start::-1], angle_deg[stop - 1 :]
+        before, after = (np.abs(way - way[0]) > _STOPPED_DEG for way in ways)
+        found += [start - int(np.argmax(before))] if before.any() else []
+        found += [stop - 1 + int(np.argmax(after))] if after.any() else []
     return found
 
 

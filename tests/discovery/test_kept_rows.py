@@ -1,0 +1,63 @@
+"""The rows through which a fit steps: the angle in them is that of stepping through all rows."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from torsight.actuator.model import ActuatorModel
+from torsight.actuator.spec import reference_spec
+from torsight.core.records import SyncedTable
+from torsight.core.units import DEG
+from torsight.discovery.actuator_problem import ActuatorProblem
+
+STEP_S = 0.25
+WIRE_S = 60.0
+
+
+def heating(corners_c, rate_c_s, *, share):
+    """Return the temperatures of a spring that is driven from 22 °C over corners and then cools, and of its neighbour.
+
+    A ``share`` of the heat reaches the neighbour.
+    """
+    own = [np.array([22.0])]
+    for corner_c in corners_c:
+        last = own[-1][-1]
+        own.append(np.linspace(last, corner_c, max(2, round(abs(corner_c - last) / rate_c_s / STEP_S) + 1))[1:])
+    own.append(22.0 + (own[-1][-1] - 22.0) * np.exp(-np.arange(1, 1400) * STEP_S / WIRE_S))
+    driven = np.concatenate(own)
+    return driven, 22.0 + share * (driven - 22.0)
+
+
+@cache
+def problem(effect: str | None, *, dip_c: float = 0.0, share: float = 0.0) -> tuple[ActuatorProblem, dict[str, float]]:
+    """Return the problem of a record that the model itself makes, and the values with which it was made."""
+    columns: tuple[list, list] = ([], [])
+    for k, top_c in enumerate((74.0, 76.0, 64.0, 70.0)):
+        driven, warmed = heating([60.0, 60.0 - dip_c, top_c] if dip_c else [top_c], 0.2, share=share)
+        columns[k % 2].append(driven)
+        columns[1 - k % 2].append(warmed)
+    a, b = (np.concatenate(column) for column in columns)
+    time_s = STEP_S * np.arange(len(a))
+    model = ActuatorModel(reference_spec(), () if effect is None else (effect,))
+    values = {} if effect is None else {"passive_share": 0.6, "heat_leak": 0.0}
+    drive = model.prepare(SyncedTable(time_s, np.full(len(a), 177.6 * DEG), np.full(len(a), 0.05 * DEG), a, b))
+    angle_rad = model.simulate(drive, values).angle_rad
+    table = SyncedTable(time_s, np.interp(time_s, drive.time_s, angle_rad), np.full(len(a), 0.05 * DEG), a, b)
+    made = ActuatorProblem(model.prepare(table), reference_spec())
+    return made, {p.name: p.value for p in made.parameters} | values
+
+
+@pytest.mark.parametrize(
+    ("effect", "given"),
+    [(None, {}), (None, {"dip_c": 1.0}), ("heat_crosstalk", {"share": 0.8})],
+    ids=["plain", "the temperature dips on its way up", "the other spring transforms"],
+)
+def test_steps_between_kept_rows_lead_to_the_angle_of_all_rows(effect, given):
+    made, values = problem(effect, **given)
+    effects = () if effect is None else (effect,)
+    whole_deg = made.simulate(values, effects).angle_rad[made.rows] / DEG
+    assert len(made.rows) < 0.3 * len(made.drive)
+    assert np.sqrt(np.mean((made.predict(values, effects) - whole_deg) ** 2)) < 0.1
