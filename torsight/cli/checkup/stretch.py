@@ -23,7 +23,7 @@ from tracker.detect.marker_file import MarkerHints
 from tracker.frames.sample import Clip
 from tracker.initialise import Start
 from tracker.quality.account import account
-from tracker.quality.track_warnings import doubts
+from tracker.quality.track_warnings import doubts, doubts_of_turns
 from tracker.track import TrackResult, track_film
 
 CLIP: Final = 400
@@ -72,7 +72,11 @@ def track_stretches(
         findings.append(_faint(start, about))
     where = clips[0].name.rpartition(", ")[0]
     # People get complete sentences, each from the first stretch that gives it.
-    said = {words: Finding(about, "limits", words) for _, result, _ in tracked for words in doubts(result)}
+    said = {
+        words: Finding(about, "limits", words)
+        for _, result, orientation in tracked
+        for words in doubts_of_turns(orientation.angles) + doubts(result)
+    }
     unsure = [lacking for one in accounts if (lacking := unsure_markers(one, where=where)) is not None]
     findings += [*said.values(), *(refusal(about, lacking) for lacking in unsure[:1])]
     clip, result, orientation = tracked[-1]
@@ -198,7 +202,8 @@ def _look_at_speed(
     outer = result.tracks.position_px[:, 3]
     if len(time_s) < 3:
         return [], {}
-    step_deg = float(np.nanquantile(np.abs(np.diff(angle_deg)), 0.99))
+    next_to = np.diff(np.flatnonzero(known)) == 1
+    step_deg = float(np.quantile(np.abs(np.diff(angle_deg))[next_to], 0.99)) if next_to.any() else 0.0
     rate_deg_s = float(np.nanquantile(np.abs(np.diff(angle_deg) / np.diff(time_s)), 0.99))
     moved = np.hypot(*np.diff(outer, axis=0).T)
     step_px = float(np.nanquantile(moved, 0.99)) if np.isfinite(moved).any() else 0.0
