@@ -91,7 +91,7 @@ def _turns(
 
 
 def _same_range(before: Floats, after: Floats, turns: float) -> tuple[float, bool]:
-    """Return the turns to add to angles (k,) after a gap, those by the motion being ``turns``; and whether they are sure.
+    """Return the turns to add to angles (k,) after a gap, by the motion ``turns``, and whether they are certain.
 
     Had the stick turned arbitrarily in the gap, the ranges of both parts would lie in a common range U with the
     probability (U − r₁ + U − r₂) / 2π, for parts with the ranges r₁ and r₂.

@@ -57,6 +57,13 @@ class DotState(Kept):
         """Median radius of the dots at the start, px."""
         return float(np.median(self.scene.markers["first_radius"]))
 
+    window_px = 0.0
+
+    @property
+    def half_px(self) -> float:
+        """Half the width of the stick, px, which is at least that of its markers."""
+        return self.radius_px
+
     @property
     def length_px(self) -> float:
         """Median distance between a stick's dots, px."""
