@@ -36,7 +36,7 @@ from tracker.follow.camera_state import (
 from tracker.follow.frame_step import stick_at
 from tracker.follow.judgement import CLOSE, NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
 from tracker.follow.motion_model import JUMP, by_other_px, is_base, jump_px
-from tracker.follow.reading import read_at, read_marker
+from tracker.follow.reading import read_at, read_marker, share_of_step
 from tracker.follow.rotation_axis import arm_px
 from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
@@ -105,12 +105,15 @@ class Prediction:
         return Region(*low, *high)
 
 
-def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
-    """Search for the stick that the frame step lacks at a stage; store the markers found in the scene's readings."""
+def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> Scene:
+    """Search for the stick that the frame step lacks at a stage; return the scene with the markers found as readings.
+
+    The scene has other looks where a camera at another distance shows markers of another size.
+    """
     stick = stick_at(scene, stage)
     lost = int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
     if lost > _EAGER and lost % SELDOM:
-        return
+        return scene
     # A shake lasts one frame: near the position of a marker that was lost earlier there may be another dot.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
     found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, _jump_px(scene, stick))
@@ -123,7 +126,21 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
             scene.readings[index] = reading
         ends = place_of(pair[0]), place_of(pair[1])
         if is_base(scene.rig[0], stick) and abs(turn_of(scene, *ends) - 1.0) > TURN_RAD:
-            take_turn(scene, *ends)
+            scene = _turned(scene, ends)
+            for marker, reading in zip(scene.markers, scene.readings, strict=True):
+                if reading["state"] == SEEN:
+                    # From another place the picture may be less sharp.
+                    usual = share_of_step(float(reading["residual"]), float(reading["step"]))
+                    marker["residual"][0] = max(marker["residual"][0], usual)
+    return scene
+
+
+def _turned(scene: Scene, ends: tuple[Point, Point]) -> Scene:
+    """Return the scene in a picture that is turned and scaled so that the base lies at ``ends``."""
+    size = abs(turn_of(scene, *ends))
+    take_turn(scene, *ends)
+    scene.markers["shape"]["window"] *= size
+    return scene.with_looks()
 
 
 def _jump_px(scene: Scene, stick: int) -> float:
@@ -228,28 +245,30 @@ def _going_along(
     moving = 2 * int(scene.rig["moving"][0])
     if not is_base(scene.rig[0], stick):
         return scene.readings.copy()
-    kept = [part.copy() for part in scene[:4]]
+    kept, now = [part.copy() for part in scene[:4]], scene
     pair, alike, i = (place_of(inner), place_of(outer)), True, 2 - moving
     turn, middle = turn_of(scene, *pair), np.mean(pair, axis=0)
     if not _both_seen(scene, moving // 2):
         base = [place_of(one) for one in scene.markers[i : i + 2]]
-        before, now = complex(*np.mean(base, axis=0)), complex(*middle)
+        before, after = complex(*np.mean(base, axis=0)), complex(*middle)
         since = turn / turn_of(scene, base[0], base[1])
         if abs(turn - 1.0) > TURN_RAD:
-            take_turn(scene, *pair)
-            again = np.zeros(2, READING)
-            alike = all(read_at(scene, luma, i + end, pair[end], _SLACK, again[end]) == SEEN for end in (0, 1))
+            now, again = _turned(scene, pair), np.zeros(2, READING)
+            alike = all(read_at(now, luma, i + end, pair[end], _SLACK, again[end]) == SEEN for end in (0, 1))
         for index in (moving, moving + 1):
-            place = now + since * (complex(*scene.readings["predicted"][index]) - before)
+            place = after + since * (complex(*scene.readings["predicted"][index]) - before)
             scene.readings["predicted"][index] = place.real, place.imag
-            read_marker(scene, luma, index, _SLACK)
-    found = alike and _both_seen(scene, moving // 2)
+            read_marker(now, luma, index, _SLACK)
+    # One dot is of one stick alone.
+    close_px = CLOSE * float(now.markers["shape"]["radius"][i : i + 2].min())
+    apart = all(
+        math.dist(place_of(one), place) > close_px for one in scene.readings[moving : moving + 2] for place in pair
+    )
+    found = alike and apart and _both_seen(scene, moving // 2)
     found = found and goes_with_picture(scene, middle - scene.rig["zero"][0].mean(axis=0), turn_of(scene, *pair))
     readings = scene.readings.copy()
     for part, was in zip(scene[:4], kept, strict=True):
         part[...] = was
-    for _, _, systems in scene.looks if abs(turn - 1.0) > TURN_RAD else ():
-        systems["filled"] = 0
     return readings if found else None
 
 
@@ -283,19 +302,16 @@ def _read_at_its_size(scene: Scene, luma: NDArray[np.uint8], index: int, place: 
 
     ``out`` is its reading at its usual size: a reading shows the size to first order.
     """
-    markers, looks, size = scene.markers.copy(), list(scene.looks), 1.0
-    shape, (pixels, models, systems) = markers["shape"][index], looks[index]
-    looks[index] = pixels, np.empty_like(models), np.zeros_like(systems)
-    resized = scene._replace(markers=markers, looks=tuple(looks))
+    markers, size = scene.markers.copy(), 1.0
+    shape = markers["shape"][index]
     for _ in range(_SIZINGS):
         by = 1.0 + float(out["change"][0] / shape["radius"])
         size *= by
         if not passes(((size - 1.0) / JUMP) ** 2, 1):
             return False
-        for name in ("radius", "strip", "edges"):
+        for name in ("radius", "strip", "edges", "window"):
             shape[name] *= by
-        looks[index][2]["filled"] = 0
-        if read_at(resized, luma, index, place, _SLACK, out) == SEEN:
+        if read_at(scene._replace(markers=markers).with_looks(), luma, index, place, _SLACK, out) == SEEN:
             return True
     return False
 

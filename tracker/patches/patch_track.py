@@ -34,8 +34,8 @@ class PatchTrack(Kept):
     """A patch, its last warp, and its usual correlation.
 
     ``warp`` is that of the last frame in which the patch was seen, or the initial guess; ``lost`` counts frames since
-    then; ``usual`` and ``gain`` are running means of correlation and contrast, ``learnt`` the mean residuals of a drawn template, None for
-    a template taken from the film.
+    then; ``usual`` and ``gain`` are running means of correlation and contrast, ``learnt`` the mean residuals of a drawn
+    template, None for a template taken from the film.
     """
 
     kept = ("warp", "lost", "usual", "gain", "learnt", "doubt", "_history", "_followed")

@@ -121,6 +121,9 @@ def flicker_of(rows: NDArray[np.void]) -> Flicker | None:
         shares = [np.log(values / values.mean()) for values in (level[lit], rows["light"][lit, :2].mean(axis=1))]
         if shares[0] @ shares[1] < _SHARED * (shares[0] @ shares[0]):
             return None
+    elif not (rows["state"] == CODE["dark"]).any():
+        # Without the base only dark frames show that the light changes.
+        return None
     again = _comes_again(level - level.mean())
     low, high = np.quantile(level, [0.05, 0.95])
     bright = level > 0.5 * (low + high)
