@@ -90,10 +90,10 @@ def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True, pixel:
     outlier = np.zeros(len(length), bool)
     if known.sum() < LEAST_FRAMES:
         # Too few frames for a dependence on the direction: what it changes counts as error.
-        mean = float(np.mean(length[known])) if known.any() else np.nan
-        residual[known] = length[known] - mean
-        scale = np.sqrt(np.sum(residual[known] ** 2 / variance[known]) / max(known.sum() - 1, 1))
-        return LengthWitness(mean, residual, max(1.0, scale), max(1.0, scale), outlier)
+        usual = float(np.median(length[known])) if known.any() else np.nan
+        residual[known] = length[known] - usual
+        scale = max(1.0, robust_sigma(residual[known] / np.sqrt(variance[known]))) if known.any() else 1.0
+        return LengthWitness(usual, residual, scale, scale, outlier)
     angle = np.arctan2(offset[known, 1], offset[known, 0])
     kinds = [kind for kind in (moves[known], ~moves[known]) if kind.any()]
     weight = _weights(moves[known])

@@ -77,11 +77,9 @@ def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
 def covers(scene: Scene, stick: int, point: Point, index: int) -> bool:
     """Return whether a stick, as read or predicted, reaches into the window of another stick's marker at a position.
 
-    ``index`` is that of the marker. A stick that was lost longer ago is not where it is predicted to be.
+    ``index`` is that of the marker.
     """
     i = 2 * stick
-    if min(scene.markers[i].lost, scene.markers[i + 1].lost) > SOON:
-        return False
     shape = scene.markers[i].shape
     # Where its edges are not seen the stick is at least as wide as its dots' windows.
     width = shape.strip if math.isfinite(shape.strip) else shape.window

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torsight.core.errors import NoResultError
 from tracker.appearance.disc import COLUMNS
 from tracker.appearance.dot_fit import Dot
-from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, Look, read_dot, unused_look
+from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, read_dot, unused_look
 from tracker.detect.sticks import Stick, edges_beside, half_width
 from tracker.follow.reading import Looks, share_of_step
 from tracker.follow.state import MARKER
