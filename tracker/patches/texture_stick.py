@@ -34,6 +34,8 @@ _FADED: Final = (0.4, 2.5)
 """Range of the contrast over the mean of the last frames: outside it the texture is not the same."""
 _FLAT: Final = 0.5
 """Smallest ratio of a patch's shorter to its longer axis: below it the texture is not the same."""
+_RIM_PX: Final = 0.02
+"""Standard deviation of a resting patch's rim by its own size or rotation, px: that of its place in a film at CRF 20."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """Largest difference between the rotations of a patch and of the line through both points: in a square that is seen at
 35 degrees the sides turn by 11 degrees against the diagonals."""
@@ -69,7 +71,7 @@ class TextureStick(Kept):
         self._own["length"] = self._own["shortest"] = self._own["longest"] = np.hypot(*self._offset)
         self._own["axis"]["last_rad"] = math.nan
         self._own["still"], self._own["start_rad"] = still, math.atan2(y2 - y1, x2 - x1)
-        self._shift, self._home = np.zeros(2), np.array(points_px)
+        self._shift, self._home = np.zeros(2), [track.warp for track in self._tracks]
 
     @property
     def radius_px(self) -> float:
@@ -119,7 +121,6 @@ class TextureStick(Kept):
                 put(readings, index, fit, place(fit.warp), covariance, spread=track.patch.spread)
         if not any(whys):
             one, two = (place(track.warp) for track in self._tracks)
-            self._home = np.array([one, two])
             own, length = self._own[0], math.dist(one, two)
             own["length"] = length
             if not own["still"]:
@@ -172,17 +173,15 @@ class TextureStick(Kept):
 
     def _judge_together(self, fits: list[Fit | None], whys: list[str], ahead: Sequence[Point]) -> None:
         """Reject, in ``whys``, fits that are not consistent with one rigid stick."""
+        if self._own[0]["still"]:
+            self._judge_rest(fits, whys)
         one, two = fits
         if one is None or two is None or any(whys):
             for end, fit in enumerate(fits):
-                # While its partner is hidden, only the circle shows that a patch slides onto another object; one of the
-                # base has to rest since both were seen.
-                if fit is None or whys[end]:
-                    continue
-                off = np.array(circle_misfit(self._own[0], self._shift, place(fit.warp), end))
-                if self._own[0]["still"]:
-                    off = np.subtract(place(fit.warp), self._home[end]) / STANDS_PX
-                whys[end] = "" if passes(float(np.sum(off**2)), off.size) else "hidden"
+                # While its partner is hidden, only the circle shows that a patch slides onto another object.
+                if fit is not None and not whys[end]:
+                    off = circle_misfit(self._own[0], self._shift, place(fit.warp), end)
+                    whys[end] = "" if passes(off**2, 1) else "hidden"
             return
         a, b, lost = place(one.warp), place(two.warp), max(track.lost for track in self._tracks)
         own = self._as_seen(one, two) if lost else self._own[0]
@@ -196,6 +195,26 @@ class TextureStick(Kept):
             for this, other in ((0, 1), (1, 0)):
                 right = further(away_px[other], away_px[this]) if alike else short[this] < short[other]
                 whys[this] = "" if right else "hidden"
+
+    def _judge_rest(self, fits: Sequence[Fit | None], whys: list[str]) -> None:
+        """Reject, in ``whys``, a patch of the base that moves while the other one rests or is not seen.
+
+        A camera moves both. One that comes nearer, or rolls, about a place near the one that moves less, enlarges or
+        turns that one.
+        """
+        seen = {end: fit.warp for end, fit in enumerate(fits) if fit is not None and not whys[end]}
+        off_px = [math.dist(place(now), place(self._home[end])) for end, now in seen.items()]
+        if len(seen) < 2:
+            for end, px in zip(seen, off_px, strict=True):
+                whys[end] = "" if passes((px / STANDS_PX) ** 2, 2) else "hidden"
+            return
+        still = int(off_px[1] < off_px[0])
+        now, home, half_px = seen[still], self._home[still], self._tracks[still].patch.half_px
+        change = np.array([size_of(now) / size_of(home) - 1.0, turn_of(now) - turn_of(home)]) * half_px / _RIM_PX
+        if not passes(float(change @ change), 2):
+            self._home = [*seen.values()]
+        elif further(off_px[1 - still], off_px[still]):
+            whys[1 - still] = "hidden"
 
     def _as_seen(self, one: Fit, two: Fit) -> Any:
         """Return the stick's state with its present length in the picture, predicted from both patches' warps.
