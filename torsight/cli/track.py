@@ -58,8 +58,9 @@ def track(
 ) -> Answer:
     """Follow the markers through a film: every frame's angle.
 
-    Ends with exit code 4 where less than half of the frames have an angle, where no markers are found, or where nothing
-    shows which dots they are; the files are still written.
+    Ends with exit code 4 where less than half of the frames have an angle, where no markers are found, where nothing
+    shows which dots they are, or where the film shows that they are exchanged in the marker file; the files are still
+    written.
 
     Example: torsight track film.mp4 --out out
     """

@@ -35,7 +35,7 @@ _FADED: Final = (0.4, 2.5)
 _FLAT: Final = 0.5
 """Smallest ratio of a patch's shorter to its longer axis: below it the texture is not the same."""
 _RIM_PX: Final = 0.02
-"""Standard deviation of a resting patch's rim by its own size or rotation, px: that of its place in a film at CRF 20."""
+"""Standard deviation of the rim of a patch at rest by its own size or turn, px: that of its place at H.264 CRF 20."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """Largest difference between the rotations of a patch and of the line through both points: in a square that is seen at
 35 degrees the sides turn by 11 degrees against the diagonals."""
