@@ -48,7 +48,7 @@ _SLACK: Final = 0.05
 """Residual allowed for motion blur, as a share of the brightness step: a marker that is found again may be moving.
 Without it a tenth of the frames of the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
 _SIZINGS: Final = 3
-"""Most estimates of a marker's size: for half the size or twice the size two are sufficient."""
+"""Most estimates of a marker's size: sufficient from half to one and a half of it, for radii of 4 to 10 px."""
 _EAGER, SELDOM = 20, 3
 """Frames in each of which a lost stick is searched for, and the interval of the searches after that: they are slow."""
 

@@ -211,10 +211,11 @@ class TextureStick(Kept):
         still = int(off_px[1] < off_px[0])
         now, home, half_px = seen[still], self._home[still], self._tracks[still].patch.half_px
         change = np.array([size_of(now) / size_of(home) - 1.0, turn_of(now) - turn_of(home)]) * half_px / _RIM_PX
-        if not passes(float(change @ change), 2):
-            self._home = [*seen.values()]
-        elif further(off_px[1 - still], off_px[still]):
+        rests = passes(float(change @ change), 2)
+        if rests and further(off_px[1 - still], off_px[still]):
             whys[1 - still] = "hidden"
+        elif not rests or not passes((off_px[still] / STANDS_PX) ** 2, 2):
+            self._home = [*seen.values()]
 
     def _as_seen(self, one: Fit, two: Fit) -> Any:
         """Return the stick's state with its present length in the picture, predicted from both patches' warps.
