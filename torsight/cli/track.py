@@ -232,6 +232,7 @@ WHY: Final = {
     "picture": "a marker is outside the picture",
     "marker": "a marker was not found again",
     "texture": "the texture around a marker was lost",
+    "tag": "a tag was not seen",
     "unlike": "the given points are not like dots on a plain stick",
     "file": "the frame is damaged",
     "late": "the markers are not in sight yet",

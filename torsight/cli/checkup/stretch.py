@@ -173,10 +173,13 @@ def _look_at_account(accounts: Sequence[Mapping[str, Any]], about: str) -> list[
 
 def _markers_text(summary: Mapping[str, Any]) -> str:
     markers, noise = summary["markers"], summary["noise"]
-    return (
-        f"dots of {markers['radius_px']:.1f} px radius, {markers['stick_length_px']:.0f} px apart, contrast "
-        f"{noise['marker_contrast_grey']:.0f} and noise {noise['picture_noise_grey']:.1f} grey levels"
-    )
+    length_px = markers["stick_length_px"]
+    what = {
+        "dot": f"dots of {markers['radius_px']:.1f} px radius, {length_px:.0f} px apart",
+        "tag": f"tags of {length_px:.0f} px along a side",
+    }.get(str(markers["kind"]), f"markers {length_px:.0f} px apart")
+    contrast, residual = noise["marker_contrast_grey"], noise["picture_noise_grey"]
+    return f"{what}, contrast {contrast:.0f} and noise {residual:.1f} grey levels"
 
 
 def _look_at_tilt(summary: Mapping[str, Any], about: str, camera: Camera | None) -> list[Finding]:
