@@ -137,16 +137,16 @@ def track_to_folder(
             out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
         )
         write_angles(out / "angle.csv", orientation.angles)
-        found = doubts_of_turns(orientation.angles) + doubts_of_length(result, orientation) + doubts(result)
-        tilted = doubts_of_tilt(orientation)
+        found = doubts_of_length(result, orientation) + doubts(result)
+        minor = doubts_of_turns(orientation.angles) + doubts_of_tilt(orientation)
         doubtful = [(str(video), doubt) for doubt in found]
         doubtful += [] if other is None else [(str(right), doubt) for doubt in doubts(other)]
         warnings = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
         content = account(
-            result, orientation, doubts=warnings, minor=tilted, remarks=remarks, pictures=source.pictures, right=other
+            result, orientation, doubts=warnings, minor=minor, remarks=remarks, pictures=source.pictures, right=other
         )
         write_json(out / "track.json", content)
-        for film, doubt in [*doubtful, *((str(video), doubt) for doubt in tilted)]:
+        for film, doubt in [*doubtful, *((str(video), doubt) for doubt in minor)]:
             say(f"warning: {film}: {doubt}")
         lacking = unsure_markers(content, where=str(video)) or few_angles(content, where=str(video))
         if lacking is not None:
