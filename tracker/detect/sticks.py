@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, TypeVar
 
 import cv2
 import numpy as np
@@ -189,24 +189,26 @@ def _crossing_shares(u: Places, v: Places, between: Places | complex) -> tuple[F
 def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
     """Return half the width of a stick, px; infinite where its edges are not seen within three dot radii."""
     radius = max(stick.inner.radius_px, stick.outer.radius_px)
-    found = _edges(luma, _Line.of(stick), _between(stick.length_px, radius))
-    seen = [edge for edge in found if math.isfinite(edge)]
+    seen = _edges_between(luma, stick, radius)
     return float(np.mean(seen)) if seen else math.inf
 
 
 def nearest_edge(luma: NDArray[np.uint8], one: Point, two: Point, *, window_px: float) -> float:
     """Return the distance, px, of a stick's nearer edge from the line between two of its points.
 
-    It is at least ``window_px``, up to which around both points the picture is known to be of the stick.
+    It is at least ``window_px``, up to which around both points the picture is known to be of the stick. The texture
+    there is taken for dots of twice its standard deviation.
     """
-    x, y = round(one[0]), round(one[1])
-    part = luma[
-        max(y - round(window_px), 0) : y + round(window_px), max(x - round(window_px), 0) : x + round(window_px)
-    ]
-    # An edge counts as between a dot and its stick: from a quarter of the step on, twice the standard deviation.
-    line = _Line(one, two, window_px, EDGE_PX, 2.0 * float(part.std()))
-    found = [edge for edge in _edges(luma, line, _between(math.dist(one, two), window_px)) if math.isfinite(edge)]
-    return max(window_px, min(found, default=0.0))
+    left, top = (max(round(at - window_px), 0) for at in one)
+    step = 2.0 * float(luma[top : round(one[1] + window_px), left : round(one[0] + window_px)].std())
+    inner, outer = (Dot(*at, window_px, EDGE_PX, (0.0, 0.0), 1.0, window_px, step, 0.0, 1.0) for at in (one, two))
+    return max(window_px, min(_edges_between(luma, Stick(inner, outer, 0.0), window_px), default=0.0))
+
+
+def _edges_between(luma: NDArray[np.uint8], stick: Stick, radius_px: float) -> list[float]:
+    """Return the distances of a stick's edges that are seen between its dots, px, outside the radius of both."""
+    along = np.linspace(radius_px + 3.0, stick.length_px - radius_px - 3.0, 24)
+    return [edge for edge in _edges(luma, stick, along) if math.isfinite(edge)]
 
 
 def edges_beside(luma: NDArray[np.uint8], stick: Stick) -> tuple[float, float]:
@@ -216,47 +218,23 @@ def edges_beside(luma: NDArray[np.uint8], stick: Stick) -> tuple[float, float]:
     of the dot, which need not lie on the stick's middle line; nor need the line between both dots be parallel to that.
     """
     radius = stick.inner.radius_px
-    along = radius + 3.0 + np.linspace(0.0, min(4.0 * radius, 0.5 * stick.length_px - radius - 3.0), 24)
-    return _edges(luma, _Line.of(stick), along)
+    return _edges(
+        luma, stick, radius + 3.0 + np.linspace(0.0, min(4.0 * radius, 0.5 * stick.length_px - radius - 3.0), 24)
+    )
 
 
-class _Line(NamedTuple):
-    """Two points of a stick, px; radius around them that holds more than the stick, and the blur of edges, px.
-
-    ``step`` is the brightness step of that, grey levels.
-    """
-
-    one: Point
-    two: Point
-    radius_px: float
-    edge_px: float
-    step: float
-
-    @classmethod
-    def of(cls, stick: Stick) -> _Line:
-        """Return the line through the dots of a stick."""
-        one, two = stick.inner, stick.outer
-        edge_px, radius_px = max(one.edge_px, two.edge_px, EDGE_PX), max(one.radius_px, two.radius_px)
-        return cls((one.x_px, one.y_px), (two.x_px, two.y_px), radius_px, edge_px, one.step)
-
-
-def _between(length_px: float, radius_px: float) -> Floats:
-    """Return positions (24,) along a stick, from its inner point, that lie outside the radius of both points."""
-    return np.linspace(radius_px + 3.0, length_px - radius_px - 3.0, 24)
-
-
-def _edges(luma: NDArray[np.uint8], line: _Line, along: Floats) -> tuple[float, float]:
+def _edges(luma: NDArray[np.uint8], stick: Stick, along: Floats) -> tuple[float, float]:
     """Return the distances of a stick's edges from the line between its dots, right and left of it, px.
 
     The median profile across the stick is taken over positions ``along`` it that hold no dot; an edge is at half its
     rise or fall.
     """
-    (ax, ay), (bx, by), radius, edge_px, step = line
-    length = math.hypot(bx - ax, by - ay)
-    ux, uy = (bx - ax) / length, (by - ay) / length
+    ax, ay, bx, by = stick.inner.x_px, stick.inner.y_px, stick.outer.x_px, stick.outer.y_px
+    ux, uy = (bx - ax) / stick.length_px, (by - ay) / stick.length_px
+    radius = max(stick.inner.radius_px, stick.outer.radius_px)
     reach = np.arange(0.0, 3.0 * radius + 4.0, 0.5)
-    # Two standard deviations of the blur on both sides, in half pixels.
-    wide = round(8.0 * edge_px)
+    # Two standard deviations of the blur on both sides, at least that of a good lens, in half pixels.
+    wide = round(8.0 * max(stick.inner.edge_px, stick.outer.edge_px, EDGE_PX))
     found = [math.inf, math.inf]
     for number, side in enumerate((1.0, -1.0)):
         x = (ax + along[:, None] * ux - side * reach * uy).astype(np.float32)
@@ -267,7 +245,7 @@ def _edges(luma: NDArray[np.uint8], line: _Line, along: Floats) -> tuple[float, 
         middle = float(np.median(profile[reach < radius]))
         # Half way to the level at the end of the blur: further away the background may have any brightness.
         steps = np.abs(profile[wide:] - profile[:-wide])
-        first = np.flatnonzero((steps > 0.25 * step) & (reach[wide // 2 : wide // 2 - wide] > radius))
+        first = np.flatnonzero((steps > 0.25 * stick.inner.step) & (reach[wide // 2 : wide // 2 - wide] > radius))
         if len(first):
             top = first[0] + int(np.argmax(steps[first[0] : first[0] + wide + 1]))
             if abs(profile[top] - middle) < 0.5 * steps[top]:
