@@ -14,14 +14,14 @@ from torsight.core.frozen import Frozen
 from torsight.core.progress import Progress, silent
 from torsight.core.words.wording import listed
 from tracker.appearance.dot_fit import Dot
-from tracker.appearance.lucas_kanade import Places
+from tracker.appearance.lucas_kanade import Luma, Places
 from tracker.couples import Choice, Couple, likeliest
 from tracker.detect.dots import HUGE_PX, find_and_refuse
 from tracker.detect.fiducials import MOST_MODULES, TagsSeen, usual_tags
 from tracker.detect.given_positions import LOOKED_AT, decoded, first_frame, given_dots
 from tracker.detect.marker_file import STICKS, MarkerHints
 from tracker.detect.moving_part import SHARPER, differs, motion_blur
-from tracker.detect.sticks import CLEAR, SIZES, are_markers, is_clear, judge_pair
+from tracker.detect.sticks import CLEAR, SIZES, Stick, are_markers, is_clear, judge_pair
 from tracker.dot_paths import NOWHERE
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Follower
@@ -349,6 +349,8 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
     sticks = given_dots(frame, hints, sticks=(0, 1))
     judged = {name: judge_pair(frame.luma, one.inner, one.outer) for name, one in zip(STICKS, sticks, strict=True)}
     unlike = {name: why for name, why in judged.items() if isinstance(why, str)}
+    if len(unlike) == 2:
+        _check_paired(frame.luma, *sticks, where=hints.where)
     start = Start(markers_on(frame.luma, *sticks), frame.index, 1, hints=hints)
     # Part of a dot, or two dots that touch, are fitted somehow, and then not read.
     hidden = (start.follower().step(frame)["state"].reshape(2, 2) == HIDDEN).any(axis=1)
@@ -358,6 +360,24 @@ def _given(source: FrameSource, hints: MarkerHints) -> Start:
         if not_read
     }
     return replace(start, unlike={**again, **unlike})
+
+
+def _check_paired(luma: Luma, base: Stick, moving: Stick, *, where: str) -> None:
+    """Raise an error where dots that were given for both sticks look like two sticks if they are paired otherwise."""
+    one, two = (base.inner, base.outer), (moving.inner, moving.outer)
+    for end, name in enumerate(("inner", "outer")):
+        pairs = (one[0], two[end]), (one[1], two[1 - end])
+        if not any(isinstance(judge_pair(luma, *pair), str) for pair in pairs):
+            raise NoResultError(
+                "the two dots given for a stick are on different sticks",
+                where=where,
+                value=f"the inner dot of base and the {name} one of moving look like two dots of one stick, and so do "
+                "the other two",
+                limit="two dots of one stick for base, and two of the other for moving",
+                do="exchange the outer positions of base and moving in the marker file"
+                if end
+                else "give the first position of moving as the second one of base, and the reverse",
+            )
 
 
 def _other_kinds(source: FrameSource, hints: MarkerHints, progress: Progress) -> Start:

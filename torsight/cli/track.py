@@ -58,8 +58,9 @@ def track(
 ) -> Answer:
     """Follow the markers through a film: every frame's angle.
 
-    Ends with exit code 4 where less than half of the frames have an angle, where no markers are found, or where nothing
-    shows which dots they are; the files are still written.
+    Ends with exit code 4 where less than half of the frames have an angle, where no markers are found, where nothing
+    shows which dots they are, or where the film shows that they are exchanged in the marker file; the files are still
+    written.
 
     Example: torsight track film.mp4 --out out
     """
@@ -104,7 +105,7 @@ def track_to_folder(
     from tracker.checkpoint import drop
     from tracker.detect.marker_file import in_second_film, read_markers
     from tracker.quality.account import account
-    from tracker.quality.track_warnings import doubts, doubts_of_length, doubts_of_tilt
+    from tracker.quality.track_warnings import doubts, doubts_of_length, doubts_of_tilt, doubts_of_turns
 
     inputs = [Path(video), None if right is None else Path(right), camera, timestamps]
     require_apart([out / name for name in FILES], inputs)
@@ -136,15 +137,16 @@ def track_to_folder(
             out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
         )
         write_angles(out / "angle.csv", orientation.angles)
-        found, tilted = doubts_of_length(result, orientation) + doubts(result), doubts_of_tilt(orientation)
+        found = doubts_of_length(result, orientation) + doubts(result)
+        minor = doubts_of_turns(orientation.angles) + doubts_of_tilt(orientation)
         doubtful = [(str(video), doubt) for doubt in found]
         doubtful += [] if other is None else [(str(right), doubt) for doubt in doubts(other)]
         warnings = [doubt if film == str(video) else f"Right film: {doubt}" for film, doubt in doubtful]
         content = account(
-            result, orientation, doubts=warnings, minor=tilted, remarks=remarks, pictures=source.pictures, right=other
+            result, orientation, doubts=warnings, minor=minor, remarks=remarks, pictures=source.pictures, right=other
         )
         write_json(out / "track.json", content)
-        for film, doubt in [*doubtful, *((str(video), doubt) for doubt in tilted)]:
+        for film, doubt in [*doubtful, *((str(video), doubt) for doubt in minor)]:
             say(f"warning: {film}: {doubt}")
         lacking = unsure_markers(content, where=str(video)) or few_angles(content, where=str(video))
         if lacking is not None:
@@ -230,6 +232,7 @@ WHY: Final = {
     "picture": "a marker is outside the picture",
     "marker": "a marker was not found again",
     "texture": "the texture around a marker was lost",
+    "tag": "a tag was not seen",
     "unlike": "the given points are not like dots on a plain stick",
     "file": "the frame is damaged",
     "late": "the markers are not in sight yet",
@@ -264,11 +267,17 @@ def few_angles(account: Mapping[str, Any], *, where: str) -> NoResultError | Non
 
 
 def unsure_markers(account: Mapping[str, Any], *, where: str) -> NoResultError | None:
-    """Return the error where nothing shows which dots are the markers, or which the inner ones, by ``track.json``."""
+    """Return the error where the markers may not be, or are shown not to be, the right ones, by ``track.json``."""
     sure = _sure(account)
     if sure >= LEAST_SURE:
         return None
     films = [film.get("markers") or {} for film in (account, account.get("right_film") or {})]
+    if any("exchanged" in markers for markers in films):
+        return NoResultError(
+            "the film shows that markers are exchanged in the marker file, and the angles are wrong",
+            where=where,
+            do="exchange them there, as the first advice in track.json says",
+        )
     if any(markers.get("rivals") for markers in films):
         what = "other dots may equally be the markers"
     elif max(float(markers.get("opposite_probability", 0.0)) for markers in films) > 0.5 * (1.0 - sure):
@@ -301,7 +310,8 @@ def is_no_result(account: Mapping[str, Any]) -> bool:
 def _sure(account: Mapping[str, Any]) -> float:
     """Return the probability that the chosen markers of a film, or of both films, are the right ones."""
     films = (account, account.get("right_film") or {})
-    return math.prod(float((film.get("markers") or {}).get("probability", 1.0)) for film in films)
+    markers = [film.get("markers") or {} for film in films]
+    return math.prod(0.0 if "exchanged" in one else float(one.get("probability", 1.0)) for one in markers)
 
 
 def _share(account: Mapping[str, Any]) -> float:

@@ -9,6 +9,7 @@ its own noise nothing is subtracted: that would only add the base's noise to the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -17,12 +18,13 @@ import numpy as np
 from torsight.core.optics.camera import Intrinsics
 from torsight.core.optics.geometry import carried, pixel_from_ray, ray_from_pixel
 from torsight.core.optics.hanging import USUAL_PX
-from torsight.core.series import BY_CHANCE, bridged, runs
+from torsight.core.series import BY_CHANCE, bridged, robust_sigma, runs
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.length_noise import LEAST_FRAMES, LengthWitness, by_direction, witness
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
 from tracker.follow.camera_state import SHAKE_PX
+from tracker.innovation import SIGMAS
 
 _MOVED: Final = 1.5
 """Smallest motion (rms over the film) that is removed, over the noise of one frame."""
@@ -132,8 +134,11 @@ def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple
         return position, nothing
     longer = np.where(told, base.residual / base.length, np.nan)
     offset = position[known, 3] - position[known, 2]
-    beside = np.column_stack([by_direction(np.arctan2(offset[:, 1], offset[:, 0])), longer[known]])
-    slope = np.linalg.lstsq(beside, np.hypot(*offset.T) / moving.length, rcond=None)[0][-1]
+    beside = by_direction(np.arctan2(offset[:, 1], offset[:, 0]))
+    both = np.stack([longer[known], np.hypot(*offset.T) / moving.length], axis=1)
+    x, y = (both - beside @ np.linalg.lstsq(beside, both, rcond=None)[0]).T
+    # Second differences have six times the variance of white noise.
+    slope = _slope(x, y, noise=robust_sigma(np.diff(longer[known], 2)) / math.sqrt(6.0))
     share, changed = float(np.clip(slope, 0.0, 1.0)), float(np.var(longer[known]))
     if not share * changed > max(_MOVED**2 * (1.0 - share) * changed, (_FELT_PX * pixel / base.length) ** 2):
         return position, nothing
@@ -142,6 +147,17 @@ def as_far(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple
     # While the base is not seen its middle is interpolated.
     about = np.stack([bridged(part) for part in _middle(position[:, :2]).T], axis=1)[:, None]
     return np.asarray(about + (position - about) / (1.0 + size)[:, None, None]), variance
+
+
+def _slope(x: Floats, y: Floats, *, noise: float) -> float:
+    """Return the slope of y (n,) over x (n,), whose own white noise, a standard deviation, would flatten it.
+
+    The noise's share in the sum of squares is subtracted where the rest is more than chance (the method of moments for
+    errors in variables: Fuller, Measurement error models, 1987, section 1.2).
+    """
+    square, white = float(x @ x), len(x) * noise**2
+    rest = square - white
+    return float(x @ y) / (rest if rest > SIGMAS * math.sqrt(2.0 / len(x)) * white else max(square, 1e-18))
 
 
 def _lengths(position: Floats, covariance: Floats, first: int) -> LengthWitness:

@@ -89,7 +89,11 @@ def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True, pixel:
     residual = np.full(len(length), np.nan)
     outlier = np.zeros(len(length), bool)
     if known.sum() < LEAST_FRAMES:
-        return LengthWitness(float(np.nanmean(length)) if known.any() else np.nan, residual, 1.0, 1.0, outlier)
+        # Too few frames for a dependence on the direction: what it changes counts as error.
+        usual = float(np.median(length[known])) if known.any() else np.nan
+        residual[known] = length[known] - usual
+        scale = max(1.0, robust_sigma(residual[known] / np.sqrt(variance[known]))) if known.any() else 1.0
+        return LengthWitness(usual, residual, scale, scale, outlier)
     angle = np.arctan2(offset[known, 1], offset[known, 0])
     kinds = [kind for kind in (moves[known], ~moves[known]) if kind.any()]
     weight = _weights(moves[known])

@@ -5,6 +5,9 @@ from this prediction is taken from the film itself, over all stretches of length
 large for a motion that jumps, and small for a smooth one. Where exactly one whole number of turns lies within twice the
 largest deviation, the turn is certain. For a gap that is longer than any known stretch, the largest deviation is
 extrapolated with the square of the time, as for a constant acceleration.
+
+Where a part of the film is missing nothing is known of the time in it. The turn is certain then, too, if the motion has
+the same range on both sides of the gap, to within what two arbitrary positions of the stick would show by chance.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.units import Flags, Floats, Ints
+from tracker.innovation import SURE
 
 _SIDE_S: Final = 0.3
 """Time on each side of a gap over which the speed is estimated: over a shorter one noise would be taken for motion."""
@@ -60,6 +64,8 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
                 ahead=ahead,
                 most_rad=most_rad[gaps[number - 1]],
             )
+            if not clear:
+                turns, clear = _same_range(whole[known[: np.searchsorted(known, before) + 1]], local, turns)
             local = local + 2.0 * np.pi * turns
             sure = sure and clear
             certain[before + 1 : run[0]] = sure
@@ -82,6 +88,20 @@ def _turns(
     spread = _SAFETY * most_rad * (2.0 if len(speeds) == 1 else 1.0) + _SLACK_RAD
     miss = abs(step_rad + 2.0 * np.pi * turns - expected)
     return turns, miss <= spread < 2.0 * np.pi - miss
+
+
+def _same_range(before: Floats, after: Floats, turns: float) -> tuple[float, bool]:
+    """Return the turns to add to angles (k,) after a gap, by the motion ``turns``, and whether they are certain.
+
+    Had the stick turned arbitrarily in the gap, the ranges of both parts would lie in a common range U with the
+    probability (U − r₁ + U − r₂) / 2π, for parts with the ranges r₁ and r₂.
+    """
+    own, other = ((float(part.min()), float(part.max())) for part in (before, after))
+    fit = round((sum(own) - sum(other)) / (2.0 * math.tau))
+    low, high = min(own[0], other[0] + math.tau * fit), max(own[1], other[1] + math.tau * fit)
+    chance = (2.0 * (high - low) - (own[1] - own[0]) - (other[1] - other[0])) / math.tau
+    same = high - low < math.tau and chance < 1.0 - SURE
+    return (float(fit), True) if same else (turns, False)
 
 
 def _most_off(time_s: Floats, runs: list[Ints], angles: list[Floats], frames: int, *, side: int) -> float:

@@ -106,7 +106,9 @@ def in_one_plane(views: list[View], planes: list[list[Points]]) -> list[Points]:
     found = []
     for view, plane, base, middle in zip(views, planes, bases, usual, strict=True):
         own = np.where(np.isfinite(base) & view.carried, base, middle)
-        turn = complex(*first) / (own[:, 0] + 1j * own[:, 1])
+        # NaN where the base is not seen.
+        with np.errstate(invalid="ignore"):
+            turn = complex(*first) / (own[:, 0] + 1j * own[:, 1])
         by = np.stack([np.stack([turn.real, -turn.imag], axis=-1), np.stack([turn.imag, turn.real], axis=-1)], axis=-2)
         found.append([(np.einsum("nij,nj->ni", by, at), by @ spread @ np.swapaxes(by, 1, 2)) for at, spread in plane])
     return [

@@ -78,6 +78,12 @@ _NEAR_PX: Final = math.sqrt(0.5) / PHASES
 which another model is nearer."""
 
 
+def unused_look(window_px: float) -> Look:
+    """Return an empty look for a window of a radius."""
+    pixels, slots = window_pixels(window_px), PHASES * PHASES
+    return pixels, np.empty((slots, COLUMNS + 2, pixels.shape[1])), np.zeros(slots, SYSTEM)
+
+
 @lending
 def eliminate(a: Floats, b: Floats, i: int) -> None:
     """Reduce column i of ``a`` to a unit column by row operations, also applied to ``b`` (Gauss-Jordan elimination)."""

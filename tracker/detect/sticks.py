@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Flags, Floats, Ints
 from tracker.appearance.dot_fit import EDGE_PX, Dot
-from tracker.appearance.lucas_kanade import Places
+from tracker.appearance.lucas_kanade import Places, Point
 from tracker.detect.dots import find_and_refuse
 
 _Real = TypeVar("_Real", float, Floats)
@@ -189,9 +189,26 @@ def _crossing_shares(u: Places, v: Places, between: Places | complex) -> tuple[F
 def half_width(luma: NDArray[np.uint8], stick: Stick) -> float:
     """Return half the width of a stick, px; infinite where its edges are not seen within three dot radii."""
     radius = max(stick.inner.radius_px, stick.outer.radius_px)
-    found = _edges(luma, stick, np.linspace(radius + 3.0, stick.length_px - radius - 3.0, 24))
-    seen = [edge for edge in found if math.isfinite(edge)]
+    seen = _edges_between(luma, stick, radius)
     return float(np.mean(seen)) if seen else math.inf
+
+
+def nearest_edge(luma: NDArray[np.uint8], one: Point, two: Point, *, window_px: float) -> float:
+    """Return the distance, px, of a stick's nearer edge from the line between two of its points.
+
+    It is at least ``window_px``, up to which around both points the picture is known to be of the stick. The texture
+    there is taken for dots of twice its standard deviation.
+    """
+    left, top = (max(round(at - window_px), 0) for at in one)
+    step = 2.0 * float(luma[top : round(one[1] + window_px), left : round(one[0] + window_px)].std())
+    inner, outer = (Dot(*at, window_px, EDGE_PX, (0.0, 0.0), 1.0, window_px, step, 0.0, 1.0) for at in (one, two))
+    return max(window_px, min(_edges_between(luma, Stick(inner, outer, 0.0), window_px), default=0.0))
+
+
+def _edges_between(luma: NDArray[np.uint8], stick: Stick, radius_px: float) -> list[float]:
+    """Return the distances of a stick's edges that are seen between its dots, px, outside the radius of both."""
+    along = np.linspace(radius_px + 3.0, stick.length_px - radius_px - 3.0, 24)
+    return [edge for edge in _edges(luma, stick, along) if math.isfinite(edge)]
 
 
 def edges_beside(luma: NDArray[np.uint8], stick: Stick) -> tuple[float, float]:

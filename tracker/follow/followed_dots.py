@@ -29,13 +29,10 @@ class DotState(Kept):
 
     def __init__(self, markers: Sequence[Marker], *, still: bool = False) -> None:
         self._all = np.zeros((), state_type(len(markers) // 2))
-        # Always of four markers: a tuple of another length would be compiled anew.
-        own = [marker.unused_look() for marker in markers]
-        looks = (*own, *own[:1] * (4 - len(own)))
-        readings = np.zeros(len(markers), READING)
-        self.scene = Scene(self._all["markers"], self._all["sticks"], self._all["rig"], readings, looks)
         for index, marker in enumerate(markers):
-            self.scene.markers[index] = marker.record[0]
+            self._all["markers"][index] = marker.record[0]
+        readings = np.zeros(len(markers), READING)
+        self.scene = Scene(self._all["markers"], self._all["sticks"], self._all["rig"], readings, ()).with_looks()
         self.scene.rig["moving"] = -1
         for stick, own in enumerate(self.scene.sticks):
             own["length"] = own["shortest"] = own["longest"] = math.dist(*self.ends(stick))
@@ -56,6 +53,13 @@ class DotState(Kept):
     def radius_px(self) -> float:
         """Median radius of the dots at the start, px."""
         return float(np.median(self.scene.markers["first_radius"]))
+
+    window_px = 0.0
+
+    @property
+    def half_px(self) -> float:
+        """Half the width of the stick, px, which is at least that of its markers."""
+        return self.radius_px
 
     @property
     def length_px(self) -> float:
@@ -93,7 +97,7 @@ class DotState(Kept):
         del shift
         stage = advance(self.scene, luma, time_s, START)
         while stage != DONE:
-            redetect(self.scene, luma, stage)
+            self.scene = redetect(self.scene, luma, stage)
             stage = advance(self.scene, luma, time_s, stage)
         return self.scene.readings
 
@@ -107,8 +111,7 @@ class DotState(Kept):
         known = self._all
         super().restore(state)
         known[...], self._all = self._all, known
-        for _, _, systems in self.scene.looks:
-            systems["filled"] = 0
+        self.scene = self.scene.with_looks()
 
 
 def _seen_last(marker: np.void) -> Point:

@@ -14,13 +14,13 @@ from tracker.appearance.lucas_kanade import RATE, READING, Luma
 from tracker.checkpoint import Kept
 from tracker.follow.camera_state import TURN_RAD, base_shift
 from tracker.follow.followed_dots import DotState
-from tracker.follow.judgement import MOVED_RAD
+from tracker.follow.judgement import MOVED_RAD, to_strip
 from tracker.follow.learning import brightness, write_row
 from tracker.follow.redetect import direction, place_of
 from tracker.follow.rotation_axis import turned
 from tracker.frames.frame import Frame
 from tracker.innovation import SIGMAS
-from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN
+from tracker.rows import DAMAGED, DARK, LOST, ROW, SEEN, SHADOWED
 from tracker.stick_direction import square, stick_direction
 
 _DARK_SHARE: Final = 0.4
@@ -45,6 +45,14 @@ class Stick(Protocol):
     @property
     def radius_px(self) -> float:
         """Size of a marker, px."""
+
+    @property
+    def window_px(self) -> float:
+        """Distance from a marker within which another stick displaces it unnoticed, px; 0 where that is noticed."""
+
+    @property
+    def half_px(self) -> float:
+        """Half the width of the stick, px, as far as its markers show it."""
 
     @property
     def length_px(self) -> float:
@@ -112,6 +120,8 @@ class Follower(Kept):
             parts.append(stick.step(luma, time_s, self._shift))
             if len(self.sticks) > 1 and self.moving is not None and number != self.moving:
                 self._follow_shift(parts[-1])
+        if len(parts) > 1 and self.moving is not None:
+            self._note_covered(parts[1 - self.moving], parts[self.moving])
         readings = parts[0] if len(parts) == 1 else np.concatenate(parts)
         if self._drawn:
             self._share_noise(readings)
@@ -125,6 +135,17 @@ class Follower(Kept):
         at = np.stack([base["x"], base["y"]], axis=1)
         self._zero = np.where(np.isnan(self._zero) & seen[:, None], at - self._shift, self._zero)
         base_shift(base, self._zero, self._shift)
+
+    def _note_covered(self, base: NDArray[np.void], moving: NDArray[np.void]) -> None:
+        """Set markers of the base that the moving stick reaches to the state ``shadowed``."""
+        one, other = self.sticks if self.moving else self.sticks[::-1]
+        if not one.window_px or moving["state"].any():
+            return
+        reach_px = one.window_px + other.half_px
+        ends = place_of(moving[0]), place_of(moving[1])
+        for reading in base:
+            if reading["state"] == SEEN and to_strip(place_of(reading), *ends, 0.0) < reach_px:
+                reading["state"] = SHADOWED
 
     def _share_noise(self, readings: NDArray[np.void]) -> None:
         """Scale covariances to the same noise for both tags: the larger residual of a blurred tag is not noise.

@@ -47,7 +47,7 @@ def read_all(scene: Scene, luma: Luma) -> None:
             if base and rig.above >= KNOWN and covers(scene, rig.moving, (marker.x, marker.y), index):
                 scene.readings[index].state = SHADOWED
             else:
-                read_marker(scene, luma, index)
+                read_marker(scene, luma, index, 0.0)
 
 
 @internal

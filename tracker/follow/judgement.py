@@ -64,7 +64,7 @@ _ROOM_PX: Final = 2.5
 """Smallest distance of the moving stick's edge from the window of a base marker that is read: for blur and shadow."""
 
 
-@lending
+@shared
 def to_strip(point: Point, a: Point, b: Point, beyond: float) -> float:
     """Return the distance of a point from the segment a–b, extended by a share of its length on both sides."""
     ux, uy = b[0] - a[0], b[1] - a[1]

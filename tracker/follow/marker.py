@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import NoResultError
-from tracker.appearance.disc import COLUMNS, window_pixels
+from tracker.appearance.disc import COLUMNS
 from tracker.appearance.dot_fit import Dot
-from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, Look, read_dot
+from tracker.appearance.lucas_kanade import PHASES, READING, SYSTEM, read_dot, unused_look
 from tracker.detect.sticks import Stick, edges_beside, half_width
 from tracker.follow.reading import Looks, share_of_step
 from tracker.follow.state import MARKER
@@ -37,9 +37,7 @@ class Marker:
         own["contrast"], own["strip"], own["window"] = dot.contrast, strip_px, dot.window_px
         own["edges"] = edges_px
         self.record["first_radius"] = dot.radius_px
-        pixels = window_pixels(dot.window_px)
-        slots = PHASES * PHASES
-        self.look: Look = (pixels, np.empty((slots, COLUMNS + 2, pixels.shape[1])), np.zeros(slots, SYSTEM))
+        self.look = unused_look(dot.window_px)
 
     def read(self, luma: NDArray[np.uint8], x_px: float, y_px: float) -> NDArray[np.void] | None:
         """Return the reading (READING) within the marker's radius of a position.
@@ -51,11 +49,6 @@ class Marker:
         reading: NDArray[np.void] = out[0]
         off_px = math.hypot(reading["x"] - x_px, reading["y"] - y_px)
         return reading if inside and off_px < self.record["shape"]["radius"][0] else None
-
-    def unused_look(self) -> Look:
-        """Return an empty look for the tracker: a cache belongs to a shape, and tracking changes the shape."""
-        pixels, models, systems = self.look
-        return pixels, np.empty_like(models), np.zeros_like(systems)
 
     def begin(self, reading: NDArray[np.void]) -> None:
         """Initialise the record with the first reading, which is known to be of the marker."""

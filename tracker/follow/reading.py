@@ -124,11 +124,14 @@ def glance_at(
 
 
 @compiled
-def read_marker(scene: Scene, luma: Luma, index: int) -> None:
-    """Read a marker near its predicted position; it is hidden if the reading is not close to that."""
+def read_marker(scene: Scene, luma: Luma, index: int, slack: float) -> None:
+    """Read a marker near its predicted position; it is hidden if the reading is not close to that.
+
+    For ``slack`` see :func:`read_at`.
+    """
     reading = scene.readings[index]
     x, y = reading.predicted[0], reading.predicted[1]
-    state = read_at(scene, luma, index, (x, y), 0.0, reading)
+    state = read_at(scene, luma, index, (x, y), slack, reading)
     if state == SEEN and not _is_near(scene.markers[index], reading, x, y):
         state = HIDDEN
     reading.state = state

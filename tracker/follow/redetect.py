@@ -36,7 +36,7 @@ from tracker.follow.camera_state import (
 from tracker.follow.frame_step import stick_at
 from tracker.follow.judgement import CLOSE, NEAR, UNSEEN_PX, covers, near_base, rigid_misfit, sure_misfit
 from tracker.follow.motion_model import JUMP, by_other_px, is_base, jump_px
-from tracker.follow.reading import read_at, read_marker
+from tracker.follow.reading import read_at, read_marker, share_of_step
 from tracker.follow.rotation_axis import arm_px
 from tracker.follow.state import Scene
 from tracker.innovation import SIGMAS, passes
@@ -47,8 +47,14 @@ Record = Any
 _SLACK: Final = 0.05
 """Residual allowed for motion blur, as a share of the brightness step: a marker that is found again may be moving.
 Without it a tenth of the frames of the disc on a pivot (benchmarks/tracking/table.py) have no angle."""
+_SIZINGS: Final = 3
+"""Most estimates of a marker's size: sufficient from half to one and a half of it, for radii of 4 to 10 px."""
 _EAGER, SELDOM = 20, 3
 """Frames in each of which a lost stick is searched for, and the interval of the searches after that: they are slow."""
+
+
+_Found = tuple[float, Record, Record, NDArray[np.void]]
+"""A pair of readings, after its χ², and all readings of the frame."""
 
 
 class Region(NamedTuple):
@@ -99,24 +105,42 @@ class Prediction:
         return Region(*low, *high)
 
 
-def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> None:
-    """Search for the stick that the frame step lacks at a stage; store the markers found in the scene's readings."""
+def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> Scene:
+    """Search for the stick that the frame step lacks at a stage; return the scene with the markers found as readings.
+
+    The scene has other looks where a camera at another distance shows markers of another size.
+    """
     stick = stick_at(scene, stage)
     lost = int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
     if lost > _EAGER and lost % SELDOM:
-        return
+        return scene
     # A shake lasts one frame: near the position of a marker that was lost earlier there may be another dot.
     shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
     found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, _jump_px(scene, stick))
     if len(found) == 1:
-        for index, reading in zip((2 * stick, 2 * stick + 1), found[0][1:], strict=True):
+        _, *pair, scene.readings[:] = found[0]
+        for index, reading in zip((2 * stick, 2 * stick + 1), pair, strict=True):
             # A base dot with the moving stick's edge in its window helps to find the pair, but its position is biased.
             hidden = is_base(scene.rig[0], stick) and _both_seen(scene, 1 - stick)
             reading["state"] = SHADOWED if hidden and covers(scene, 1 - stick, place_of(reading), index) else SEEN
             scene.readings[index] = reading
-        ends = place_of(found[0][1]), place_of(found[0][2])
+        ends = place_of(pair[0]), place_of(pair[1])
         if is_base(scene.rig[0], stick) and abs(turn_of(scene, *ends) - 1.0) > TURN_RAD:
-            take_turn(scene, *ends)
+            scene = _turned(scene, ends)
+            for marker, reading in zip(scene.markers, scene.readings, strict=True):
+                if reading["state"] == SEEN:
+                    # From another place the picture may be less sharp.
+                    usual = share_of_step(float(reading["residual"]), float(reading["step"]))
+                    marker["residual"][0] = max(marker["residual"][0], usual)
+    return scene
+
+
+def _turned(scene: Scene, ends: tuple[Point, Point]) -> Scene:
+    """Return the scene in a picture that is turned and scaled so that the base lies at ``ends``."""
+    size = abs(turn_of(scene, *ends))
+    take_turn(scene, *ends)
+    scene.markers["shape"]["window"] *= size
+    return scene.with_looks()
 
 
 def _jump_px(scene: Scene, stick: int) -> float:
@@ -136,8 +160,10 @@ def _jump_px(scene: Scene, stick: int) -> float:
     return jump_px(length_px, 1 + int(markers["lost"].min()))
 
 
-def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -> list[tuple[float, Record, Record]]:
+def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -> list[_Found]:
     """Return the pairs of readings, with their χ², that pass the innovation's test and are not of the other stick.
+
+    With each pair come all readings, among them those of a moving stick that was read where the base implies it to be.
 
     A marker that is seen in this frame is kept. A pair that looks like the base may be the moving stick, unless this is
     seen elsewhere: it has to be found at its position in the shifted picture.
@@ -154,14 +180,14 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
     inner, outer = (
         [readings[end].copy()]
         if seen[end]
-        else _read(scene, luma, both[end], _places(luma, markers[end], expected.region(end, size_px)))
+        else _read(scene, luma, both[end], _places(luma, markers[end], expected.region(end, size_px)), jump=jump)
         for end in (0, 1)
     )
     pairs = list(itertools.product(inner, outer))
     lost = max(1, int(markers["lost"].sum()))
 
-    def fitting(*, turned: bool) -> list[tuple[float, Record, Record]]:
-        found: list[tuple[float, Record, Record]] = []
+    def fitting(*, turned: bool) -> list[_Found]:
+        found: list[_Found] = []
         for one, two in pairs:
             pair = place_of(one), place_of(two)
             misfit, freedom = (expected.turned_with(pair) if turned else expected).innovation(pair, lost=lost)
@@ -172,8 +198,9 @@ def _pairs(scene: Scene, luma: NDArray[np.uint8], stick: int, sigma_px: float) -
             if passes(misfit, freedom) and not _of_other_stick(scene, stick, pair, jump=jump):
                 # Both markers look the same: with inner and outer one exchanged the pair has to be improbable.
                 exchanged, _ = expected.innovation(pair[::-1], lost=lost)
-                found += [] if passes(exchanged - misfit, 2) else [(misfit, one, two)]
-        return [one for one in found if _goes_along(scene, luma, *one[1:])] if is_base(rig, stick) else found
+                along = None if passes(exchanged - misfit, 2) else _going_along(scene, luma, stick, one, two)
+                found += [] if along is None else [(misfit, one, two, along)]
+        return found
 
     found = fitting(turned=False)
     if found or not jump or not is_base(rig, stick) or not scene.sticks["axis"]["known"][1 - stick]:
@@ -207,39 +234,55 @@ def _of_other_stick(scene: Scene, stick: int, pair: tuple[Point, Point], *, jump
     )
 
 
-def _goes_along(scene: Scene, luma: NDArray[np.uint8], inner: Record, outer: Record) -> bool:
-    """Return whether the moving stick followed the motion of the picture implied by a base at ``inner`` and ``outer``.
+def _going_along(
+    scene: Scene, luma: NDArray[np.uint8], stick: int, inner: Record, outer: Record
+) -> NDArray[np.void] | None:
+    """Return all readings if a stick may be at ``inner`` and ``outer``, else None.
 
-    A moving stick that is not seen yet is read at its position by that motion; the readings are kept if they agree.
+    If it is the base the moving stick has to follow the motion of the picture that this implies. A moving stick that is
+    not seen yet is read where it is by that motion, and the base once more, with markers of the size by that motion.
     """
-    kept, moving = scene.readings.copy(), 2 * int(scene.rig["moving"][0])
-    pair = place_of(inner), place_of(outer)
+    moving = 2 * int(scene.rig["moving"][0])
+    if not is_base(scene.rig[0], stick):
+        return scene.readings.copy()
+    kept, now = [part.copy() for part in scene[:4]], scene
+    pair, alike, i = (place_of(inner), place_of(outer)), True, 2 - moving
     turn, middle = turn_of(scene, *pair), np.mean(pair, axis=0)
     if not _both_seen(scene, moving // 2):
-        base = [place_of(one) for one in scene.markers[2 - moving : 4 - moving]]
-        before, now = complex(*np.mean(base, axis=0)), complex(*middle)
+        base = [place_of(one) for one in scene.markers[i : i + 2]]
+        before, after = complex(*np.mean(base, axis=0)), complex(*middle)
         since = turn / turn_of(scene, base[0], base[1])
+        if abs(turn - 1.0) > TURN_RAD:
+            now, again = _turned(scene, pair), np.zeros(2, READING)
+            alike = all(read_at(now, luma, i + end, pair[end], _SLACK, again[end]) == SEEN for end in (0, 1))
         for index in (moving, moving + 1):
-            place = now + since * (complex(*scene.readings["predicted"][index]) - before)
+            place = after + since * (complex(*scene.readings["predicted"][index]) - before)
             scene.readings["predicted"][index] = place.real, place.imag
-            read_marker(scene, luma, index)
-    both = _both_seen(scene, moving // 2)
-    if both and goes_with_picture(scene, middle - scene.rig["zero"][0].mean(axis=0), turn):
-        return True
-    scene.readings[:] = kept
-    return False
+            read_marker(now, luma, index, _SLACK)
+    # One dot is of one stick alone.
+    close_px = CLOSE * float(now.markers["shape"]["radius"][i : i + 2].min())
+    apart = all(
+        math.dist(place_of(one), place) > close_px for one in scene.readings[moving : moving + 2] for place in pair
+    )
+    found = alike and apart and _both_seen(scene, moving // 2)
+    found = found and goes_with_picture(scene, middle - scene.rig["zero"][0].mean(axis=0), turn_of(scene, *pair))
+    readings = scene.readings.copy()
+    for part, was in zip(scene[:4], kept, strict=True):
+        part[...] = was
+    return readings if found else None
 
 
-def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Point]) -> list[Record]:
+def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Point], *, jump: bool) -> list[Record]:
     """Return the readings of a marker at those of some positions that show the marker itself.
 
     The motion blur is first that of the expected motion, then, at positions on the marker's circle, that of a motion to
     the position. The latter is not tried for a stick that is followed alone, as any two dots are while markers are
-    chosen.
+    chosen. A marker of the base has another size after a ``jump`` of the camera to another distance.
     """
     out = np.zeros(len(places), READING)
     out["predicted"], expected = scene.readings["predicted"][index], scene.readings["path"][index].copy()
     own, shift, both = scene.sticks[index // 2], scene.rig["shift_now"][0], len(scene.sticks) > 1
+    resized = jump and both and is_base(scene.rig[0], index // 2)
     found = []
     for one, place in zip(out, places, strict=True):
         goes = both and circle_misfit(own, shift, place, index % 2) <= SIGMAS
@@ -248,8 +291,29 @@ def _read(scene: Scene, luma: NDArray[np.uint8], index: int, places: Sequence[Po
             if read_at(scene, luma, index, place, _SLACK, one) == SEEN:
                 found.append(one)
                 break
+        else:
+            found += [one] if resized and _read_at_its_size(scene, luma, index, place, one) else []
     scene.readings["path"][index] = expected
     return found
+
+
+def _read_at_its_size(scene: Scene, luma: NDArray[np.uint8], index: int, place: Point, out: Record) -> bool:
+    """Read a marker of a size that is unknown within a jump of the camera; return whether it is the marker itself.
+
+    ``out`` is its reading at its usual size: a reading shows the size to first order.
+    """
+    markers, size = scene.markers.copy(), 1.0
+    shape = markers["shape"][index]
+    for _ in range(_SIZINGS):
+        by = 1.0 + float(out["change"][0] / shape["radius"])
+        size *= by
+        if not passes(((size - 1.0) / JUMP) ** 2, 1):
+            return False
+        for name in ("radius", "strip", "edges", "window"):
+            shape[name] *= by
+        if read_at(scene._replace(markers=markers).with_looks(), luma, index, place, _SLACK, out) == SEEN:
+            return True
+    return False
 
 
 def _path_to(scene: Scene, index: int, place: Point) -> Floats:

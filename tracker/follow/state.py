@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.appearance.disc import SHAPE
-from tracker.appearance.lucas_kanade import Look
+from tracker.appearance.lucas_kanade import Look, unused_look
 from tracker.appearance.motion_blur import SHARES
 from tracker.follow.rotation_axis import AXIS
 
@@ -96,6 +96,14 @@ class Scene(NamedTuple):
     rig: Any
     readings: NDArray[np.void]
     looks: tuple[Look, ...]
+
+    def with_looks(self) -> Scene:
+        """Return the same scene with empty looks, for the present windows of its markers.
+
+        Always of four markers: a tuple of another length would be compiled anew.
+        """
+        looks = [unused_look(float(window_px)) for window_px in self.markers["shape"]["window"]]
+        return self._replace(looks=(*looks, *looks[:1] * (4 - len(looks))))
 
 
 def state_type(sticks: int) -> np.dtype[np.void]:

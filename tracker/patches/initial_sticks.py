@@ -17,8 +17,10 @@ from torsight.core.words.wording import listed
 from tracker.detect.fiducials import UNMIRROR, USUAL, TagsSeen, find_tags, in_words, numbered
 from tracker.detect.given_positions import LOOKED_AT, given_dots, looked_at
 from tracker.detect.marker_file import STICKS, MarkerHints
+from tracker.detect.sticks import nearest_edge
 from tracker.follow.followed_dots import DotState
 from tracker.follow.follower import Stick
+from tracker.follow.judgement import to_strip
 from tracker.follow.marker import markers_on
 from tracker.frames.frame import Frame, FrameSource
 from tracker.patches.align import Patch, cut_out
@@ -65,10 +67,22 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
     assert first.luma is not None  # noqa: S101 - for the type checker: a first frame has a picture
     indices = (2 * stick, 2 * stick + 1)
     points = [(float(x), float(y)) for x, y in hints.position_px[list(indices)]]
-    windows = [_window_px(first.luma, x, y) for x, y in points]
-    patches: list[Patch] = []
-    for index, (x, y), window in zip(indices, points, windows, strict=True):
+    # A patch shows its own stick alone. The place of a tag is not known yet.
+    one, two = ((x, y) for x, y in hints.position_px[2 - 2 * stick : 4 - 2 * stick].tolist())
+    apart_px = [math.inf if math.isnan(one[0]) else to_strip(at, one, two, 0.0) for at in points]
+    width_px = 0.0 if math.isnan(one[0]) else nearest_edge(first.luma, one, two, window_px=_WINDOWS_PX[-1])
+    patches, windows = list[Patch](), list[float]()
+    for index, (x, y), px in zip(indices, points, apart_px, strict=True):
         where = f"{hints.where}, {MARKERS[index].replace('_', ', ')} marker"
+        if px - width_px < _WINDOWS_PX[0] - 2.0:
+            raise NoResultError(
+                "lies on the other stick, or too close to it",
+                where=where,
+                value=f"[{x:g}, {y:g}], {px:.0f} px from the line through the other stick's markers",
+                limit=f"{width_px + _WINDOWS_PX[0] - 2.0:.0f} px or more in the first frame",
+                do="choose a point further out, or start filming with the sticks apart",
+            )
+        window = _window_px(first.luma, x, y, px - width_px)
         if window < _WINDOWS_PX[0] - 2.0:
             raise NoResultError(
                 "lies too close to the border of the picture",
@@ -76,19 +90,24 @@ def _texture_stick(first: Frame, hints: MarkerHints, stick: int) -> TextureStick
                 value=f"[{x:g}, {y:g}]",
                 limit=f"{_WINDOWS_PX[0]:g} px of room",
             )
+        windows.append(window)
         patches.append(texture_patch(first.luma, x, y, window_px=window))
         _check_texture(first.luma, x, y, window, where=where)
     window_px = min(windows)
     looks = [texture_look(first.luma, x, y, window_px=window_px, blur_px=1.0) for x, y in points]
     (x1, y1), (x2, y2) = points
     search = TurnedSearch((looks[0], looks[1]), window_px=window_px, offset_px=(x2 - x1, y2 - y1), still=stick == 0)
-    return TextureStick(patches, points, search, still=stick == 0)
+    half_px = nearest_edge(first.luma, *points, window_px=window_px)
+    return TextureStick(patches, points, search, still=stick == 0, half_px=half_px)
 
 
-def _window_px(luma: NDArray[np.uint8], x: float, y: float) -> float:
-    """Return the radius of the patch around a point: the smallest that contains most of the structure."""
+def _window_px(luma: NDArray[np.uint8], x: float, y: float, most_px: float) -> float:
+    """Return the radius of the patch around a point: the smallest that contains most of the structure.
+
+    It is at most ``most_px``.
+    """
     height, width = luma.shape
-    room = min(x, y, width - 1 - x, height - 1 - y) - 2.0
+    room = min(x, y, width - 1 - x, height - 1 - y, most_px + 2.0) - 2.0
     radii = [radius for radius in _WINDOWS_PX if radius <= room] or [room]
     if room > radii[-1] and radii[-1] < _WINDOWS_PX[-1]:
         radii.append(room)

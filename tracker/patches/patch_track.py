@@ -34,16 +34,16 @@ class PatchTrack(Kept):
     """A patch, its last warp, and its usual correlation.
 
     ``warp`` is that of the last frame in which the patch was seen, or the initial guess; ``lost`` counts frames since
-    then; ``usual`` is the running mean of the correlation, ``learnt`` the mean residuals of a drawn template, None for
-    a template taken from the film.
+    then; ``usual`` and ``gain`` are running means of correlation and contrast, ``learnt`` the mean residuals of a drawn
+    template, None for a template taken from the film.
     """
 
-    kept = ("warp", "lost", "usual", "learnt", "doubt", "_history", "_followed")
+    kept = ("warp", "lost", "usual", "gain", "learnt", "doubt", "_history", "_followed")
 
     def __init__(self, patch: Patch, warp: Floats) -> None:
         self.warp = warp
         self.lost = 0
-        self.usual = 1.0
+        self.usual = self.gain = 1.0
         self._history: list[tuple[float, Floats]] = []
         self._followed = False
         self.replace(patch, 1.0)
@@ -73,6 +73,7 @@ class PatchTrack(Kept):
         if self.lost:
             self._history = self._history[-1:] if self.lost <= SOON else []
         self.usual += RATE * (fit.likeness - self.usual) if self._followed else fit.likeness - self.usual
+        self.gain += RATE * (fit.gain - self.gain)
         if self.learnt is not None:
             self.learnt.take(fit.left, fit.weight, fit.residual / fit.gain)
         if self.doubt is not None:

@@ -133,6 +133,13 @@ class TagStick(Kept):
         """Half the tag's side, px."""
         return 0.5 * self.length_px
 
+    window_px = 0.0
+
+    @property
+    def half_px(self) -> float:
+        """Half the width of the stick, px, which is at least that of its markers."""
+        return self.radius_px
+
     @property
     def length_px(self) -> float:
         """The tag's side, px."""

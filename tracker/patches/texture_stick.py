@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +19,7 @@ from tracker.follow.judgement import further, rigid_misfit
 from tracker.follow.learning import SIZES
 from tracker.follow.motion_model import jump_px
 from tracker.follow.redetect import SELDOM, Prediction
-from tracker.follow.rotation_axis import learn_axis, turned
+from tracker.follow.rotation_axis import STANDS_PX, learn_axis, turned
 from tracker.follow.state import STICK
 from tracker.innovation import passes
 from tracker.patches.align import Fit, Patch
@@ -30,9 +31,11 @@ from tracker.rows import CODE
 _ALIKE: Final = 0.7
 """Smallest correlation with texture: half of its variance is explained. Paper next to it or a mere edge stays below."""
 _FADED: Final = (0.4, 2.5)
-"""Range of the contrast over that of the first frame: outside it the texture is not the same."""
+"""Range of the contrast over the mean of the last frames: outside it the texture is not the same."""
 _FLAT: Final = 0.5
 """Smallest ratio of a patch's shorter to its longer axis: below it the texture is not the same."""
+_RIM_PX: Final = 0.02
+"""Standard deviation of the rim of a patch at rest by its own size or turn, px: that of its place at H.264 CRF 20."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
 """Largest difference between the rotations of a patch and of the line through both points: in a square that is seen at
 35 degrees the sides turn by 11 degrees against the diagonals."""
@@ -43,16 +46,24 @@ class TextureStick(Kept):
 
     The points keep their distance, and both patches turn with the line through the points: a patch that slides along an
     edge or onto another object violates one of these. A ``still`` stick is the base, whose direction is constant.
+    ``half_px`` is half the width of the stick.
     """
 
     drawn = False
-    kept = ("_own", "_tracks")
+    kept = ("_own", "_tracks", "_home")
 
     def __init__(
-        self, patches: Sequence[Patch], points_px: Sequence[Point], search: TurnedSearch, *, still: bool
+        self,
+        patches: Sequence[Patch],
+        points_px: Sequence[Point],
+        search: TurnedSearch,
+        *,
+        still: bool,
+        half_px: float,
     ) -> None:
         self._tracks = [PatchTrack(patch, similarity(x, y)) for patch, (x, y) in zip(patches, points_px, strict=True)]
         self._search = search
+        self.half_px = half_px
         self._points = list(points_px)
         (x1, y1), (x2, y2) = points_px
         self._offset = np.array([x2 - x1, y2 - y1])
@@ -60,12 +71,17 @@ class TextureStick(Kept):
         self._own["length"] = self._own["shortest"] = self._own["longest"] = np.hypot(*self._offset)
         self._own["axis"]["last_rad"] = math.nan
         self._own["still"], self._own["start_rad"] = still, math.atan2(y2 - y1, x2 - x1)
-        self._shift = np.zeros(2)
+        self._shift, self._home = np.zeros(2), [track.warp for track in self._tracks]
 
     @property
     def radius_px(self) -> float:
         """Half the radius of a patch, px: the equivalent of a dot's radius."""
         return 0.5 * self._tracks[0].patch.half_px
+
+    @property
+    def window_px(self) -> float:
+        """Radius of the larger patch, px: what lies over a part of it may look alike."""
+        return max(track.patch.half_px for track in self._tracks)
 
     @property
     def length_px(self) -> float:
@@ -77,7 +93,7 @@ class TextureStick(Kept):
         self._shift = shift
         # In an oblique view the distance changes as the stick turns.
         ahead = [place(track.predict(time_s)) for track in self._tracks]
-        found = [track.follow(luma, time_s, self._judge) for track in self._tracks]
+        found = [track.follow(luma, time_s, partial(self._judge, track)) for track in self._tracks]
         fits: list[Fit | None] = [None if why else fit for fit, why in found]
         whys = [why for _, why in found]
         for lost, seen in ((0, 1), (1, 0)):
@@ -119,10 +135,12 @@ class TextureStick(Kept):
         for track in self._tracks:
             track.miss()
 
-    def _judge(self, fit: Fit) -> str:
-        if fit.likeness < _ALIKE or not _FADED[0] < fit.gain < _FADED[1]:
+    def _judge(self, track: PatchTrack, fit: Fit) -> str:
+        if fit.likeness < _ALIKE or not _FADED[0] < fit.gain / track.gain < _FADED[1]:
             return "hidden"
-        if not SIZES[0] < size_of(fit.warp) < SIZES[1] or flatness_of(fit.warp) < _FLAT:
+        # In the picture of a camera that comes nearer the whole stick is larger.
+        size = size_of(fit.warp) * float(np.hypot(*self._offset)) / self.length_px
+        if not SIZES[0] < size < SIZES[1] or flatness_of(fit.warp) < _FLAT:
             return "lost"
         return "hidden" if fit.kept < KEPT else ""
 
@@ -137,7 +155,7 @@ class TextureStick(Kept):
         guess = np.array([[*seen[0], x], [*seen[1], y], [0.0, 0.0, 1.0]])
         track, own = self._tracks[lost], self._own[0]
         fit = track.patch.align(luma, guess)
-        reason = why if fit is None else self._judge(fit)
+        reason = why if fit is None else self._judge(track, fit)
         if not reason:
             return fit, ""
         # The base's direction is known.
@@ -149,12 +167,14 @@ class TextureStick(Kept):
         for warp in self._search.near(luma, lost, guess, math.hypot(circle_px, math.sqrt(variance))):
             fit = track.patch.align(luma, warp)
             # Among many positions a wrong one may reach the lowest correlation: the usual one is required.
-            if fit is not None and not self._judge(fit) and fit.likeness > track.usual - AS_USUAL:
+            if fit is not None and not self._judge(track, fit) and fit.likeness > track.usual - AS_USUAL:
                 return fit, ""
         return None, reason
 
     def _judge_together(self, fits: list[Fit | None], whys: list[str], ahead: Sequence[Point]) -> None:
         """Reject, in ``whys``, fits that are not consistent with one rigid stick."""
+        if self._own[0]["still"]:
+            self._judge_rest(fits, whys)
         one, two = fits
         if one is None or two is None or any(whys):
             for end, fit in enumerate(fits):
@@ -175,6 +195,27 @@ class TextureStick(Kept):
             for this, other in ((0, 1), (1, 0)):
                 right = further(away_px[other], away_px[this]) if alike else short[this] < short[other]
                 whys[this] = "" if right else "hidden"
+
+    def _judge_rest(self, fits: Sequence[Fit | None], whys: list[str]) -> None:
+        """Reject, in ``whys``, a patch of the base that moves while the other one rests or is not seen.
+
+        A camera moves both. One that comes nearer, or rolls, about a place near the one that moves less, enlarges or
+        turns that one.
+        """
+        seen = {end: fit.warp for end, fit in enumerate(fits) if fit is not None and not whys[end]}
+        off_px = [math.dist(place(now), place(self._home[end])) for end, now in seen.items()]
+        if len(seen) < 2:
+            for end, px in zip(seen, off_px, strict=True):
+                whys[end] = "" if passes((px / STANDS_PX) ** 2, 2) else "hidden"
+            return
+        still = int(off_px[1] < off_px[0])
+        now, home, half_px = seen[still], self._home[still], self._tracks[still].patch.half_px
+        change = np.array([size_of(now) / size_of(home) - 1.0, turn_of(now) - turn_of(home)]) * half_px / _RIM_PX
+        rests = passes(float(change @ change), 2)
+        if rests and further(off_px[1 - still], off_px[still]):
+            whys[1 - still] = "hidden"
+        elif not rests or not passes((off_px[still] / STANDS_PX) ** 2, 2):
+            self._home = [*seen.values()]
 
     def _as_seen(self, one: Fit, two: Fit) -> Any:
         """Return the stick's state with its present length in the picture, predicted from both patches' warps.
@@ -231,7 +272,7 @@ class TextureStick(Kept):
         found: list[tuple[Fit, Fit]] = []
         for warp in self._search.find(luma, expected.region(0, (width, height))):
             one = self._tracks[0].patch.align(luma, warp)
-            if one is None or self._judge(one):
+            if one is None or self._judge(self._tracks[0], one):
                 continue
             two, why = self._beside(luma, 1, one, "lost")
             if two is None or why or not self._turns_along(one, two):

@@ -19,6 +19,7 @@ from tracker.quality.events import event, events_of_right, find_events
 from tracker.quality.gap_pictures import Pictures
 from tracker.quality.gaps import Causes, find_causes, flicker_advice, gap_advice, jump_advice, lone_marker_advice
 from tracker.quality.light import FELT
+from tracker.quality.track_warnings import exchanged
 from tracker.rows import CODE, STATES
 from tracker.track import TrackResult
 
@@ -58,8 +59,10 @@ def account(
     own = source["kind"] == "film" and "tick_s" in source
     states = gap_states(rows, angles)
     causes = find_causes(result, angles, states, pictures=pictures)
+    wrong = {"exchanged": True} if exchanged(result)[1] else {}
     content: dict[str, Any] = {
         **result.report,
+        "markers": {**result.report["markers"], **wrong},
         "source": {**source, "fps": times.rate_fps} if own else source,
         "frames": frame_account(states, angles, causes),
         "timing": times.to_json(),
@@ -207,8 +210,6 @@ def advice(
             "the film was converted to another frame rate, or the camera lacks light. Use the camera's own film, or "
             "more light."
         )
-    if "turn uncertain" in kinds and "jump" not in account["frames"]["causes"]:
-        words.append("A gap was so long that a whole turn could be missing: keep at least one marker in sight.")
     return words
 
 

@@ -71,8 +71,8 @@ _DO: Final = {
         "out of the picture."
     ),
     "jump": (
-        "the picture jumps at frame {jump_frame:.0f}, {jump_s:.1f} s into the film: a part of the film is missing "
-        "there, or the camera was moved; film in one piece, with the camera fixed, and cut nothing out."
+        "the picture jumps at {jump_s:.2f} s: a part of the film is missing there, "
+        "or the camera was moved; film in one piece, with the camera fixed, and cut nothing out."
     ),
     "interlaced": (
         "the film is interlaced without saying so: every second row shows another instant; film progressively (25p "
@@ -124,7 +124,7 @@ def find_causes(
     count: Counter[str] = Counter()
     unclear: list[int] = []
     unlike = _without_unlike(result)
-    jumped = _jumped(unknown[~np.isin(states, ("dark", "damaged"))], angles, pictures, figures)
+    jumped = _jumped(unknown[~np.isin(states, ("dark", "damaged"))], result, angles, pictures, figures)
     late = first > 0 and not (pictures and _base_was_there(first, result, pictures))
     for index, state in zip(unknown.tolist(), states, strict=True):
         if index < first and state == "lost" and late:
@@ -147,22 +147,29 @@ def find_causes(
     return Causes(dict(count.most_common()), figures, flicker)
 
 
-def _jumped(unknown: Ints, angles: StickAngles, pictures: Pictures | None, figures: dict[str, float]) -> frozenset[int]:
+def _jumped(
+    unknown: Ints, result: TrackResult, angles: StickAngles, pictures: Pictures | None, figures: dict[str, float]
+) -> frozenset[int]:
     """Return those of the frames ``unknown`` that are missing since a jump of the picture; store the longest gap's.
 
-    The longest gaps are examined, as many as pictures elsewhere: few of them only where they leave the turn uncertain.
+    The longest gaps are examined, as many as pictures elsewhere: few of them only where they leave the turn uncertain,
+    or where the base lies elsewhere after them.
     """
     gaps = [(begin, end) for begin, end in runs(~angles.valid) if begin >= 2 and begin in unknown]
     if len(unknown) <= _FELT * len(angles):
-        gaps = [
-            (begin, end) for begin, end in gaps if angles.branch_certain[begin - 1] > angles.branch_certain[end - 1]
-        ]
+        base, sure = result.tracks.position_px[:, :2], np.append(angles.branch_certain, True)
+        radius_px = float(result.report["markers"]["radius_px"])
+        away = {
+            begin: np.hypot(*(base[min(end, len(base) - 1)] - base[begin - 1]).T).min() > radius_px
+            for begin, end in gaps
+        }
+        gaps = [(begin, end) for begin, end in gaps if away[begin] or sure[begin - 1] > sure[end]]
     if pictures is None or not gaps:
         return frozenset()
     ends = dict(sorted(gaps, key=lambda one: one[0] - one[1])[:LOOKED_AT])
     jumps = jumps_at(ends, pictures)
     if jumps:
-        figures["jump_frame"], figures["jump_s"] = jumps[0], float(angles.time_s[jumps[0]] - angles.time_s[0])
+        figures["jump_s"] = float(angles.time_s[jumps[0]])
     return frozenset(index for begin in jumps for index in range(begin, ends[begin]))
 
 

@@ -110,17 +110,20 @@ class Flicker:
 def flicker_of(rows: NDArray[np.void]) -> Flicker | None:
     """Return the flicker of the light, from the pictures' mean grey level; None where there is none.
 
-    A stick that goes to and fro changes that level as well, but not the light around the base's markers.
+    A stick that goes to and fro changes that level as well, but not the light around the base's markers; around its own
+    ones, where the base is hardly seen, that changes otherwise.
     """
     read = np.flatnonzero(rows["level"] > 0.0)
     if not len(read):
         return None
     level = np.interp(np.arange(len(rows)), read, rows["level"][read])
-    lit = (rows["state"][:, :2] == CODE["seen"]).all(axis=1) & (rows["light"][:, :2] > 0.0).all(axis=1)
-    if lit.sum() >= _FEW:
-        shares = [np.log(values / values.mean()) for values in (level[lit], rows["light"][lit, :2].mean(axis=1))]
-        if shares[0] @ shares[1] < _SHARED * (shares[0] @ shares[0]):
-            return None
+    for stick in (np.s_[:2], np.s_[2:]):
+        lit = (rows["state"][:, stick] == CODE["seen"]).all(axis=1) & (rows["light"][:, stick] > 0.0).all(axis=1)
+        if lit.sum() >= _FEW:
+            shares = [np.log(values / values.mean()) for values in (level[lit], rows["light"][lit, stick].mean(axis=1))]
+            if shares[0] @ shares[1] < _SHARED * (shares[0] @ shares[0]):
+                return None
+            break
     again = _comes_again(level - level.mean())
     low, high = np.quantile(level, [0.05, 0.95])
     bright = level > 0.5 * (low + high)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.core.series import BY_CHANCE, known_median
-from torsight.core.tracks import MarkerTracks, mean_sigma
+from torsight.core.tracks import MarkerTracks, StickAngles, mean_sigma
 from torsight.core.words.wording import counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
@@ -32,19 +32,25 @@ _FEW: Final = 2
 
 def doubts(result: TrackResult) -> list[str]:
     """Return warnings that have to be read before the angles are used; most tracks have none."""
-    given = bool(result.report["markers"]["given"])
-    found = (
-        (_exchanged_sticks(result.tracks) or _missing_base(result))
-        if given
-        else _rival_markers(result) + _faint_markers(result)
-    )
-    kind = result.report["markers"]["kind"]
-    if given and "tag" not in (kind.values() if isinstance(kind, Mapping) else (kind,)):
-        # Either end of a tag may be nearer to the axis, depending on how it was attached: it has no inner marker.
-        found = found or _exchanged_markers(result.tracks)
+    if result.report["markers"]["given"]:
+        found = exchanged(result)[0] or _missing_base(result)
+    else:
+        found = _rival_markers(result) + _faint_markers(result)
     still = unmoved(longest_view(result.tracks)).tracks
     found += _off_their_stick(result.report["markers"], still)
     return found + _repeated_texture(result) + _moving_axis(still) + _file_faults(result)
+
+
+def exchanged(result: TrackResult) -> tuple[list[str], bool]:
+    """Return warnings of given sticks or markers that the film shows to be exchanged, and whether angles are wrong."""
+    markers = result.report["markers"]
+    if not markers["given"]:
+        return [], False
+    sticks = _exchanged_sticks(result.tracks)
+    # Either end of a tag may be nearer to the axis, depending on how it was attached: it has no inner marker.
+    if sticks or "tag" in str(markers["kind"]):
+        return sticks, bool(sticks)
+    return _exchanged_markers(result.tracks)
 
 
 def doubts_of_tilt(orientation: Orientation) -> list[str]:
@@ -64,6 +70,19 @@ def doubts_of_tilt(orientation: Orientation) -> list[str]:
         f"paths do not show the tilt. A camera that does not look along the axis makes the angle wrong by some "
         f"{wrong_deg:.2g} degrees, and the noise is {noise_deg:.2g}. Give a camera file with the pose, or let the "
         "stick turn further once, with the camera where it is."
+    )
+    return [words]
+
+
+def doubts_of_turns(angles: StickAngles) -> list[str]:
+    """Return a warning of angles whose number of whole turns is not certain, from the frame at which this begins."""
+    unsure = angles.valid & ~angles.branch_certain
+    if not unsure.any():
+        return []
+    words = (
+        f"The number of whole turns is not certain from {angles.time_s[np.argmax(unsure)]:.2f} s on: the motion around "
+        f"a gap allows more than one. {counted(int(unsure.sum()), 'angle')} may be off by a multiple of 360 degrees, "
+        "and their sigma includes it. Keep a marker of the moving stick in sight, and film in one piece."
     )
     return [words]
 
@@ -168,11 +187,11 @@ def _missing_base(result: TrackResult) -> list[str]:
     return [words]
 
 
-def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
-    """Return a warning if the marker given as a stick's inner one is the one further from the axis."""
+def _exchanged_markers(tracks: MarkerTracks) -> tuple[list[str], bool]:
+    """Return a warning of inner markers that are further out than the outer ones, and whether angles are wrong."""
     axis = axis_px(tracks)
     if axis is None:
-        return []
+        return [], False
     found: list[str] = []
     for name, (inner, outer), first in zip(STICKS, away_px(tracks, axis).reshape(2, 2).tolist(), (0, 2), strict=True):
         offset = tracks.position_px[:, first + 1] - tracks.position_px[:, first]
@@ -184,10 +203,11 @@ def _exchanged_markers(tracks: MarkerTracks) -> list[str]:
                 f"its outer one {outer:.0f} px)"
             )
     if not found:
-        return []
+        return [], False
     what = "every angle is off by 180 degrees" if len(found) == 1 else "the angles hold, but not the markers' names"
     words = " and ".join(found)
-    return [f"{words[0].upper()}{words[1:]}: {what}. Exchange the two positions in the marker file."]
+    sentence = f"{words[0].upper()}{words[1:]}: {what}. Exchange the two positions in the marker file."
+    return [sentence], len(found) == 1
 
 
 def _off_their_stick(markers: Mapping[str, Any], tracks: MarkerTracks) -> list[str]:

@@ -118,3 +118,31 @@ def test_nothing_known_is_nothing() -> None:
     whole, certain = unwrap(np.arange(5.0), np.full(5, np.nan))
     assert np.isnan(whole).all()
     assert certain.all()
+
+
+def cut_out(true: np.ndarray, first: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times, angles and the true ones of a film from which frames were cut out, with its own steady times."""
+    true = np.delete(true, np.s_[first : first + count])
+    seen = folded(true)
+    # At the cut no marker is where it is expected.
+    seen[first] = np.nan
+    return np.arange(len(true)) / 30.0, seen, true
+
+
+def test_a_cut_between_cycles_of_the_same_range_costs_no_turn() -> None:
+    true = 0.8 * (1.0 - np.cos(2 * np.pi * np.arange(1200) / 150.0)) - 1.0
+    for first in (310, 350, 390):
+        for count in (50, 95):
+            time_s, seen, true_left = cut_out(true, first, count)
+            whole, certain = unwrap(time_s, seen)
+            assert certain.all()
+            np.testing.assert_allclose(np.delete(whole - true_left, first), 0.0, atol=1e-9)
+
+
+def test_a_cut_between_unlike_ranges_is_not_certain() -> None:
+    # Of the range 0 to 92 degrees each side shows its own part.
+    true = 0.8 * (1.0 - np.cos(2 * np.pi * np.arange(150) / 150.0)) - 1.0
+    time_s, seen, _ = cut_out(true, 40, 45)
+    _, certain = unwrap(time_s, seen)
+    assert certain[:40].all()
+    assert not certain[40:].any()

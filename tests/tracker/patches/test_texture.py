@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -196,6 +197,48 @@ def test_sticks_of_two_kinds(kind: dict, sprites: tuple[Sprite, Sprite], tmp_pat
     # The dots are drawn to whole steps of an eighth of a millimetre.
     assert np.sqrt(np.nanmean(error**2)) < np.rad2deg(0.25 / (OUTER - INNER))
     assert result.report["markers"]["kind"] == kind
+
+
+class Fading(FlatFilm):
+    """The light falls to three tenths."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        for number, picture in enumerate(super().pictures()):
+            yield np.rint(picture * (1.0 - 0.7 * number / self.frames)).astype(np.uint8)
+
+
+class Nearer(FlatFilm):
+    """The camera comes nearer: the picture grows to 1.6 times its size."""
+
+    def pictures(self) -> Iterator[np.ndarray]:
+        for number, picture in enumerate(super().pictures()):
+            middle = ((self.size[0] - 1) / 2.0, (self.size[1] - 1) / 2.0)
+            by = cv2.getRotationMatrix2D(middle, 0.0, 1.0 + 0.6 * number / self.frames)
+            yield cv2.warpAffine(picture, by, self.size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+
+
+@pytest.mark.parametrize("kind", [Fading, Nearer])
+def test_texture_that_changes_slowly_is_followed(kind: type[FlatFilm], tmp_path: Path) -> None:
+    made = kind([textured(1)], [textured(2)], lambda t: 60.0 + 50.0 * t, size=(480, 400))
+    error, _ = tracked(made, tmp_path / "film.mkv")
+    assert np.isfinite(error).all()
+    assert np.sqrt(np.mean((error - error.mean()) ** 2)) < np.rad2deg(np.sqrt(2.0) * 0.1 / (OUTER - INNER))
+
+
+def test_a_stick_that_lies_over_the_base_displaces_nothing(tmp_path: Path) -> None:
+    # Wide sticks of the same texture: 17 degrees apart the moving one reaches the base's outer patch.
+    made = film(angle_deg=lambda t: 75.0 - 65.0 * np.sin(2.0 * t) ** 2, frames=50)
+    error, result = tracked(made, tmp_path / "film.mp4", codec="libx264")
+    reached = np.abs(made.truth_deg) < 25.0
+    assert reached.any()
+    assert not result.tracks.valid[reached, 0].any()
+    assert np.isfinite(error).all()
+    assert np.abs(error - np.median(error)).max() < np.rad2deg(np.sqrt(2.0) * 0.2 / (OUTER - INNER))
+
+
+def test_a_point_on_the_other_stick_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NoResultError, match="base, inner marker: lies on the other stick"):
+        tracked(film(angle_deg=lambda t: 20.0 + 60.0 * t, frames=3), tmp_path / "film.mkv")
 
 
 class Blank(FlatFilm):

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tests.tracker.films import Cover, Rig, write_film, write_pictures
-from torsight.cli.track import track_to_folder
+from torsight.cli.track import is_no_result, track_to_folder
+from torsight.core.errors import NoResultError
 from torsight.core.tracks import MarkerTracks, StickAngles
 from tracker import track
 from tracker.quality.gaps import find_causes, gap_advice, smear_around_gaps_px
@@ -98,6 +99,7 @@ def test_base_and_moving_exchanged(rig: Rig, tmp_path: Path, capsys: pytest.Capt
     assert first.startswith("The sticks seem to be exchanged")
     assert "Exchange base and moving" in first
     assert first in capsys.readouterr().err
+    assert is_no_result(json.loads((tmp_path / "out" / "track.json").read_text()))
 
 
 def test_a_base_that_is_hardly_ever_seen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -143,6 +145,14 @@ def test_a_screw_beside_the_base_is_no_marker_of_the_base(tmp_path: Path, capsys
     told = re.search(r"passes the axis at (\d+) px", first)
     assert told is not None
     assert float(told[1]) == pytest.approx(passed_px, abs=1.5)
+
+
+@pytest.mark.parametrize(("order", "do"), [([0, 3, 2, 1], "exchange the outer positions"), ([0, 2, 1, 3], "reverse")])
+def test_dots_of_different_sticks_are_no_stick(order: list[int], do: str, film: Path, tmp_path: Path) -> None:
+    places = np.concatenate(positions())[order].tolist()
+    with pytest.raises(NoResultError, match=r"are on different sticks.*two dots of one stick") as told:
+        track_to_folder(film, markers={"base": places[:2], "moving": places[2:]}, out=tmp_path)
+    assert do in str(told.value)
 
 
 def test_a_smear_is_told_as_a_shutter_too_long() -> None:

@@ -23,7 +23,7 @@ from tracker.detect.marker_file import MarkerHints
 from tracker.frames.sample import Clip
 from tracker.initialise import Start
 from tracker.quality.account import account
-from tracker.quality.track_warnings import doubts
+from tracker.quality.track_warnings import doubts, doubts_of_turns
 from tracker.track import TrackResult, track_film
 
 CLIP: Final = 400
@@ -72,7 +72,11 @@ def track_stretches(
         findings.append(_faint(start, about))
     where = clips[0].name.rpartition(", ")[0]
     # People get complete sentences, each from the first stretch that gives it.
-    said = {words: Finding(about, "limits", words) for _, result, _ in tracked for words in doubts(result)}
+    said = {
+        words: Finding(about, "limits", words)
+        for _, result, orientation in tracked
+        for words in doubts_of_turns(orientation.angles) + doubts(result)
+    }
     unsure = [lacking for one in accounts if (lacking := unsure_markers(one, where=where)) is not None]
     findings += [*said.values(), *(refusal(about, lacking) for lacking in unsure[:1])]
     clip, result, orientation = tracked[-1]
@@ -169,10 +173,13 @@ def _look_at_account(accounts: Sequence[Mapping[str, Any]], about: str) -> list[
 
 def _markers_text(summary: Mapping[str, Any]) -> str:
     markers, noise = summary["markers"], summary["noise"]
-    return (
-        f"dots of {markers['radius_px']:.1f} px radius, {markers['stick_length_px']:.0f} px apart, contrast "
-        f"{noise['marker_contrast_grey']:.0f} and noise {noise['picture_noise_grey']:.1f} grey levels"
-    )
+    length_px = markers["stick_length_px"]
+    what = {
+        "dot": f"dots of {markers['radius_px']:.1f} px radius, {length_px:.0f} px apart",
+        "tag": f"tags of {length_px:.0f} px along a side",
+    }.get(str(markers["kind"]), f"markers {length_px:.0f} px apart")
+    contrast, residual = noise["marker_contrast_grey"], noise["picture_noise_grey"]
+    return f"{what}, contrast {contrast:.0f} and noise {residual:.1f} grey levels"
 
 
 def _look_at_tilt(summary: Mapping[str, Any], about: str, camera: Camera | None) -> list[Finding]:
@@ -198,7 +205,8 @@ def _look_at_speed(
     outer = result.tracks.position_px[:, 3]
     if len(time_s) < 3:
         return [], {}
-    step_deg = float(np.nanquantile(np.abs(np.diff(angle_deg)), 0.99))
+    next_to = np.diff(np.flatnonzero(known)) == 1
+    step_deg = float(np.quantile(np.abs(np.diff(angle_deg))[next_to], 0.99)) if next_to.any() else 0.0
     rate_deg_s = float(np.nanquantile(np.abs(np.diff(angle_deg) / np.diff(time_s)), 0.99))
     moved = np.hypot(*np.diff(outer, axis=0).T)
     step_px = float(np.nanquantile(moved, 0.99)) if np.isfinite(moved).any() else 0.0
