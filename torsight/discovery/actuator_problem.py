@@ -24,7 +24,6 @@ from torsight.actuator.ports import History
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
-from torsight.core.parallel.threads import with_help
 from torsight.core.parameter import Parameter
 from torsight.core.series import pair_means
 from torsight.core.units import DEG, Flags, Floats, Ints
@@ -276,7 +275,7 @@ class ActuatorProblem(OptionalMembers):
         """Return the difference (n, k) of the angle from ``clean`` with other drives than the record's, degrees."""
         if not drives:
             return np.zeros((len(self.rows), 0))
-        return np.column_stack(with_help(drives, lambda drive: self._predict(drive, values, effects) - clean))
+        return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         return self._seen(drive, values, effects)[0]
