@@ -20,10 +20,12 @@ _HEATING_SHARE: Final = 0.03
 and twice this value move a clock by 0.34 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
 _HELD_SHARE: Final = 0.1
-"""Rate, relative to the mean of its heating, below which a temperature is held: a motion is then ten times slower."""
+"""Rate, relative to the mean of its heating, below which a temperature is held: a motion is then ten times slower.
+Half this value moves a clock by 2.4 of its standard deviations at most, twice by 0.1 (benchmarks/sync/constants.py)."""
 LATEST_S: Final = 10.0
 """Longest delay of a motion behind its temperature: the time constant of a friction that stops the actuator from
-following."""
+following. Half and twice this value move a clock by 0.1 of its standard deviations at most
+(benchmarks/sync/constants.py)."""
 
 Spring = Literal["a", "b"]
 

@@ -27,8 +27,7 @@ give the same clock (benchmarks/sync/constants.py)."""
 _POWERS: Final = 2
 """Degree of the polynomial through the frames: a speed that changes linearly."""
 _FEWEST: Final = _POWERS + 2
-_MOST: Final = _FEWEST * 2**4
-"""Number of frames that are combined: one more than the coefficients, doubled at most four times."""
+"""Least number of frames that are combined: one more than the coefficients."""
 _NOISE_PER_STEP: Final = 0.05
 """More frames are combined until noise shifts the crossing by less than this share of the time between frames. Half and
 twice this value move a clock by 0.12 of its standard deviations at most (benchmarks/sync/constants.py)."""
@@ -189,7 +188,7 @@ def crossing_time(
         if found is None:
             return float("nan"), float("nan")
         at_s, noise_s, unseen_s, step_s = found
-        if noise_s <= max(_NOISE_PER_STEP * step_s, unseen_s) or count >= _MOST or 2 * count > len(time_s):
+        if noise_s <= max(_NOISE_PER_STEP * step_s, unseen_s) or 2 * count > len(time_s):
             return at_s, float(np.hypot(noise_s, unseen_s))
         count *= 2
 
