@@ -34,9 +34,6 @@ from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 RESOLUTION_DEG: Final = 0.1
 """A difference that does not matter: 0.02 % of the stroke."""
-_NOISE_DRAWS: Final = 6
-"""Number of draws of the temperatures' noise: they give a sample's standard deviation to three parts in ten (1/√12),
-and its mean over a record to a few hundredths (benchmarks/discovery/tops.py, --constants)."""
 _SAMPLES: Final = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
 _OF_THE_RECORD: Final = (*_SAMPLES, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_thinned")
 """Members that depend on the record alone, and are not computed again where other laws are tried on it."""
@@ -289,8 +286,7 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
-        drawn = draw_errors(self.drive, seed=self.seed, count=_NOISE_DRAWS)
-        return tuple(with_errors(self.drive, errors.smooth_c) for errors in drawn)
+        return tuple(with_errors(self.drive, one.smooth_c) for one in draw_errors(self.drive, seed=self.seed))
 
     @cached_property
     def _lasting_drives(self) -> tuple[Drive, ...]:
