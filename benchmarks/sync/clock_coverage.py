@@ -3,8 +3,8 @@
 Offsets within ±600 s, drifts within ±200 ppm, a fifth of the log's rows lost, one restart of its clock in a rest or on
 a ramp. The pairs of ``--kind slow``, ``fast``, ``stairs`` and ``one_rate`` come from the tests' own generator, with and
 without a lag of the sensor; any other kind is an effect hidden in the synthetic rig (``rig_pairs.py``). ``--led`` uses
-a shared LED instead of the motion. A seed that ``--out`` already holds is not run again. Seeds from 10000 on are for the
-report only.
+a shared LED instead of the motion. A seed that ``--out`` already holds is not run again. Seeds from 10000 on are for
+the report only.
 
 Run: python benchmarks/sync/clock_coverage.py --kind slow --seeds 200 --out slow.jsonl
      python benchmarks/sync/clock_coverage.py --report slow.jsonl fast.jsonl
