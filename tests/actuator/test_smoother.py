@@ -10,7 +10,7 @@ from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.smoother import smoothed
 
 Array = NDArray[np.float64]
-DEGREES, ROUNDS, ALIKE_S, NOISE_C = 0.6, 12, 45.0, 0.05
+DEGREES, ROUNDS, AVERAGED_S, ALIKE_S, NOISE_C = 0.6, 12, 10.0, 45.0, 0.05
 
 
 def uneven_log(count: int) -> tuple[Array, Array]:
@@ -52,7 +52,7 @@ def dense(time_s: Array, temp_c: Array, lag_s: float) -> tuple[Array, Array, Arr
     slopes = np.column_stack([*slope, started, u])
     mean = np.concatenate([known, np.zeros(2 * (n - 1))])
     step_s = float(np.median(np.diff(time_s)))
-    scale = np.tile(NOISE_C**2 * step_s / np.array([[ALIKE_S**3], [ALIKE_S**5]]), (1, n - 1))
+    scale = np.tile(NOISE_C**2 * step_s / np.array([[AVERAGED_S**3], [AVERAGED_S**5]]), (1, n - 1))
     spread = np.ones(n - 1)
     # Each jump with those around it, the first and last as often as the window reaches over the ends.
     reach = round(ALIKE_S / step_s)

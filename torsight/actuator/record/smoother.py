@@ -50,6 +50,9 @@ and by less than 1 %."""
 _ROUNDS: Final = 12
 """Number of alternations between smoothing and sizes of the jumps: with half and twice the wires' temperatures err 1.13
 and 0.94 times as much."""
+_AVERAGED_S: Final = 10.0
+"""Averaging time of the noise for the initial sizes of the jumps. With half or twice the wires' temperatures err as
+much, to 1 %."""
 _LEAST: Final = 1e-18
 """Variance of a jump of zero; it is a divisor."""
 # Prior variances before the first reading: sensor and wire 100 °C, slope 10 °C/s, second derivative 1 °C/s².
@@ -105,7 +108,7 @@ def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> Sm
     found = _Backward(np.empty(n), np.empty(n), np.empty(n), np.zeros((2, n)), np.zeros((2, n)))
     # Noise σ of readings every h seconds hides, over t seconds, jumps of variance h σ² / t³ (slope), h σ² / t⁵ (bend).
     step_s = usual_step(time_s)
-    jumps = np.full((2, n), noise * step_s / np.array([[_ALIKE_S**3], [_ALIKE_S**5]]))
+    jumps = np.full((2, n), noise * step_s / np.array([[_AVERAGED_S**3], [_AVERAGED_S**5]]))
     usual, spread, alike = jumps[:, 1:], np.ones(n - 1), max(1, round(_ALIKE_S / step_s))
     for rounds in range(_ROUNDS):
         _filter(time_s, temp_c, noise, lag_s, jumps, forward)

@@ -18,7 +18,7 @@ from torsight.actuator.model import ActuatorModel
 from torsight.actuator.record.log_noise import SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.spec import ActuatorSpec
-from torsight.cli.checkup.finding import Check, Finding, refusal
+from torsight.cli.checkup.finding import RESIDUAL_DEG, Check, Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
 from torsight.cli.checkup.separable import Separable, separable
 from torsight.core.errors import TorsightError
@@ -28,9 +28,6 @@ from torsight.core.series import rms, runs, usual_step
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.wording import counted, effect_name, listed, number
 
-_NOISY_C: Final = 0.3
-"""Noise of a reading above which the sensors should be shielded, °C: up to this noise the error that remains after the
-conditioning of a log was measured (0.02 to 0.25 °C, benchmarks/actuator/log_constants.py)."""
 _FEW: Final = 4
 """Half-cycles with motion that a record needs: either spring heated at either of two rates. With fewer, a held-out
 half-cycle has no similar one in the fit."""
@@ -144,7 +141,7 @@ def check_programme(
     left_deg = float(np.median(drive.temp_sigma_c)) * steepest
     noise_c = drive.noise_c
     if noise_c > 0.0:
-        level = "limits" if noise_c > _NOISY_C else "fine"
+        level = "limits" if left_deg > RESIDUAL_DEG else "fine"
         text = (
             f"noise of {noise_c:.2g} °C; after smoothing, the remaining error moves the angle by {left_deg:.2g}° where "
             f"it is steepest ({steepest:.0f}° per °C)."
