@@ -37,8 +37,6 @@ _STEP: Final = 1e-3
 """Share of the measured spread by which a law moves the prediction in the difference that gives the law's scale."""
 _FORM_SHARE: Final = Settings().form_share
 """Share of a candidate's sum of squares that a law must explain for the candidate to be a form of that law."""
-_COVERED: Final = 0.02
-"""Share of the nodes' median information below which the record did not reach a node."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -299,7 +297,7 @@ def _curve(
         nodes=form.nodes,
         values=values,
         sigma=np.sqrt(np.maximum(np.diag(spread), 0.0)),
-        covered=information > _COVERED * float(np.median(information)),
+        covered=information > NOTHING * float(np.max(information)),
         gain=gain,
         chosen=chosen,
     )
