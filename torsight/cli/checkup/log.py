@@ -15,7 +15,7 @@ from sync.log.timestamps import longest_gap_s
 from sync.signals.heating_segments import HeatingSegment, Spring, log_signals
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
-from torsight.actuator.record.log_noise import SHORTEST, last_digit, measure_noise
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.spec import ActuatorSpec
 from torsight.cli.checkup.finding import RESIDUAL_DEG, Check, Finding, refusal
@@ -223,8 +223,6 @@ def _look_at_separable(found: Separable, cycles: Sequence[HalfCycle]) -> list[Fi
 
 PLENTY: Final = 20
 """Readings per pulse that resolve its shape (benchmarks/actuator/pulsed_heaters.py)."""
-_MATTERS_C: Final = 0.1
-"""Usual resolution of sensors, °C; such a change moves the reference rig by 2° where the angle is steepest."""
 _SLOW_SHARE: Final = 0.95
 """Quantile at which differences are clipped: corners of the temperature cause the largest differences, but few."""
 
@@ -239,7 +237,7 @@ def ripple_c(reading: LogReading) -> dict[Spring, float]:
     same in both. Where the temperature is merely curved, these differences grow with the distance between the readings;
     with pulses they rise and fall.
 
-    Only springs are included whose ripple exceeds the remaining scatter and :data:`_MATTERS_C`. Timestamps that are
+    Only springs are included whose ripple exceeds the remaining scatter and moves the angle. Timestamps that are
     truncated to whole steps, and readings that are held for several rows, show no ripple.
     """
     log = reading.log
@@ -252,7 +250,7 @@ def ripple_c(reading: LogReading) -> dict[Spring, float]:
         own = [segment for segment in segments if segment.spring == spring]
         known = np.isfinite(log.temp_c(spring))
         most = _most_restless(log.time_s[known], log.temp_c(spring)[known], own)
-        if most > _MATTERS_C:
+        if most > NEGLIGIBLE_C:
             found[spring] = most
     return found
 
