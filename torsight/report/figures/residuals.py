@@ -16,6 +16,9 @@ from torsight.core.words.wording import number
 from torsight.report.figures.motion import CURVES, RESIDUAL, TIME, Figure, is_driven, shade_held_out
 from torsight.report.plots.panels import Axis, Panel
 
+_BINS: Final = 25
+"""Bins of a variable over which residuals are averaged, each 4 % of its range: a choice that affects only pictures."""
+
 
 def is_plain(curves: pd.DataFrame) -> bool:
     """Return whether the curves are only those of the plain model, because nothing was added to it."""
@@ -164,10 +167,10 @@ def branches(curves: pd.DataFrame) -> dict[str, Flags]:
 
 
 def bin_means(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Return centre and mean of evenly spaced bins, as many as by Sturges (1926); NaN where a bin has too few samples."""
-    count, edges = np.histogram(x, "sturges")
-    total, _ = np.histogram(x, edges, weights=y)
-    enough = count > 0.05 * len(x) / len(count)  # a twentieth of a bin's samples if all bins were filled evenly
+    """Return centre and mean of evenly spaced bins; NaN where a bin holds too few of the samples."""
+    count, edges = np.histogram(x, _BINS)
+    total, _ = np.histogram(x, _BINS, weights=y)
+    enough = count > 0.05 * len(x) / _BINS  # a twentieth of a bin's samples if all bins were filled evenly
     mean = np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
     return (edges[:-1] + edges[1:]) / 2.0, mean
 
