@@ -51,7 +51,7 @@ CLOCK = {
     "signals.changepoints": ("MAX_LAG_S", "_POINTS"),
     "signals.even_signal": ("WINDOW_S",),
     "signals.heating_segments": ("_HEATING_SHARE", "_HELD_SHARE", "LATEST_S"),
-    "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
+    "signals.strokes": ("_MIN_STROKE_RAD", "_WINDOW_S", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
 }
 LOG = {
     "log.outliers": ("_SPIKE_FLOOR_C", "_LONGEST_S", "_TO_AND_FRO"),

@@ -18,7 +18,8 @@ from torsight.core.units import DEG, Floats
 _MIN_STROKE_RAD: Final = 3.0 * DEG
 """Least length of a stroke. Half and twice this value give the same clock (benchmarks/sync/constants.py)."""
 _WINDOW_S: Final = 1.0
-"""Time over which a film's angle is smoothed where its noise allows it: a choice, half of that of a log."""
+"""Time over which a film's angle is smoothed where its noise allows it, half of that of a log. Half this value moves a
+clock by 0.2 of its standard deviations at most, twice by 1.0 (benchmarks/sync/constants.py)."""
 _PAUSE_SHARE: Final = 0.15
 """A pause shorter than this share of the longer motion beside it does not end a stroke: it is stick-slip."""
 _LONGEST_PAUSE_S: Final = 5.0
