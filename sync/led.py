@@ -22,7 +22,7 @@ from torsight.core.files.storage import first_row, read_table
 from torsight.core.files.tables import switch_column
 from torsight.core.progress import AT_ONCE_S, Progress, silent
 from torsight.core.series import BY_CHANCE, changes, constant_runs, robust_sigma
-from torsight.core.units import Flags, Floats
+from torsight.core.units import Flags, Floats, Ints
 from torsight.core.words.shown import Shown, span
 
 if TYPE_CHECKING:
@@ -63,6 +63,28 @@ class LightEvents(Shown):
     def _draw(self, axes: Any) -> None:
         axes.step(self.time_s, self.goes_on, where="post")
         axes.set(xlabel="time, s", ylabel="LED", yticks=[0, 1], yticklabels=["off", "on"])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Changes:
+    """Changes of the LED or of a switch (n,): middle and length of the interval of each, s; direction."""
+
+    time_s: Floats
+    step_s: Floats
+    goes_on: Flags
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def at(self, rows: Ints | Flags) -> Changes:
+        """Return the changes with the given indices or mask."""
+        return Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
+
+
+def switchings_of(time_s: Floats, switch: Flags) -> Changes:
+    """Return a switch's changes, each between the row that shows it and the one before."""
+    at = changes(switch)
+    return Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])
 
 
 def read_light_events(path: AnyPath) -> LightEvents:

@@ -37,7 +37,7 @@ FINE_S = 0.01
 CONSTANTS = {
     "conditioning": ("_BLOCK_S",),
     "smoother": ("_DEGREES", "_ALIKE_S", "_ROUNDS", "_AVERAGED_S"),
-    "holds": ("LEAST_HOLD_S", "_LEAST_ROWS", "_REJECTED", "_LEVEL"),
+    "holds": ("LEAST_HOLD_S", "_LEAST_ROWS", "_REJECTED"),
     "log_noise": ("_MAX_STRIDE_S",),
 }  # fmt: skip
 

@@ -42,8 +42,7 @@ from calibration.views import detect  # noqa: E402 - needs the path above
 from torsight.core.optics.camera import Intrinsics  # noqa: E402 - needs the path above
 
 WINDOWS = (
-    "_DETECTION_SIDE_PX", "_QUICK_SIDE_PX", "_NARROW_SHARE", "_WIDE_SHARE", "_WIDEST_PX", "_NARROWEST_PX",
-    "_WINDOW_PER_EDGE",
+    "_DETECTION_SIDE_PX", "_QUICK_SIDE_PX", "_NARROW_SHARE", "_WIDE_SHARE", "_WIDEST_PX", "_WINDOW_PER_EDGE",
 )  # fmt: skip
 FITS = ("_WORSE_THAN_MEDIAN", "_NEVER_BAD_PX", "_MOST_GROUPS")
 

@@ -1,10 +1,10 @@
 """Coverage and width of the 95 % intervals of offset and drift.
 
 Offsets within ±600 s, drifts within ±200 ppm, a fifth of the log's rows lost, one restart of its clock in a rest or on
-a ramp. The pairs of ``--kind slow``, ``fast`` and ``one_rate`` come from the tests' own generator, with and without a
-lag of the sensor; any other kind is an effect hidden in the synthetic rig (``rig_pairs.py``). ``--led`` uses a shared
-LED instead of the motion. A seed that ``--out`` already holds is not run again. Seeds from 10000 on are for the
-report only.
+a ramp. The pairs of ``--kind slow``, ``fast``, ``stairs`` and ``one_rate`` come from the tests' own generator, with and
+without a lag of the sensor; any other kind is an effect hidden in the synthetic rig (``rig_pairs.py``). ``--led`` uses
+a shared LED instead of the motion. A seed that ``--out`` already holds is not run again. Seeds from 10000 on are for
+the report only.
 
 Run: python benchmarks/sync/clock_coverage.py --kind slow --seeds 200 --out slow.jsonl
      python benchmarks/sync/clock_coverage.py --report slow.jsonl fast.jsonl
@@ -18,6 +18,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +37,14 @@ from rig_pairs import HIDDEN, rig_pair  # noqa: E402 - needs the path above
 from sync import LightEvents, LogReading, find_clock, read_temperature_log  # noqa: E402 - needs the path above
 from torsight.core.errors import NoResultError  # noqa: E402 - needs the path above
 
-KINDS = ("slow", "fast", "one_rate")
+KINDS = ("slow", "fast", "stairs", "one_rate")
 
 
 def pair_of(kind: str, seed: int, lag_s: float, offset_s: float, drift_ppm: float) -> Any:
-    """Make one pair: the paper's pace at 4 Hz, a tenth of it at 30 frames and 66 rows a second, one rate, or a rig."""
+    """Make one pair: the paper's pace at 4 Hz, a tenth of it at 30 frames and 66 rows a second, one rate, or a rig.
+
+    On ``stairs`` temperatures are held on the way up, and motions are late behind them.
+    """
     common = {"offset_s": offset_s, "drift_ppm": drift_ppm, "lost_share": 0.2}
     if kind in HIDDEN:
         return rig_pair(seed, kind, offset_s=offset_s, drift_ppm=drift_ppm)
@@ -50,6 +54,12 @@ def pair_of(kind: str, seed: int, lag_s: float, offset_s: float, drift_ppm: floa
         rig = Rig(lag_s=0.3 * lag_s, cooling_s=8.0, threshold_scatter_c=0.02, temp_noise_c=0.05, angle_noise_deg=0.1)
         cycles = programme(seed, rates=(1.2, 3.0), hold=(1.0, 5.0), rest_s=40.0, half_cycles=6)
         return make_pair(seed, rig=rig, cycles=cycles, film_fps=30.0, log_step_s=0.015, **common)
+    if kind == "stairs":
+        cycles = [
+            replace(one, rate_c_s=rate, peak_c=76.0, hold_s=60.0, steps_c=(44.0, 50.0, 56.0, 62.0, 68.0))
+            for one, rate in zip(programme(seed, half_cycles=4), (0.5, 0.3, 0.4, 0.6), strict=True)
+        ]
+        return make_pair(seed, rig=Rig(lag_s=lag_s, late_s=2.0), cycles=cycles, **common)
     cycles = programme(seed, rates=(0.12, 0.121), incomplete=False)
     return make_pair(seed, rig=Rig(lag_s=lag_s), cycles=cycles, **common)
 

@@ -45,16 +45,16 @@ CLOCK = {
     "log.restart_gaps": ("_WINDOW_S", "LONGEST_GAP_S"),
     "clock.gaussian_mixture": ("MOST_HYPOTHESES", "NEGLIGIBLE_LOG"),
     "clock.led_likelihood": ("_GRID",),
-    "clock.offset_search": ("ALIKE", "_LEAST_EXPLAINED"),
+    "clock.offset_search": ("ALIKE",),
     "clock.threshold_crossings": ("WHOLE_STROKE",),
     "clock.threshold_likelihood": ("_RATE_POWERS",),
     "signals.changepoints": ("MAX_LAG_S", "_POINTS"),
     "signals.even_signal": ("WINDOW_S",),
-    "signals.heating_segments": ("_HEATING_SHARE",),
-    "signals.strokes": ("_MIN_STROKE_RAD", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
+    "signals.heating_segments": ("_HEATING_SHARE", "_HELD_SHARE", "LATEST_S"),
+    "signals.strokes": ("_MIN_STROKE_RAD", "_WINDOW_S", "_PAUSE_SHARE", "_LONGEST_PAUSE_S", "_NOISE_PER_STEP"),
 }
 LOG = {
-    "log.outliers": ("_SPIKE_FLOOR_C", "_LONGEST_S", "_STUCK_ROWS", "_ALIKE_SHARE", "_FROZEN_SHARE", "_TO_AND_FRO"),
+    "log.outliers": ("_SPIKE_FLOOR_C", "_LONGEST_S", "_TO_AND_FRO"),
     "log.read_log": ("_COARSE_SHARE",),
     "log.timestamps": ("BRIDGED_S", "_CLOCK_SET_S"),
 }
@@ -151,7 +151,7 @@ def main() -> None:
     pairs = []
     for seed in range(options.seeds):
         rng = np.random.default_rng([seed, 5])
-        kind, lag_s = ("slow", "fast")[seed // 2 % 2], float(rng.choice([0.0, rng.uniform(0.0, 10.0)]))
+        kind, lag_s = ("slow", "fast", "stairs")[seed // 2 % 3], float(rng.choice([0.0, rng.uniform(0.0, 10.0)]))
         pairs.append(pair_of(kind, seed, lag_s, float(rng.uniform(-600, 600)), float(rng.uniform(-200, 200))))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -35,8 +35,6 @@ the wide window, 0.08 px with half and 3.4 px with twice this value."""
 _WIDEST_PX: Final = 11
 """Half side of the window that is customary in OpenCV's calibration sample. With half and twice this value corners err
 by 3 % more and 1 % less."""
-_NARROWEST_PX: Final = 2
-"""Smallest half side: a smaller window has no gradients on both sides of a corner."""
 _WINDOW_PER_EDGE: Final = 3.0
 """Half side of the window in widths of the edge: it includes the whole slope and the level parts on both sides. With
 half this value corners err by a sixth more, with twice by 1 % less."""
@@ -168,13 +166,13 @@ def _smallest_square_px(points_mm: Floats, corners_px: Floats, square_mm: float)
 
 
 def _measured(grey: Grey, rough: Floats, half_side_px: float) -> Floats:
-    half = max(round(half_side_px), _NARROWEST_PX)
+    half = max(round(half_side_px), 1)
     start = rough.astype(np.float32).reshape(-1, 1, 2)
     return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), _STOP), np.float64).reshape(-1, 2)
 
 
 def _edge_px(grey: Grey, corners_px: Floats, half_side_px: float) -> float:
-    half = int(np.clip(round(half_side_px), _NARROWEST_PX, _WIDEST_PX)) + 1
+    half = int(np.clip(round(half_side_px), 1, _WIDEST_PX)) + 1
     widths = []
     for column, row in corners_px.round().astype(int):
         patch = grey[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1].astype(np.float64)

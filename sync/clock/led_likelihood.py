@@ -18,8 +18,7 @@ from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import Gaussian, UnknownGap
-from sync.led import LightEvents
-from sync.signals.heating_segments import Changes, switchings_of
+from sync.led import Changes, LightEvents, switchings_of
 from torsight.core.errors import InputError, NoResultError
 from torsight.core.parameter import REACH
 from torsight.core.records import TemperatureLog

@@ -22,10 +22,11 @@ from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weig
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import refine, scan, scatter_c
+from sync.led import switchings_of
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
 from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
-from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals, switchings_of
+from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
 from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.records import TemperatureLog
 from torsight.core.tracks import StickAngles

@@ -28,16 +28,6 @@ ALIKE: Final = 0.12
 """Difference below which shares of explained motion count as equal: one stroke of eight, the fewest of a programme.
 Half this value moves a clock by 0.03 of its standard deviations at most, twice by 1.5
 (benchmarks/sync/constants.py)."""
-_LEAST_EXPLAINED: Final = 0.3
-"""Least explained share for which motion and log belong together: by chance half of the motion lies in segments of its
-direction, minus the loss by idle heatings. Half and twice this value give the same clock
-(benchmarks/sync/constants.py)."""
-
-_LEAST_SHARED: Final = 0.4
-"""Least share of a stroke's time that lies in its segment: its ends may lie beyond, where the motion is late."""
-_MOST_STEPS: Final = 60
-"""Largest number of steps at which a range of offsets is searched for other pairs of strokes and segments:
-steps of two seconds for the two minutes of a slow programme."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +70,7 @@ def find_ranges(
     score = explained_share(strokes, signals.segments, offset_s)
     score -= PRIORS.idle_heating_weight * _idle_share(strokes, signals.segments, offset_s, film_span_s)
     best = float(score.max())
-    if best <= _LEAST_EXPLAINED:
+    if best <= 0.0:
         return ()
     good = score >= best - ALIKE
     ranges = [
@@ -137,7 +127,7 @@ def assignments(
     strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_range: OffsetRange
 ) -> list[Assignment]:
     """Return the parts of a range in which each stroke has the same segment, and the same strokes are driven by it."""
-    count = int(np.clip((offset_range.high_s - offset_range.low_s) / _STEP_S, 1, _MOST_STEPS))
+    count = max(1, int((offset_range.high_s - offset_range.low_s) / _STEP_S))
     edges_s = np.linspace(offset_range.low_s, offset_range.high_s, count + 1)
     found: list[Assignment] = []
     for low_s, high_s in itertools.pairwise(edges_s):
@@ -153,20 +143,20 @@ def assignments(
 
 
 def _is_driven(stroke: Stroke, segment: HeatingSegment | None, offset_s: float) -> bool:
-    """Return whether a stroke lies in its segment, and not where the temperature is held."""
+    """Return whether most of a stroke lies in its segment, and not where the temperature is held."""
     begin_s, end_s = np.array(stroke.begin_s + offset_s), np.array(stroke.end_s + offset_s)
-    return segment is not None and float(segment.drives_s(begin_s, end_s)) > _LEAST_SHARED * float(end_s - begin_s)
+    return segment is not None and float(segment.drives_s(begin_s, end_s)) > 0.5 * float(end_s - begin_s)
 
 
 def assign(
     strokes: Sequence[Stroke], segments: Sequence[HeatingSegment], offset_s: float
 ) -> list[HeatingSegment | None]:
-    """Return for each stroke the segment of its direction with the largest overlap in time at an offset, or None."""
+    """Return for each stroke the segment of its direction in which most of it lies at an offset, or None."""
     chosen: list[HeatingSegment | None] = []
     for stroke in strokes:
         begin, end = stroke.begin_s + offset_s, stroke.end_s + offset_s
         best: HeatingSegment | None = None
-        most = _LEAST_SHARED * (end - begin)
+        most = 0.5 * (end - begin)
         for segment in segments:
             shared = min(end, segment.until_s) - max(begin, segment.begin_s)
             if segment.sign == stroke.sign and shared > most:

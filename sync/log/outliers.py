@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from sync.log.repairs import Repair
-from sync.log.timestamps import BRIDGED_S
+from sync.log.timestamps import BRIDGED_S, longest_gap_s
 from torsight.core.series import APART, constant_runs, scatter, usual_step
 from torsight.core.series.outliers import outliers
 from torsight.core.units import Flags, Floats
@@ -28,20 +28,12 @@ _SPIKE_FLOOR_C: Final = 1.0
 _LONGEST_S: Final = 30.0
 """Length of the longest excursion: a sensor that has lost contact regains it after seconds, or stays off. A choice;
 half and twice this value change no reading of damaged logs (benchmarks/sync/constants.py)."""
-_STUCK_ROWS: Final = 8
-"""Least length of a stuck run: fewer equal rows may come from a slow instrument. A run shorter than the gaps that are
-bridged (:data:`~sync.log.timestamps.BRIDGED_S`) is kept, too: removing it would put a straight line there, which is no
-better. Half and twice of this value, and of the shares below, change no reading of damaged logs
-(benchmarks/sync/constants.py)."""
-_ALIKE_SHARE: Final = 0.4
-"""Share of readings equal to the one before; normal noise of 0.65 of the last digit or more gives a smaller share."""
-_FROZEN_ROWS: Final = round(math.log(1e-12) / math.log(_ALIKE_SHARE))
-"""Number of equal readings in a row that noise does not give in any log: 0.4³⁰ = 10⁻¹²."""
-_FROZEN_SHARE: Final = 0.3
-"""Largest share of a log in such runs: with more the sensor has little noise and is not stuck."""
+_FROZEN_ROWS: Final = math.ceil(math.log2(1e9))
+"""Number of readings in a row that are equal by chance once in 10⁹ times where most are not equal to the one before."""
 _TO_AND_FRO: Final = 0.25
 """Least share of steps that reverse the one before in a noisy channel: two of three in white noise, few in a channel
-without noise that follows its spring."""
+without noise that follows its spring. Half and twice change no reading of damaged logs (benchmarks/sync/constants.py).
+"""
 
 
 def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats, list[Repair]]:
@@ -155,19 +147,19 @@ def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
     """
     stuck = np.zeros(len(temp_c), dtype=np.bool_)
     index = np.flatnonzero(np.isfinite(temp_c))
-    if len(index) < _STUCK_ROWS:
-        return stuck
     known, at_s = temp_c[index], time_s[index]
+    # Removing a run as short as the gaps that are bridged would put a line there, which is no better.
+    least_s = longest_gap_s(at_s)
     step = np.abs(np.diff(known))
     jump_c = max(0.5, APART * noise_c(known), 12.0 * float(np.median(step[step > 0])) if (step > 0).any() else 0.5)
     same = constant_runs(known)
     for begin, end in same:
-        if end - begin < _STUCK_ROWS or at_s[end - 1] - at_s[begin] < BRIDGED_S or end == len(known):
+        if at_s[end - 1] - at_s[begin] < least_s or end == len(known):
             continue
         if abs(known[end] - known[begin]) > jump_c:
             stuck[index[begin + 1 : end]] = True
     for begin, end in _frozen(np.diff(known), same):
-        if at_s[end - 1] - at_s[begin] >= BRIDGED_S:
+        if at_s[end - 1] - at_s[begin] >= least_s:
             stuck[index[begin + 1 : end]] = True
     return stuck
 
@@ -175,14 +167,13 @@ def _stuck(time_s: Floats, temp_c: Floats) -> Flags:
 def _frozen(step_c: Floats, same: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return runs of equal values in a channel whose neighbouring readings elsewhere are seldom equal.
 
-    No runs are returned where they make up much of the log, or where the readings show no noise: such a sensor is not
-    stuck.
+    No runs are returned where they make up most of the log, or where the readings show no noise, which reverses steps:
+    such a sensor is not stuck.
     """
     runs = [(begin, end) for begin, end in same if end - begin >= _FROZEN_ROWS]
     inside = sum(end - begin - 1 for begin, end in runs)
     alike = int(np.count_nonzero(step_c == 0)) - inside
     others = len(step_c) - inside
-    seldom = others > 0 and alike < _ALIKE_SHARE * others
     moves = np.sign(step_c[step_c != 0])
-    seldom &= len(moves) > 1 and float(np.mean(moves[1:] != moves[:-1])) > _TO_AND_FRO
-    return runs if seldom and inside < _FROZEN_SHARE * len(step_c) else []
+    noisy = len(moves) > 1 and float(np.mean(moves[1:] != moves[:-1])) > _TO_AND_FRO
+    return runs if noisy and alike < 0.5 * others and inside < others else []

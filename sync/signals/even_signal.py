@@ -17,8 +17,6 @@ WINDOW_S: Final = 2.0
 deviations at most (benchmarks/sync/constants.py)."""
 _FINEST_STEP_S: Final = WINDOW_S / 40
 """Finest step of the grid: smoothing removes all finer details."""
-_MAX_POINTS: Final = 400_000
-"""Largest number of points, five and a half hours at the finest step; longer records have coarser steps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,9 +67,8 @@ def even_signal(
     if len(at_s) < 12:
         return None
     usual_s = usual_step(at_s)
-    span_s = float(at_s[-1] - at_s[0])
-    step_s = max(_FINEST_STEP_S, usual_s, span_s / _MAX_POINTS)
-    count = int(span_s / step_s) + 1
+    step_s = max(_FINEST_STEP_S, usual_s)
+    count = int((at_s[-1] - at_s[0]) / step_s) + 1
     grid_s = at_s[0] + step_s * np.arange(count)
     filled = np.interp(grid_s, at_s, there)
     per_point = 1

@@ -11,8 +11,8 @@ import numpy as np
 
 from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
-from torsight.core.series import BY_CHANCE, changes, extremes, runs
-from torsight.core.units import Flags, Floats, Ints
+from torsight.core.series import BY_CHANCE, extremes, runs
+from torsight.core.units import Floats
 from torsight.core.words.plausible import HEATED_C
 
 _HEATING_SHARE: Final = 0.03
@@ -20,10 +20,12 @@ _HEATING_SHARE: Final = 0.03
 and twice this value move a clock by 0.34 of its standard deviations at most (benchmarks/sync/constants.py)."""
 
 _HELD_SHARE: Final = 0.1
-"""Rate, relative to the mean of its heating, below which a temperature is held: a motion is then ten times slower."""
+"""Rate, relative to the mean of its heating, below which a temperature is held: a motion is then ten times slower.
+Half this value moves a clock by 2.4 of its standard deviations at most, twice by 0.1 (benchmarks/sync/constants.py)."""
 LATEST_S: Final = 10.0
 """Longest delay of a motion behind its temperature: the time constant of a friction that stops the actuator from
-following."""
+following. Half and twice this value move a clock by 0.1 of its standard deviations at most
+(benchmarks/sync/constants.py)."""
 
 Spring = Literal["a", "b"]
 
@@ -196,25 +198,3 @@ def _with_holds(segment: HeatingSegment, signal: EvenSignal) -> HeatingSegment:
 def _shared_s(begin_s: Floats, end_s: Floats, first_s: float, last_s: float) -> Floats:
     """Return how long two spans of time have in common, s."""
     return np.asarray(np.maximum(0.0, np.minimum(end_s, last_s) - np.maximum(begin_s, first_s)))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Changes:
-    """Changes of the LED or of a switch (n,): middle and length of the interval of each, s; direction."""
-
-    time_s: Floats
-    step_s: Floats
-    goes_on: Flags
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def at(self, rows: Ints | Flags) -> Changes:
-        """Return the changes with the given indices or mask."""
-        return Changes(self.time_s[rows], self.step_s[rows], self.goes_on[rows])
-
-
-def switchings_of(time_s: Floats, switch: Flags) -> Changes:
-    """Return a switch's changes, each between the row that shows it and the one before."""
-    at = changes(switch)
-    return Changes(0.5 * (time_s[at] + time_s[at - 1]), time_s[at] - time_s[at - 1], switch[at])

@@ -18,7 +18,8 @@ from torsight.core.units import DEG, Floats
 _MIN_STROKE_RAD: Final = 3.0 * DEG
 """Least length of a stroke. Half and twice this value give the same clock (benchmarks/sync/constants.py)."""
 _WINDOW_S: Final = 1.0
-"""Time over which a film's angle is smoothed where its noise allows it: a choice, half of that of a log."""
+"""Time over which a film's angle is smoothed where its noise allows it, half of that of a log. Half this value moves a
+clock by 0.2 of its standard deviations at most, twice by 1.0 (benchmarks/sync/constants.py)."""
 _PAUSE_SHARE: Final = 0.15
 """A pause shorter than this share of the longer motion beside it does not end a stroke: it is stick-slip."""
 _LONGEST_PAUSE_S: Final = 5.0
@@ -27,8 +28,7 @@ give the same clock (benchmarks/sync/constants.py)."""
 _POWERS: Final = 2
 """Degree of the polynomial through the frames: a speed that changes linearly."""
 _FEWEST: Final = _POWERS + 2
-_MOST: Final = _FEWEST * 2**4
-"""Number of frames that are combined: one more than the coefficients, doubled at most four times."""
+"""Least number of frames that are combined: one more than the coefficients."""
 _NOISE_PER_STEP: Final = 0.05
 """More frames are combined until noise shifts the crossing by less than this share of the time between frames. Half and
 twice this value move a clock by 0.12 of its standard deviations at most (benchmarks/sync/constants.py)."""
@@ -189,7 +189,7 @@ def crossing_time(
         if found is None:
             return float("nan"), float("nan")
         at_s, noise_s, unseen_s, step_s = found
-        if noise_s <= max(_NOISE_PER_STEP * step_s, unseen_s) or count >= _MOST or 2 * count > len(time_s):
+        if noise_s <= max(_NOISE_PER_STEP * step_s, unseen_s) or 2 * count > len(time_s):
             return at_s, float(np.hypot(noise_s, unseen_s))
         count *= 2
 

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 
 from torsight.core.parallel.processes import in_copies
-from torsight.core.parallel.threads import go_on, in_parallel, with_help
+from torsight.core.parallel.threads import go_on
 
 pytestmark = pytest.mark.skipif(
     "fork" not in multiprocessing.get_all_start_methods() or sys.platform == "darwin",
@@ -101,35 +100,6 @@ def test_who_is_asked_to_end_does_not_wait_for_work_that_is_under_way(tmp_path: 
     with pytest.raises(KeyboardInterrupt):
         in_copies([0, 1, 1], work, known=None, progress=asked)
     assert steps.stat().st_size < most
-
-
-def test_a_copy_that_is_alone_has_help_and_two_have_none() -> None:
-    # Both at work until either has seen the other.
-    together = multiprocessing.get_context("fork").Barrier(2)
-
-    def beside_another(_item: int) -> int:
-        together.wait(60)
-        threads = _shared_out()
-        together.wait(60)
-        return threads
-
-    assert in_copies([0, 1], beside_another, known=None) == [1, 1]
-
-    def first_or_later(item: int) -> int:
-        if item == 0:
-            return 0
-        while True:
-            threads = _shared_out()
-            if threads == 2:
-                return threads
-            time.sleep(0.01)
-
-    assert in_copies([0, 1], first_or_later, known=None) == [0, 2]
-    assert in_parallel([4], lambda _: _shared_out()) == [2]
-
-
-def _shared_out() -> int:
-    return len(set(with_help(range(4), lambda _: threading.get_ident())))
 
 
 def test_copies_end_with_a_process_that_is_killed() -> None:

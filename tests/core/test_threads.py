@@ -5,13 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
 
 import numpy as np
-import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from torsight.core.parallel.threads import in_parallel, one_thread, with_help
+from torsight.core.parallel.threads import one_thread
 
 
 def blas_threads() -> set[int]:
@@ -52,33 +50,3 @@ def test_a_command_computes_with_one_thread_even_when_more_are_asked_for() -> No
     more = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
     done = subprocess.run([sys.executable, "-c", script], env=more, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "{1}"
-
-
-def shared_out(count: int) -> int:
-    """Let so many items be worked out; return in how many threads that was done."""
-    found = with_help(range(count), lambda item: (item, threading.get_ident()))
-    assert [item for item, _ in found] == list(range(count))
-    return len({thread for _, thread in found})
-
-
-def test_the_only_fit_has_help_and_one_beside_another_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torsight.core.parallel.threads.WORKERS", 2)
-    assert [shared_out(count) for count in (0, 1, 2, 7)] == [0, 1, 2, 2]
-    together = threading.Barrier(2)
-
-    def beside_another(_item: int) -> int:
-        together.wait(60)
-        threads = shared_out(4)
-        together.wait(60)
-        return threads
-
-    assert in_parallel([0, 1], beside_another) == [1, 1]
-    assert in_parallel([4], shared_out) == [2]
-
-
-def test_an_error_in_either_half_is_the_caller_s_and_there_is_help_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torsight.core.parallel.threads.WORKERS", 2)
-    for wrong in (0, 3):
-        with pytest.raises(ZeroDivisionError):
-            with_help(range(4), lambda item, wrong=wrong: 1 / (item - wrong))
-    assert shared_out(4) == 2

@@ -313,7 +313,7 @@ def asked_at(model: Any, force: Any) -> Any:
 
 @pytest.fixture
 def always_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quicken, "_WORTH_S", 0.0)
+    monkeypatch.setattr(quicken, "WORTH_S", 0.0)
 
 
 @pytest.mark.usefixtures("always_worth_it")

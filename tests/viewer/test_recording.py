@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from collections import defaultdict
@@ -15,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from grey_film import write_grey
-from made_up_run import SIZE_PX, documents, write_made_up_run
+from made_up_run import SIZE_PX, write_made_up_run
 
 from torsight.core.errors import InputError, OutputError
 from torsight.core.tracks import MARKERS
@@ -243,10 +242,6 @@ def test_words_are_drawn(panes: dict[str, np.ndarray], pane: str) -> None:
     """Bright letters on the dark ground, in several lines."""
     lines = (panes[pane].min(axis=2) > 150).any(axis=1)
     assert np.count_nonzero(np.diff(lines.astype(int)) == 1) >= 4
-
-
-def test_documents_of_the_made_up_run_are_plain_json() -> None:
-    json.dumps(documents(), allow_nan=False)
 
 
 class _Writer:

@@ -184,7 +184,7 @@ def prepare_table(table: SyncedTable, *, row_rate_hz: float = ROW_RATE_HZ, where
     sigma = table.angle_sigma_rad
     wrong = wrong_frames(table.time_s, table.angle_rad, sigma)
     angle, count = np.where(wrong, np.nan, table.angle_rad), np.count_nonzero(wrong)
-    start, _ = start_angle(angle, sigma)
+    start = start_angle(angle, sigma)
     turns = whole_turns(angle)
     ahead_rad = 2.0 * math.pi * turns
     drive = _driven(table, table, row_rate_hz=row_rate_hz, start_angle_rad=start - ahead_rad, where=where)
@@ -250,8 +250,8 @@ def wrong_frames(time_s: Floats, angle_rad: Floats, sigma_rad: Floats) -> Flags:
     return outliers(time_s, angle_rad, np.fmax(APART * noise, RESOLUTION_DEG * DEG))
 
 
-def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
-    """Return the mean angle over the rest with which a record starts, and its standard deviation.
+def start_angle(angle_rad: Floats, sigma_rad: Floats) -> float:
+    """Return the mean angle over the rest with which a record starts.
 
     The rest is extended block by block. It ends where more than a fifth of a block's angles lie further than five
     standard deviations from the median of the rest so far, or where the block's median differs from that median by more
@@ -277,8 +277,7 @@ def start_angle(angle_rad: Floats, sigma_rad: Floats) -> tuple[float, float]:
     if not len(inside):
         # A record that starts in the middle of a motion has no rest to average over.
         inside = rest[:1]
-    mean_sigma = max(float(np.median(sigma[:count])), 1.2 * spread)
-    return float(np.mean(inside)), mean_sigma / math.sqrt(max(1, len(inside)))
+    return float(np.mean(inside))
 
 
 def _driven(

@@ -24,7 +24,6 @@ from torsight.actuator.ports import History
 from torsight.actuator.simulation import Simulation
 from torsight.actuator.spec import ActuatorSpec
 from torsight.core.law import Law, LawForm
-from torsight.core.parallel.threads import with_help
 from torsight.core.parameter import Parameter
 from torsight.core.series import pair_means
 from torsight.core.units import DEG, Flags, Floats, Ints
@@ -33,9 +32,6 @@ from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
 from torsight.discovery.actuator.temperature_errors import alike_s, draw_errors, lasting_errors, with_errors
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
-_NOISE_DRAWS: Final = 6
-"""Number of draws of the temperatures' noise: they give a sample's standard deviation to three parts in ten (1/√12),
-and its mean over a record to a few hundredths (benchmarks/discovery/tops.py, --constants)."""
 _SAMPLES: Final = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
 _OF_THE_RECORD: Final = (*_SAMPLES, "drivers", "laws", "_smooth_drives", "_lasting_drives", "_thinned")
 """Members that depend on the record alone, and are not computed again where other laws are tried on it."""
@@ -274,7 +270,7 @@ class ActuatorProblem(OptionalMembers):
         """Return the difference (n, k) of the angle from ``clean`` with other drives than the record's, degrees."""
         if not drives:
             return np.zeros((len(self.rows), 0))
-        return np.column_stack(with_help(drives, lambda drive: self._predict(drive, values, effects) - clean))
+        return np.column_stack([self._predict(drive, values, effects) - clean for drive in drives])
 
     def _predict(self, drive: Drive, values: Mapping[str, float], effects: Sequence[str]) -> Floats:
         return self._seen(drive, values, effects)[0]
@@ -288,8 +284,7 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
-        drawn = draw_errors(self.drive, seed=self.seed, count=_NOISE_DRAWS)
-        return tuple(with_errors(self.drive, errors.smooth_c) for errors in drawn)
+        return tuple(with_errors(self.drive, one.smooth_c) for one in draw_errors(self.drive, seed=self.seed))
 
     @cached_property
     def _lasting_drives(self) -> tuple[Drive, ...]:

@@ -22,14 +22,12 @@ from typing import Final
 import numpy as np
 
 from torsight.core.units import Floats
-from torsight.discovery.weight import Weight
+from torsight.discovery.weight import NOTHING, Weight
 
 _TIMES: Final = 32
 """Times of the grid over a record: four in each half-cycle of four cycles, so that strokes and rests have one each."""
 _KEPT: Final = 3
 """Events of each sign that are returned: the linear model's first is not always the model's own."""
-_NOTHING: Final = 1e-9
-"""Share of a response's information, of which less is rounding: the response is that of the values already fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +98,7 @@ class EventScan:
         whole = np.sum(response * weighted, axis=0)
         left = whole - np.sum(across * taken, axis=0)
         slope = weighted.T @ self.residual - taken.T @ self.gradient
-        seen = (left > _NOTHING * whole) & (either | (slope * size > 0.0))
+        seen = (left > NOTHING * whole) & (either | (slope * size > 0.0))
         left = np.where(seen, left, 1.0)
         return [
             Event(float(s**2 / h) if can else 0.0, float(at), float(s / h) if can else 0.0)

@@ -23,7 +23,7 @@ import numpy as np
 
 from torsight.core.law import Law, LawForm
 from torsight.core.parallel.processes import in_copies
-from torsight.core.parallel.threads import in_parallel, with_help
+from torsight.core.parallel.threads import in_parallel
 from torsight.core.parameter import Parameter
 from torsight.core.progress import Progress, silent
 from torsight.core.units import Flags, Floats, Ints
@@ -233,8 +233,8 @@ class OptionalMembers(Protocol):
     def predict_many(
         self: NeededMembers, values: Sequence[Mapping[str, float]], effects: Sequence[str]
     ) -> list[Floats]:
-        """Return ``predict`` at several points, half of them in a second thread where one is idle."""
-        return with_help(values, lambda one: self.predict(one, effects))
+        """Return ``predict`` at several points."""
+        return [self.predict(one, effects) for one in values]
 
     def get_ready(self) -> None:
         """Compute members that a search's fits need: those computed in a copy of the process are lost with the copy."""

@@ -21,8 +21,6 @@ from torsight.core.words.shown import span
 from torsight.discovery.actuator.kept_rows import rest_mask
 from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
 
-_DRAWS: Final = 8
-"""Number of draws of the temperatures' noise."""
 _HALVINGS: Final = 20
 """Number of bisections of the interval's half-width, after which it is known to a millionth of its upper bound."""
 
@@ -153,5 +151,6 @@ def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Dri
     if model.doubt is not None and model.doubt.reading_deg > 0.0:
         for off_rad in (DEG * model.doubt.reading_deg, -DEG * model.doubt.reading_deg):
             yield model, replace(drive, start_angle_rad=drive.start_angle_rad + off_rad), 0.5
-    for errors in draw_errors(drive, seed=0, count=_DRAWS):
-        yield model, with_errors(drive, errors.with_tops_c), 1.0 / _DRAWS
+    drawn = draw_errors(drive, seed=0)
+    for errors in drawn:
+        yield model, with_errors(drive, errors.with_tops_c), 1.0 / len(drawn)

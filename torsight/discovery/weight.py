@@ -15,11 +15,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 import scipy.linalg
 
 from torsight.core.units import Flags, Floats
+
+NOTHING: Final = 1e-6
+"""Share of a change's sum of squares up to which the values that are fitted already make the same change: their
+derivatives are known to about a thousandth."""
 
 
 @dataclass(frozen=True, eq=False)

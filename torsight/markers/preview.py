@@ -15,7 +15,7 @@ from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import capital
 from torsight.markers.beginning import SHOWN_PX
-from torsight.markers.sheet import BLACK, WHITE, Sheet, ticks
+from torsight.markers.sheet import BLACK, MARGIN_PX, WHITE, Sheet, ticks
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,8 +27,6 @@ _LINE_CHARACTERS: Final = 98
 _LINE_PX: Final = 18
 _LIST_PX: Final = 680
 """Height of a line of the list, and the list's width."""
-_EDGE_PX: Final = 40
-"""Width of the margin with the title and the grid's numbers."""
 _RING_PX: Final = 9.0
 """Radius of a marker's ring."""
 _GRID_LINES: Final = 16
@@ -59,18 +57,18 @@ def write_preview(
     listed: list[tuple[Colour | None, str]] = [
         (_colour(one), line) for one in seen.candidates for line in _lines(one)
     ] or [(None, "no place looks like a dot")]
-    beside = _EDGE_PX + frame.shape[1] + 20
+    beside = MARGIN_PX + frame.shape[1] + 20
     rows = max(frame.shape[0] + 30, _LINE_PX * (len(said) + len(listed) + 1))
-    sheet = Sheet(beside + _LIST_PX, _EDGE_PX + rows)
-    sheet.text(title, _EDGE_PX, 24, size=16, bold=True)
-    sheet.pixels[_EDGE_PX : _EDGE_PX + frame.shape[0], _EDGE_PX : _EDGE_PX + frame.shape[1]] = frame[..., None]
+    sheet = Sheet(beside + _LIST_PX, MARGIN_PX + rows)
+    sheet.text(title, MARGIN_PX, 24, size=16, bold=True)
+    sheet.pixels[MARGIN_PX : MARGIN_PX + frame.shape[0], MARGIN_PX : MARGIN_PX + frame.shape[1]] = frame[..., None]
 
     def at(x_px: float, y_px: float) -> Floats:
-        return np.asarray(scale * (np.array([x_px, y_px]) + 0.5) + _EDGE_PX - 0.5)
+        return np.asarray(scale * (np.array([x_px, y_px]) + 0.5) + MARGIN_PX - 0.5)
 
     _draw_grid(sheet, at, luma.shape[::-1])
-    right, bottom = _EDGE_PX + frame.shape[1], _EDGE_PX + frame.shape[0]
-    corners = [[_EDGE_PX - 1, _EDGE_PX - 1], [right, _EDGE_PX - 1], [right, bottom], [_EDGE_PX - 1, bottom]]
+    right, bottom = MARGIN_PX + frame.shape[1], MARGIN_PX + frame.shape[0]
+    corners = [[MARGIN_PX - 1, MARGIN_PX - 1], [right, MARGIN_PX - 1], [right, bottom], [MARGIN_PX - 1, bottom]]
     sheet.line(np.array([*corners, corners[0]], float), BLACK)
     for one in seen.candidates:
         if not one.taken:
@@ -83,9 +81,9 @@ def write_preview(
         sheet.ring(place, _RING_PX, colour)
         sheet.text(name, place[0] + 15.0, place[1] - 3.0, on=colour)
     for number, line in enumerate(said):
-        sheet.text(line, beside, _EDGE_PX + 12 + _LINE_PX * number)
+        sheet.text(line, beside, MARGIN_PX + 12 + _LINE_PX * number)
     for number, (colour_or_none, line) in enumerate(listed, len(said) + 1):
-        top = _EDGE_PX + 12 + _LINE_PX * number
+        top = MARGIN_PX + 12 + _LINE_PX * number
         if colour_or_none is not None:
             # Dark text with a mark in the colour of the ring: light colours cannot be read on white.
             sheet.text("  ", beside, top, on=colour_or_none)

@@ -15,6 +15,8 @@ from torsight.core.words.colours import Colour
 
 BLACK: Final = (0, 0, 0)
 WHITE: Final = (255, 255, 255)
+MARGIN_PX: Final = 40
+"""Room for two lines of text: beside a frame, above it, at the picture's edge."""
 _FINE: Final = 4
 """Binary digits of a pixel to which OpenCV draws."""
 

@@ -16,7 +16,7 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, rgb
 from torsight.core.words.wording import counted
-from torsight.markers.sheet import BLACK, Sheet, ticks
+from torsight.markers.sheet import BLACK, MARGIN_PX, Sheet, ticks
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
@@ -29,9 +29,8 @@ _PANEL_PX: Final = 420
 """Width of a frame's panel; three of them stand side by side."""
 _SHAPE: Final = 4.0 / 3.0
 """Width over height of the part of a frame that is drawn, where the frame has it."""
-_HEAD_PX: Final = 40
 _PLOT_PX: Final = 260
-"""Height of the text above a panel; height of the plot of the angle."""
+"""Height of the plot of the angle."""
 _GRID: Final = (225, 225, 225)
 
 
@@ -58,7 +57,7 @@ def write_track_picture(path: Path, source: Source, result: TrackResult, angles:
     view = _view(result)
     tall = round(min(_PANEL_PX, _PANEL_PX * (view[3] - view[1]) / (view[2] - view[0])))
     rows = (len(shown) + 2) // 3
-    wide, high = 3 * _PANEL_PX + 40, _HEAD_PX + rows * (tall + _HEAD_PX) + _PLOT_PX + 90
+    wide, high = 3 * _PANEL_PX + 40, MARGIN_PX + rows * (tall + MARGIN_PX) + _PLOT_PX + 90
     sheet = Sheet(wide, high)
     known = int(angles.valid.sum())
     sheet.text(
@@ -71,12 +70,12 @@ def write_track_picture(path: Path, source: Source, result: TrackResult, angles:
     lumas = source.pictures([one.index for one in shown])
     for number, one in enumerate(shown):
         row, column = divmod(number, 3)
-        left, top = 10 + column * (_PANEL_PX + 10), 2 * _HEAD_PX + row * (tall + _HEAD_PX)
+        left, top = 10 + column * (_PANEL_PX + 10), 2 * MARGIN_PX + row * (tall + MARGIN_PX)
         angle = f"{angles.angle_rad[one.index] / DEG:.2f}°" if angles.valid[one.index] else "no angle"
         sheet.text(one.why, left, top - 21)
         sheet.text(f"frame {one.index}, {angles.time_s[one.index]:.2f} s: {angle}", left, top - 5)
         _draw_frame(sheet, lumas.get(one.index), one, result=result, view=view, place=(left, top, _PANEL_PX, tall))
-    top = 2 * _HEAD_PX + rows * (tall + _HEAD_PX) - 10
+    top = 2 * MARGIN_PX + rows * (tall + MARGIN_PX) - 10
     _draw_angle(sheet, angles, shown, place=(80, top, wide - 100, _PLOT_PX))
     sheet.write(path)
 

@@ -14,7 +14,7 @@ import pytest
 
 from torsight.core.words.colours import DARK, LIGHT
 from torsight.report.plots.interactive import drawing
-from torsight.report.plots.panels import Axis, Panel, style_of, thin_path, thin_points, thin_series
+from torsight.report.plots.panels import BINS, Axis, Panel, style_of, thin_path, thin_points, thin_series
 from torsight.report.plots.still import still
 from torsight.report.write import at_night
 
@@ -27,10 +27,10 @@ def test_thinning_a_series_keeps_every_bins_lowest_and_highest_value_and_its_gap
     y = random.normal(size=len(x))
     y[[777, 31_000]] = 40.0, -40.0
     y[20_000:21_000] = np.nan
-    thin_x, thin_y = thin_series(x, y, bins=300)
-    assert len(thin_x) <= 3 * 300 + 2
+    thin_x, thin_y = thin_series(x, y)
+    assert len(thin_x) <= 3 * BINS + 2
     assert {40.0, -40.0} <= set(thin_y.tolist())
-    for part in np.array_split(np.arange(len(x)), 300):
+    for part in np.array_split(np.arange(len(x)), BINS):
         known = y[part][np.isfinite(y[part])]
         if len(known):
             assert np.isin([known.min(), known.max()], thin_y).all()
@@ -54,7 +54,7 @@ def test_thinning_a_path_leaves_no_point_further_away_than_the_limit_and_one_poi
 def test_thinning_points_keeps_one_of_every_spot() -> None:
     random = np.random.default_rng(6)
     x, y = random.uniform(0, 30, 9_000), random.uniform(0, 30, 9_000)
-    kept_x, kept_y = thin_points(x, y, spot=(3.0, 3.0), most=10_000)
+    kept_x, kept_y = thin_points(x, y, spot=(3.0, 3.0))
     spots = {tuple(spot) for spot in np.round(np.column_stack([x, y]) / 3.0).astype(int).tolist()}
     kept = [tuple(spot) for spot in np.round(np.column_stack([kept_x, kept_y]) / 3.0).astype(int).tolist()]
     assert set(kept) == spots

@@ -22,14 +22,12 @@ from torsight.core.series import runs, usual_step
 from torsight.core.units import Floats
 
 # benchmarks/actuator/log_constants.py measures the effect of half and twice of these constants: temperatures hardly
-# change, tops err 1.5 times as much with twice the rows or half of the share of the noise.
+# change, tops err 1.5 times as much with twice the rows.
 # Shortest level, in time and in rows.
 LEAST_HOLD_S: Final = 4.0
 _LEAST_ROWS: Final = 12
 # Slope or bow, in standard deviations, from which a window is not level.
 _REJECTED: Final = 1.5
-# A window is level where slope and bow, with their uncertainty, are below this share of the noise.
-_LEVEL: Final = 0.7
 
 
 def level_holds(
@@ -92,7 +90,7 @@ def _holds_between(time_s: Floats, temp_c: Floats, noise_c: float, rate: Floats)
         first, last = begin, stop - 1
         while time_s[last] - time_s[first] > 2.0 * LEAST_HOLD_S and last - first >= 2 * _LEAST_ROWS:
             bend, doubt = _unevenness(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
-            if bend <= _REJECTED * doubt and bend + doubt <= _LEVEL * noise_c:
+            if bend <= _REJECTED * doubt and bend + doubt <= noise_c:
                 found.append((first, last))
                 break
             first = (first + last) // 2
@@ -124,7 +122,10 @@ def _shapes(u: Floats) -> tuple[Floats, Floats]:
 
 
 def _longest_level(time_s: Floats, temp_c: Floats, noise_c: float, edge: int) -> tuple[int, int] | None:
-    """Return the longest window around or before a top's end in which the log is level; None if there is none."""
+    """Return the longest window around or before a top's end in which the log is level; None if there is none.
+
+    It is level where slope and bow are not significant and, with their uncertainty, smaller than the noise.
+    """
     interval_s = usual_step(time_s[max(0, edge - 200) : edge + 200])
     least = max(_LEAST_ROWS, math.ceil(LEAST_HOLD_S / interval_s))
     step = max(1, least // 8)
@@ -138,7 +139,7 @@ def _longest_level(time_s: Floats, temp_c: Floats, noise_c: float, edge: int) ->
             bend, doubt = _unevenness(time_s[first : last + 1], temp_c[first : last + 1], noise_c)
             if bend > _REJECTED * doubt:
                 break
-            if bend + doubt <= _LEVEL * noise_c:
+            if bend + doubt <= noise_c:
                 best = first, last
     return best
 

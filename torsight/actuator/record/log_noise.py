@@ -17,7 +17,7 @@ change nothing (benchmarks/actuator/log_constants.py). In the demo, ten times as
 value doubles the held-out error: bends of the temperature then count as noise."""
 NEGLIGIBLE_C: Final = 0.005
 """Noise below this value changes the angle by a tenth of a degree at most: such a log passes unchanged."""
-_STILL_C: Final = 1e-4
+FINEST_C: Final = 1e-4
 """A tick: readings that differ by less count as equal; no thermometer has a finer last digit."""
 _BESIDE: Final = 3.0
 """Number of ticks that count as a given multiple of a step: the nearest one and its two neighbours."""
@@ -95,7 +95,7 @@ def last_digit(temp_c: Floats) -> float:
     share c = 3/q of n changes lies within one tick of a multiple of a step of q ticks. If s is the share that does, the
     evidence of the step is n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))); the last digit is the step with the most.
     """
-    ticks = np.rint(np.abs(np.diff(temp_c)) / _STILL_C)
+    ticks = np.rint(np.abs(np.diff(temp_c)) / FINEST_C)
     sizes, times = np.unique(ticks[ticks > 0.0], return_counts=True)
     steps = np.sort(sizes[np.argsort(-times, kind="stable")[:_FREQUENT]])
     steps = steps[steps > _BESIDE]
@@ -106,7 +106,7 @@ def last_digit(temp_c: Floats) -> float:
     share = np.maximum(multiple @ times / np.sum(times), chance)
     evidence = np.sum(times) * (rel_entr(share, chance) + rel_entr(1.0 - share, 1.0 - chance))
     best = int(np.argmax(evidence))
-    return float(steps[best]) * _STILL_C if evidence[best] > _SURE else 0.0
+    return float(steps[best]) * FINEST_C if evidence[best] > _SURE else 0.0
 
 
 def _whole(temp_c: Floats, strides: Ints) -> Floats:
@@ -119,7 +119,7 @@ def _without_rests(temp_c: Floats, longest: int) -> Floats:
 
     Third differences take in four readings: of more equal ones they vanish, on a slow ramp of a coarse log they do not.
     """
-    changes = np.cumsum(np.abs(np.diff(temp_c, prepend=temp_c[0])) > _STILL_C)
+    changes = np.cumsum(np.abs(np.diff(temp_c, prepend=temp_c[0])) > FINEST_C)
     out = temp_c.copy()
     for begin, end in constant_runs(changes):
         if end - begin > longest:

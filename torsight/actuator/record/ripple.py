@@ -29,11 +29,6 @@ _SHARPEST: Final = 2.0
 """Largest height of a peak in medians of a ripple's absolute deviation: √2 for a sine, 2 for a triangle."""
 
 
-_NEW: Final = 2.0 / 3.0
-"""Least share of readings that differ from the one before in a ripple: of readings that are held for two rows or more
-at most half differ, of a ripple larger than the last digit nearly all."""
-
-
 def ripple_peaks(time_s: Floats, temp_c: Floats, found_c: Floats, noise_c: float, alike: float) -> Floats:
     """Return the height (n,) of the wire's peaks above its mean temperature, °C.
 
@@ -48,9 +43,10 @@ def ripple_peaks(time_s: Floats, temp_c: Floats, found_c: Floats, noise_c: float
     usual = median_filter(np.abs(residual_c), rows)[inside]
     most_c = np.maximum(REACH * noise_c, _SHARPEST * usual)
     square = uniform_filter1d(np.minimum(np.abs(residual_c), most_c) ** 2, rows)[inside]
-    # Readings that are held for several rows form steps, whose residuals on a ramp resemble a ripple.
+    # Readings that are held for two rows or more form steps, whose residuals on a ramp resemble a ripple: at most every
+    # second one differs from the one before. Of a ripple larger than the last digit nearly all do.
     new = uniform_filter1d((np.diff(temp_c, prepend=np.nan) != 0.0).astype(np.float64), rows)[inside]
-    square[new < _NEW] = 0.0
+    square[2.0 * rows * new < rows + 2.0] = 0.0
     by_noise = noise_c**2 * (1.0 + BY_CHANCE * math.sqrt(2.0 * alike / rows))
     # The ripple lasts until the heating ends: of the windows that contain a reading, the one with the largest counts.
     beyond = maximum_filter1d(np.maximum(square - by_noise, 0.0), rows, mode="nearest")

@@ -24,9 +24,6 @@ from torsight.core.units import DEG, Flags, Floats, Ints
 _TURN_C: Final = 1.0
 _RISE_C: Final = 4.0
 """Least reversal of a temperature at a turn, and its least rise in a heating; larger for a noisy temperature."""
-_LIFT_C: Final = 0.25
-"""Rise of a temperature above its rest at which its heating has begun. The starts of 95 of 100 half-cycles are correct
-to 5.3 s; to 4.3 s with half this value, to 8.7 s with twice."""
 _BEFORE_S: Final = 40.0
 """Longest time between a jump of the angle and the visible heating that causes it. With half this value a jump is
 missed in one of 25 half-cycles that have one."""
@@ -34,7 +31,6 @@ _JUMP_S: Final = 2.0
 _JUMP_RAD: Final = 0.4 * DEG
 """Least motion of the angle within two seconds that counts as a jump, larger for a noisy angle; the rest before it
 moves by less."""
-_REST_ROWS: Final = 4
 _COLD_SHARE: Final = 0.2
 """Share of its temperature's rise below which a spring counts as cooled: it no longer moves the disk."""
 _REST_PACE: Final = 0.01
@@ -116,7 +112,7 @@ def half_cycles(
         raise _unheated(temps, where=where)
     chained = _merged(heatings, temps)
     if not switched:
-        chained = _placed(chained, temps, margin_c=max(_LIFT_C, BY_CHANCE * noise_c))
+        chained = _placed(chained, temps, margin_c=BY_CHANCE * noise_c)
     return _chain(chained, len(temp_a_c), switched=switched)
 
 
@@ -146,13 +142,13 @@ def begun_with_a_jump(
 
 def _jump(time_s: Floats, angle_rad: Floats) -> int | None:
     """Return the row at which an angle jumps out of a rest; None without a jump."""
-    if len(time_s) < 2 * _REST_ROWS:
+    if len(time_s) < 2:
         return None
     least = max(_JUMP_RAD, APART * scatter(angle_rad, order=1))
     later = np.searchsorted(time_s, time_s + _JUMP_S, side="right") - 1
     motion = np.abs(angle_rad[later] - angle_rad)
     quick = np.flatnonzero(motion >= least)
-    if len(quick) == 0 or quick[0] < _REST_ROWS:
+    if len(quick) == 0 or quick[0] == 0:
         return None
     rest, after = np.split(angle_rad, quick[:1])
     if float(np.ptp(rest)) >= least:

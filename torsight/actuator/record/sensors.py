@@ -11,7 +11,6 @@ import numpy as np
 
 from torsight.actuator.record.conditioning import Readings
 from torsight.actuator.record.turns import at_places, turns_of
-from torsight.core.parallel.threads import with_help
 from torsight.core.units import Floats, Ints
 
 Pair = tuple[Floats, Floats]
@@ -59,9 +58,8 @@ class Sensors:
 
     def get_ready(self) -> None:
         """Compute the corrections of :meth:`lag_correction` for all time constants."""
-        missing = [lag_s for lag_s in _LAG_GRID_S if lag_s not in self._known]
-        if missing:
-            with_help(missing, self._at)
+        for lag_s in _LAG_GRID_S:
+            self._at(lag_s)
 
     def lag_correction(self, spring: int, lag_s: float) -> tuple[float, Floats, Floats]:
         """Return the differences of a wire's from its sensor's temperature at the kept rows, for a time constant.
@@ -81,7 +79,6 @@ class Sensors:
         wire equally likely on the grid of time constants,
         :math:`p(T_m | τ) ∝ L(τ) + \overline{L(ρ)}_{ρ > τ}`, where L is the likelihood for a sharp wire.
         """
-        self.get_ready()
         return sum(
             float(np.interp(lag_s, _LAG_GRID_S, self._evidence[spring]))
             for spring, lag_s in enumerate((lag_a_s, lag_b_s))

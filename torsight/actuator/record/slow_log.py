@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST
+from torsight.actuator.record.log_noise import FINEST_C, NEGLIGIBLE_C, SHORTEST
 from torsight.actuator.record.turns import REVERSAL_C, turns_of
 from torsight.core.series import APART, BY_CHANCE, usual_step
 from torsight.core.units import Flags, Floats
@@ -37,10 +37,6 @@ and 0.53° (0.51°) where nothing is held, and 0.89 and 0.90° (0.91°) where to
 (benchmarks/actuator/slow_logs.py, --seeds 10)."""
 _PLACES: Final = 81
 """Heights and times at which the posterior of a top is computed: a grid 80 times finer than what is not known."""
-_REACH: Final = 5.0
-"""Standard deviations within which a reading tells the height of a hold: less than 10⁻⁶ lie outside."""
-_LEAST_C: Final = 1e-4
-"""Noise of readings that have none: of their last digit in the table."""
 _SHARP: Final = 4.0
 """Least change of slope at a corner, relative to that of the gaps beside it: for a wire that bends evenly it is two."""
 
@@ -168,11 +164,12 @@ def _top(time_s: Floats, temp_c: Floats, sigma_c: Floats, ends: tuple[int, int])
     past_s = np.linspace(0.0, end_s - begin_s, _PLACES)
     limit = np.minimum(up.at(past_s), down.at(past_s[::-1]))
     meets = int(np.argmax(limit))
-    own_s, own, own_sigma = time_s[ends[0] : after], course[ends[0] : after], sigma_c[ends[0] : after] + _LEAST_C
+    # Readings without noise are known to their last digit.
+    own_s, own, own_sigma = time_s[ends[0] : after], course[ends[0] : after], sigma_c[ends[0] : after] + FINEST_C
     # A grid that is fine where a reading leaves little doubt.
-    near = (own[:, None] + own_sigma[:, None] * np.linspace(-_REACH, _REACH, _PLACES)).ravel()
+    near = (own[:, None] + own_sigma[:, None] * np.linspace(-BY_CHANCE, BY_CHANCE, _PLACES)).ravel()
     least = max(course[before], course[after])
-    if limit[meets] <= least or np.max(own - _REACH * own_sigma) > limit[meets]:
+    if limit[meets] <= least or np.max(own - BY_CHANCE * own_sigma) > limit[meets]:
         return None
     height = np.unique(np.clip(np.r_[np.linspace(least, limit[meets], _PLACES), near], least, limit[meets]))
     ends_s = np.interp(-height, -limit[meets:], past_s[meets:])

@@ -11,8 +11,8 @@ import numpy as np
 
 from sync import LightEvents, LogReading, find_clock
 from sync.clock.estimation import ADVICE, WIDE_S
+from sync.led import switchings_of
 from sync.merge.slow_motion import slow_motion_text
-from sync.signals.heating_segments import switchings_of
 from torsight.actuator.drive import Drive
 from torsight.actuator.fit_result import taken_as_exact
 from torsight.actuator.model import ActuatorModel

@@ -15,10 +15,10 @@ from sync.log.timestamps import longest_gap_s
 from sync.signals.heating_segments import HeatingSegment, Spring, log_signals
 from torsight.actuator.drive import Drive
 from torsight.actuator.model import ActuatorModel
-from torsight.actuator.record.log_noise import SHORTEST, last_digit, measure_noise
+from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.slow_log import SLOW_S
 from torsight.actuator.spec import ActuatorSpec
-from torsight.cli.checkup.finding import Check, Finding, refusal
+from torsight.cli.checkup.finding import RESIDUAL_DEG, Check, Finding, refusal
 from torsight.cli.checkup.rig import HalfCycle, Limits, distinct_rates, half_cycles_of, limits_of, steepest_deg_per_c
 from torsight.cli.checkup.separable import Separable, separable
 from torsight.core.errors import TorsightError
@@ -28,9 +28,6 @@ from torsight.core.series import rms, runs, usual_step
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.wording import counted, effect_name, listed, number
 
-_NOISY_C: Final = 0.3
-"""Noise of a reading above which the sensors should be shielded, °C: up to this noise the error that remains after the
-conditioning of a log was measured (0.02 to 0.25 °C, benchmarks/actuator/log_constants.py)."""
 _FEW: Final = 4
 """Half-cycles with motion that a record needs: either spring heated at either of two rates. With fewer, a held-out
 half-cycle has no similar one in the fit."""
@@ -144,7 +141,7 @@ def check_programme(
     left_deg = float(np.median(drive.temp_sigma_c)) * steepest
     noise_c = drive.noise_c
     if noise_c > 0.0:
-        level = "limits" if noise_c > _NOISY_C else "fine"
+        level = "limits" if left_deg > RESIDUAL_DEG else "fine"
         text = (
             f"noise of {noise_c:.2g} °C; after smoothing, the remaining error moves the angle by {left_deg:.2g}° where "
             f"it is steepest ({steepest:.0f}° per °C)."
@@ -226,8 +223,6 @@ def _look_at_separable(found: Separable, cycles: Sequence[HalfCycle]) -> list[Fi
 
 PLENTY: Final = 20
 """Readings per pulse that resolve its shape (benchmarks/actuator/pulsed_heaters.py)."""
-_MATTERS_C: Final = 0.1
-"""Usual resolution of sensors, °C; such a change moves the reference rig by 2° where the angle is steepest."""
 _SLOW_SHARE: Final = 0.95
 """Quantile at which differences are clipped: corners of the temperature cause the largest differences, but few."""
 
@@ -242,7 +237,7 @@ def ripple_c(reading: LogReading) -> dict[Spring, float]:
     same in both. Where the temperature is merely curved, these differences grow with the distance between the readings;
     with pulses they rise and fall.
 
-    Only springs are included whose ripple exceeds the remaining scatter and :data:`_MATTERS_C`. Timestamps that are
+    Only springs are included whose ripple exceeds the remaining scatter and moves the angle. Timestamps that are
     truncated to whole steps, and readings that are held for several rows, show no ripple.
     """
     log = reading.log
@@ -255,7 +250,7 @@ def ripple_c(reading: LogReading) -> dict[Spring, float]:
         own = [segment for segment in segments if segment.spring == spring]
         known = np.isfinite(log.temp_c(spring))
         most = _most_restless(log.time_s[known], log.temp_c(spring)[known], own)
-        if most > _MATTERS_C:
+        if most > NEGLIGIBLE_C:
             found[spring] = most
     return found
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from torsight.actuator.spec import ActuatorSpec
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.cycle import stable_cycle
 from torsight.core.units import DEG, Floats
-
-_RATE_RATIO: Final = 1.3
-"""Heating rates closer than this ratio count as equal: a choice, which affects only half a sentence of a finding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +87,8 @@ def half_cycles_of(drive: Drive, limits: Limits) -> list[HalfCycle]:
 
 
 def distinct_rates(cycles: Sequence[HalfCycle]) -> list[float]:
-    """Return the distinct heating rates, °C/s."""
-    kept: list[float] = []
-    for rate in sorted(cycle.rate_c_s for cycle in cycles if cycle.rate_c_s > 0.0):
-        if not kept or rate > _RATE_RATIO * kept[-1]:
-            kept.append(rate)
-    return kept
+    """Return the distinct heating rates, °C/s, to one significant digit."""
+    return sorted({float(f"{cycle.rate_c_s:.1g}") for cycle in cycles if cycle.rate_c_s > 0.0})
 
 
 def steepest_deg_per_c(angle_deg: Floats, temp_c: Floats) -> float:

@@ -116,8 +116,6 @@ class Sight:
         return np.where(known, ray - self.ray, 0.0), np.where(known, slope, 0.0)
 
 
-_ENOUGH: Final = 1e-6
-"""Gain of χ² below which the fit ends: a thousandth of a standard deviation."""
 _ANGLE_STEPS: Final = 2
 """Gauss-Newton steps for θ: the error of the first guess is the pictures' noise over a radius, and each step about
 squares it."""
@@ -277,7 +275,7 @@ class Circles:
             error = self.misfit(self._with(part))
             return np.asarray(error if self.whiten is None else self.whiten @ error).ravel()
 
-        part, spread, chi_squared = least_squares(residuals, self.values[self.free], enough=_ENOUGH)
+        part, spread, chi_squared = least_squares(residuals, self.values[self.free])
         covariance = np.zeros((_VALUES, _VALUES))
         covariance[np.ix_(self.free, self.free)] = spread
         return replace(self, values=self._with(part), covariance=covariance, chi_squared=chi_squared)

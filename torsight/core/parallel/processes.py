@@ -23,7 +23,7 @@ from types import FunctionType, ModuleType
 from typing import Any, Final, NamedTuple, TypeVar
 
 from torsight.core.parallel import threads
-from torsight.core.parallel.threads import at_work, in_parallel, share_work
+from torsight.core.parallel.threads import Event, end_with, in_parallel
 from torsight.core.progress import Progress, silent
 
 _T = TypeVar("_T")
@@ -41,9 +41,9 @@ def in_copies(
     if min(len(work), threads.WORKERS) < 2 or not _may_copy():
         return in_parallel(work, function, step=step, progress=progress)
     context = multiprocessing.get_context("fork")
-    over, lock, count = context.Event(), context.Lock(), context.RawArray("i", 1)
+    over = context.Event()
     here = _within(known)
-    begin = (_Copy(function, work, {id(one): place for place, one in enumerate(here)}), over, lock, count)
+    begin = (_Copy(function, work, {id(one): place for place, one in enumerate(here)}), over)
     found: list[_R] = []
     progress(step, 0, len(work))
     with ProcessPoolExecutor(threads.WORKERS, mp_context=context, initializer=_begin, initargs=begin) as pool:
@@ -93,14 +93,14 @@ _COPY: Final[list[_Copy]] = []
 """The work of this process, if it is a copy."""
 
 
-def _begin(copy: _Copy, *shared: Any) -> None:
+def _begin(copy: _Copy, over: Event) -> None:
     """Initialise a copy, which ends together with its parent process."""
     # Objects from before the fork persist: a garbage collection among them would also copy them page by page.
     gc.freeze()
     # Only the parent handles an interrupt: it ends its copies.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=end_with_parent, daemon=True).start()
-    share_work(*shared)
+    end_with(over)
     _COPY.append(copy)
 
 
@@ -115,9 +115,7 @@ def end_with_parent() -> None:
 def _work_on(place: int) -> bytes:
     """Return the pickled result for the item with an index."""
     copy, into = _COPY[0], io.BytesIO()
-    with at_work():
-        found = copy.function(copy.work[place])
-    _Writer(into, copy.places).dump(found)
+    _Writer(into, copy.places).dump(copy.function(copy.work[place]))
     return into.getvalue()
 
 

@@ -7,12 +7,10 @@ import functools
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, MutableSequence, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import AbstractContextManager
 from contextvars import ContextVar
-from dataclasses import dataclass
-from typing import Any, Final, Protocol, TypeVar
+from typing import Final, Protocol, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -96,34 +94,14 @@ def in_parallel(
     progress(step, 0, len(work))
     over = threading.Event()
 
-    def counted(one: _T) -> _R:
-        with at_work():
-            return function(one)
-
-    with ThreadPoolExecutor(WORKERS, initializer=_end_with, initargs=(over,)) as pool:
+    with ThreadPoolExecutor(WORKERS, initializer=end_with, initargs=(over,)) as pool:
         try:
-            for result in pool.map(counted, work):
+            for result in pool.map(function, work):
                 found.append(result)
                 progress(step, len(found), len(work))
         finally:
             over.set()
     return found
-
-
-def with_help(work: Sequence[_T], function: Callable[[_T], _R]) -> list[_R]:
-    """Return ``function`` of each item in order, the second half in another thread if a worker is idle.
-
-    For many short parts of one fit, which may be the last of several fits, or the only one.
-    """
-    half = len(work) // 2
-    if not half or not _ask_for_help():
-        return [function(one) for one in work]
-    try:
-        with ThreadPoolExecutor(1) as pool:
-            later = pool.submit(lambda: [function(one) for one in work[half:]])
-            return [function(one) for one in work[:half]] + later.result()
-    finally:
-        _AT_WORK.add(-1)
 
 
 class Event(Protocol):
@@ -134,57 +112,15 @@ class Event(Protocol):
 
 
 class _Thread(threading.local):
-    """State of a worker thread: an event that is set when nobody waits for its result, and whether it is counted."""
+    """State of a worker thread: an event that is set when nobody waits for its result."""
 
     over: Event | None = None
-    counted: bool = False
 
 
 _THREAD: Final = _Thread()
 
 
-@dataclass(slots=True)
-class _AtWork:
-    """Number of threads within :func:`at_work`, and of their helpers, in all processes that share the work."""
-
-    lock: AbstractContextManager[Any]
-    count: MutableSequence[int]
-
-    def add(self, more: int) -> None:
-        """Add ``more`` to the count."""
-        with self.lock:
-            self.count[0] += more
-
-
-_AT_WORK: Final = _AtWork(threading.Lock(), [0])
-
-
-def share_work(over: Event, lock: AbstractContextManager[Any], count: MutableSequence[int]) -> None:
-    """Let this process, a copy of another, share the other's event of the end of the work and its count of workers."""
-    _THREAD.over, _AT_WORK.lock, _AT_WORK.count = over, lock, count
-
-
-@contextlib.contextmanager
-def at_work() -> Iterator[None]:
-    """Count this thread as working within the block."""
-    _AT_WORK.add(1)
-    _THREAD.counted = True
-    try:
-        yield
-    finally:
-        _THREAD.counted = False
-        _AT_WORK.add(-1)
-
-
-def _ask_for_help() -> bool:
-    """Return whether one more thread may work beside this one; if so, it is counted."""
-    with _AT_WORK.lock:
-        free = _AT_WORK.count[0] + (not _THREAD.counted) < WORKERS
-        _AT_WORK.count[0] += free
-    return free
-
-
-def _end_with(over: Event) -> None:
+def end_with(over: Event) -> None:
     """Set the event after which nobody waits for the work of this thread."""
     _THREAD.over = over
 

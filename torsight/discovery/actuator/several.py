@@ -32,8 +32,6 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 ZERO: Final = "zero_deg"
-_APART_S: Final = 3600.0
-"""Gap between records on the common time axis: long compared with any correlation time within a record."""
 _SAMPLES: Final = ("time_s", "observed", "sigma", "valid", "block", "rest", "share", "drivers")
 _OF_THE_RECORDS: Final = ("_clocks", "_joined", "laws", *_SAMPLES)
 """Attributes that depend on the records alone, and are kept when other laws are tried on the same records."""
@@ -288,7 +286,8 @@ def _starts_s(drives: Sequence[Drive]) -> list[float]:
     starts, end_s = [], 0.0
     for k, drive in enumerate(drives):
         starts.append(end_s - float(drive.time_s[0]) if k else 0.0)
-        end_s = starts[-1] + float(drive.time_s[-1]) + _APART_S
+        # A gap as long as the record is longer than any correlation time within it.
+        end_s = starts[-1] + float(drive.time_s[-1]) + float(np.ptp(drive.time_s))
     return starts
 
 

@@ -27,6 +27,9 @@ from torsight.core.units import Floats
 _TOP_C: Final = 1.0
 """Distance below a top over which its error decreases by e. The resulting errors of the angle change by 2 % with half
 and twice this value (benchmarks/discovery/tops.py, --constants)."""
+_DRAWS: Final = 6
+"""Number of draws: they give a sample's standard deviation to three parts in ten (1/√12), and its mean over a record to
+a few hundredths (benchmarks/discovery/tops.py, --constants)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,12 +44,12 @@ class TemperatureErrors:
     with_tops_c: tuple[Floats, Floats]
 
 
-def draw_errors(drive: Drive, *, seed: int, count: int) -> Iterator[TemperatureErrors]:
-    """Yield ``count`` draws of errors with the standard deviations of a drive's conditioning; none if negligible."""
-    if drive.noise_c > NEGLIGIBLE_C:
-        rng = np.random.default_rng(seed)
-        for _ in range(count):
-            yield _draw(drive, rng)
+def draw_errors(drive: Drive, *, seed: int) -> list[TemperatureErrors]:
+    """Return draws of errors with the standard deviations of a drive's conditioning; none if negligible."""
+    if drive.noise_c <= NEGLIGIBLE_C:
+        return []
+    rng = np.random.default_rng(seed)
+    return [_draw(drive, rng) for _ in range(_DRAWS)]
 
 
 def alike_s(drive: Drive) -> Floats:

@@ -34,11 +34,10 @@ from torsight.discovery.settings import Settings
 from torsight.discovery.weight import Weight
 
 _ENOUGH: Final = 25.0
-"""Multiple of the gain at which rivals cease to be rivals that is surely enough ..."""
+"""Multiple of the gain at which rivals cease to be rivals beyond which other things than the noise would make the
+experiment fail: a distance of 12 standard deviations ..."""
 _LITTLE: Final = 4.0
 """... and multiple below which the gain of a programme is too small to rely on."""
-_SURE: Final = 30.0
-"""Distance in standard deviations beyond which other things than the noise would make the experiment fail."""
 NEEDED_GAIN: Final = Settings().apart
 """Gain at which rivals cease to be rivals."""
 _LEAST_DURATION_S: Final = 3600.0
@@ -282,7 +281,8 @@ def _sentence(words: str, names: Sequence[str], *, gain: float, repeat_gain: flo
             f"{none} The programme that comes nearest is to {words}; after a refit they then differ by at least "
             f"{math.sqrt(gain):.1f} standard deviations, and {needed}."
         )
-    apart = f"at least {math.sqrt(gain):.1f}" if gain < _SURE**2 else f"more than {_SURE:.0f}"
+    enough = _ENOUGH * needed_gain
+    apart = f"at least {math.sqrt(gain):.1f}" if gain < enough else f"more than {math.sqrt(enough):.0f}"
     rivals = f"{listed(names)} then differ by {apart} standard deviations after a refit"
     repeat = f"a repeat of this record by {math.sqrt(repeat_gain):.1f}"
     first = f"{capital(words)}: {rivals} ({repeat}; {needed})."

@@ -43,12 +43,9 @@ MUCH_BETTER: Final = 0.8
 """Share of the cost below which a fit from another start has found another minimum, which is reported."""
 _ONE_BLOCK: Final = 0.99
 """Share of a record's information about a value above which a single block determines the value."""
-_NEAR: Final = 0.004
-"""Step, in parameter scales, of the central differences by which parameters are distinguished, ..."""
 _ALIKE: Final = 1e-3
-"""... and threshold for the smallest singular value of the normalised differences, up to which they cannot be
-distinguished. For a value at a tenth of its start the step is 1 % of the value, which changes the difference by 1e-4; a
-solver's tolerance of 1e-6 changes it by 2e-4."""
+"""Smallest singular value of the normalised differences of parameters up to which they cannot be distinguished: a
+solver's tolerance of 1e-6 changes central differences over ``STEP_SHARE`` of a scale by 5e-5 of themselves."""
 _PART: Final = 0.1
 """Share of the largest coefficient in such a combination from which a parameter is named."""
 _LEAST_SCALE: Final = 0.2
@@ -230,7 +227,7 @@ def _apart(problem: ModelProblem, fitter: Fitter, base: Fit) -> list[str]:
     free = [j for j, p in enumerate(base.parameters) if p.sigma is None]
     if len(free) < 2:
         return []
-    step = _NEAR * space_of(base.parameters).scale
+    step = STEP_SHARE * space_of(base.parameters).scale
     points = [base.solution.x + side * step * (np.arange(len(step)) == j) for j in free for side in (1.0, -1.0)]
     names = [p.name for p in base.parameters]
     found = problem.predict_many([dict(zip(names, x.tolist(), strict=True)) for x in points], ())

@@ -41,9 +41,6 @@ _SURE: Final = NormalDist().inv_cdf(1.0 - 1e-3)
 """Threshold for a slope in its standard deviations: that of unrelated signals exceeds it once in a thousand times."""
 _REACH: Final = 4
 """Standard deviations at which a Gaussian filter is truncated, as in SciPy."""
-_WIDEST: Final = 64
-"""Half-width in rows of the widest smoothing that is sought: a mean over so many rows retains less than a tenth of the
-noise."""
 _WINDOW: Final = 8
 """Number of previous rows in which a filter is sought, among the readings and in the driver's own past, which shows
 what the filter retains for longer. With 6 rows and more no further filters are detected and no cause is mistaken for
@@ -199,7 +196,7 @@ def _ranks(values: Floats) -> Floats:
 
 def _nearest(left_by: Callable[[_Smoothing], float], rows: int) -> _Smoothing:
     """Return the smoothing with the smallest residual, out of the best width of each kind and none."""
-    widths = [2.0 ** (k / 2) for k in range(int(2 * math.log2(max(min(rows / 16, _WIDEST), 1))) + 1)]
+    widths = [2.0 ** (k / 2) for k in range(int(2 * math.log2(max(rows / 16, 1))) + 1)]
     mean, bell = (min((_Smoothing(kind, width) for width in widths), key=left_by) for kind in ("mean", "bell"))
     means = [_Smoothing("mean", k) for k in range(max(round(mean.width / 2**0.5), 1), round(mean.width * 2**0.5) + 1)]
     fine = minimize_scalar(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,9 +14,6 @@ from torsight.core.tracks import MARKERS
 from torsight.report.figures.motion import ANGLE, TIME, Figure, temperature_panel
 from torsight.report.figures.residuals import slope
 from torsight.report.plots.panels import Axis, Panel
-
-_MOST_EVENTS: Final = 60
-"""Number of marked events, the first ones: over the page's width such lines are 18 pixels apart and distinguishable."""
 
 
 def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]]) -> Figure | None:
@@ -33,7 +30,7 @@ def angle_and_sigma(angle: pd.DataFrame, events: Sequence[Mapping[str, Any]]) ->
         for begin, end in runs(~valid):
             plot.band(time_s[begin], time_s[end - 1], "lost", label=label)
     motion.line(time_s, np.where(valid, degrees, np.nan), "ink", label="measured angle")
-    for event in events[:_MOST_EVENTS]:
+    for event in events:
         at_s = event.get("time_s")
         if isinstance(at_s, (int, float)) and np.isfinite(at_s):
             motion.rule(float(at_s), "event", tip=f"{event.get('kind', '')}: {event.get('text', '')}", label="event")

@@ -36,12 +36,8 @@ from bokeh.resources import Resources
 from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
 
-_BINS: Final = 1000
-"""Bins of a curve, two points each: on a wide screen a zoom by three shows every point that there is to see."""
 _FOCUS: Final = f":focus-visible {{ outline: 3px solid {LIGHT['held']}; }}"
 """The fonts of the page's style sheet, because a plot has a separate style sheet."""
-_MOST_POINTS: Final = 2 * _BINS
-"""Largest number of points of a cloud, that of a curve: evenly chosen where there are more."""
 _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif'
 
 
@@ -229,7 +225,7 @@ def _draw_lines(plot: Plot, panel: Panel, alike: Sequence[Line]) -> _Drawn:
         "line_cap": "round",
         "line_join": "round",
     }
-    lines = [line.thinned(panel, _BINS) for line in alike if len(line.x)]
+    lines = [line.thinned(panel) for line in alike if len(line.x)]
     if not lines:
         return []
     if not mark.label:
@@ -247,7 +243,7 @@ def _draw_points(plot: Plot, panel: Panel, alike: Sequence[Points]) -> _Drawn:
     style = style_of(mark.kind)
     pixel = (abs(panel.x.high - panel.x.low) / panel.width, abs(panel.y.high - panel.y.low) / panel.height)
     x, y = (np.concatenate([getattr(one, name) for one in alike]) for name in "xy")
-    x, y = thin_points(x, y, spot=pixel, most=_MOST_POINTS)
+    x, y = thin_points(x, y, spot=pixel)
     dots = glyphs.Scatter(
         x="x", y="y", size=2.0 * mark.radius, fill_color=style.colour, fill_alpha=style.opacity, line_color=None
     )

@@ -55,6 +55,10 @@ _OPACITIES: Final = {
     "ribbon": 0.25,
 }
 
+BINS: Final = 1000
+"""Bins of a curve, two points each: on a wide screen a zoom by three shows every point that there is to see. A cloud
+has as many points as a curve."""
+
 
 @dataclass(frozen=True, slots=True)
 class Style:
@@ -118,13 +122,13 @@ class Line:
     label: str = ""
     ordered: bool = True
 
-    def thinned(self, panel: Panel, bins: int) -> tuple[Floats, Floats]:
-        """Return the points to draw where the panel is ``bins`` pixels wide."""
+    def thinned(self, panel: Panel) -> tuple[Floats, Floats]:
+        """Return the points to draw."""
         if self.ordered:
-            return thin_series(self.x, self.y, bins=bins)
+            return thin_series(self.x, self.y)
         # Two points for each pixel of a path that crosses the panel about twice.
         across, along = abs(panel.x.high - panel.x.low), abs(panel.y.high - panel.y.low)
-        return thin_path(self.x, self.y, least=(2.0 * across / bins, 2.0 * along / bins))
+        return thin_path(self.x, self.y, least=(2.0 * across / BINS, 2.0 * along / BINS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,13 +262,13 @@ def _array(values: ArrayLike) -> Floats:
     return np.atleast_1d(np.asarray(values, dtype=np.float64))
 
 
-def thin_series(x: Floats, y: Floats, *, bins: int) -> tuple[Floats, Floats]:
+def thin_series(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Keep the lowest and the highest point of every bin of consecutive samples, and one gap where there is any."""
     n = len(x)
-    if n <= 4 * bins:
+    if n <= 4 * BINS:
         return x, y
     keep: list[int] = [0]
-    for part in np.array_split(np.arange(n), bins):
+    for part in np.array_split(np.arange(n), BINS):
         known = part[np.isfinite(y[part])]
         ends = [int(known[np.argmin(y[known])]), int(known[np.argmax(y[known])])] if len(known) else []
         gap = part[~np.isfinite(y[part])]
@@ -287,7 +291,7 @@ def thin_path(x: Floats, y: Floats, *, least: tuple[float, float]) -> tuple[Floa
     return x[keep], y[keep]
 
 
-def thin_points(x: Floats, y: Floats, *, spot: tuple[float, float], most: int) -> tuple[Floats, Floats]:
+def thin_points(x: Floats, y: Floats, *, spot: tuple[float, float]) -> tuple[Floats, Floats]:
     """Keep one point per cell of the size ``spot`` (x, y), and choose evenly among these where there are too many."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
@@ -296,5 +300,5 @@ def thin_points(x: Floats, y: Floats, *, spot: tuple[float, float], most: int) -
     cells = np.round(np.column_stack([x / spot[0], y / spot[1]])).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     chosen = np.sort(first)
-    chosen = chosen[:: max(1, math.ceil(len(chosen) / most))]
+    chosen = chosen[:: max(1, math.ceil(len(chosen) / (2 * BINS)))]
     return x[chosen], y[chosen]

@@ -25,10 +25,6 @@ from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Poi
 _PX_PER_INCH: Final = 96.0
 """Pixels of a style sheet per inch, by the standard of CSS."""
 _POINTS_PER_PX: Final = 72.0 / _PX_PER_INCH
-_BINS: Final = 400
-"""Bins of a curve: two points each, about one per pixel of the picture."""
-_MOST_POINTS: Final = 2 * _BINS
-"""Largest number of points of a cloud, that of a curve: more points only fill the area."""
 _SAFE: Final = " !$'()*+,-./:;<=>?@[]^_`{|}~"
 """Characters that need no escape in an attribute in double quotes."""
 _CHARACTER_PX: Final = 6.9
@@ -166,7 +162,7 @@ def _draw_mark(axes: Axes, panel: Panel, mark: Mark) -> None:
     filled: dict[str, Any] = {"color": style.colour, "alpha": style.opacity, "linewidth": 0.0}
     match mark:
         case Line():
-            axes.add_line(_line(mark, *mark.thinned(panel, _BINS)))
+            axes.add_line(_line(mark, *mark.thinned(panel)))
         case Points():
             _draw_points(axes, panel, mark)
         case Ribbon():
@@ -185,7 +181,7 @@ def _draw_mark(axes: Axes, panel: Panel, mark: Mark) -> None:
 def _draw_points(axes: Axes, panel: Panel, mark: Points) -> None:
     style = style_of(mark.kind)
     spot = ((panel.x.high - panel.x.low) / panel.width * 2.0, abs(panel.y.high - panel.y.low) / panel.height * 2.0)
-    x, y = thin_points(mark.x, mark.y, spot=spot, most=_MOST_POINTS)
+    x, y = thin_points(mark.x, mark.y, spot=spot)
     axes.plot(
         x,
         y,

@@ -31,8 +31,6 @@ _BENDING: Final = 0.04
 _FEWEST: Final = 12
 _TURNED_RAD: Final = np.deg2rad(3.0)
 """Arc whose sagitta equals a marker's usual errors (0.03 px at 100 px from the axis): a shorter one shows no shape."""
-_ENOUGH: Final = 1e-3
-"""Gain in χ² below which the fit stops: a thirtieth of a standard deviation."""
 
 
 def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, known: bool = False) -> Tilt:
@@ -113,7 +111,7 @@ def _fit(paths: Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], F
     def residuals(values: Floats) -> Floats:
         return np.concatenate([weigh(paths.averaged(paths.misfit(values))).ravel(), np.delete(values, CIRCLES) / prior])
 
-    return least_squares(residuals, start, enough=_ENOUGH)
+    return least_squares(residuals, start)
 
 
 def _prior(stretch: float) -> Floats:

@@ -31,15 +31,12 @@ from torsight.discovery.own.model.law_ports import nodes_of, port_law
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
 from torsight.discovery.settings import Settings
+from torsight.discovery.weight import NOTHING
 
 _STEP: Final = 1e-3
 """Share of the measured spread by which a law moves the prediction in the difference that gives the law's scale."""
 _FORM_SHARE: Final = Settings().form_share
 """Share of a candidate's sum of squares that a law must explain for the candidate to be a form of that law."""
-_NOTHING: Final = 1e-6
-"""Share of a candidate's sum of squares up to which the plain model can replace the candidate by its own parameters."""
-_COVERED: Final = 0.02
-"""Share of the nodes' median information below which the record did not reach a node."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -245,7 +242,7 @@ def usual_forms(problem: ModelProblem, base: Fit, candidates: Sequence[Candidate
             for name, both in columns.items()
             if beyond > 0.0 and _left(both, change) <= (1.0 - _FORM_SHARE) * beyond
         ]
-        small = beyond <= _NOTHING * float(change @ change)
+        small = beyond <= NOTHING * float(change @ change)
         made.append(one if one.laws or small or not found else replace(one, laws=tuple(found)))
     return tuple(made)
 
@@ -300,7 +297,7 @@ def _curve(
         nodes=form.nodes,
         values=values,
         sigma=np.sqrt(np.maximum(np.diag(spread), 0.0)),
-        covered=information > _COVERED * float(np.median(information)),
+        covered=information > NOTHING * float(np.max(information)),
         gain=gain,
         chosen=chosen,
     )

@@ -29,15 +29,14 @@ from torsight.discovery.own.model.model_file import Declared, declared_in, decla
 from torsight.discovery.own.model.ode import START_ERROR, Ode
 from torsight.discovery.own.model.problem import ModelProblem
 from torsight.discovery.own.model.values import Curve
-from torsight.discovery.own.own_records import Record, Table, column_of, read_records, time_column, time_of
+from torsight.discovery.own.own_records import LEAST_ROWS, Record, Table, column_of, read_records, time_column, time_of
 from torsight.discovery.weight import Weight
 
 KIND: Final = "own model"
 """Value of ``kind`` that distinguishes the ``model.json`` of a model of one's own from the actuator's."""
 _FIRST_SHARE: Final = 0.1
-"""Share of a record, from its beginning, to which initial states are fitted, at least 32 rows: later rows contain less
-and less information about them, and are to be predicted."""
-_FIRST_ROWS: Final = 32
+"""Share of a record, from its beginning, to which initial states are fitted: later rows contain less and less
+information about them, and are to be predicted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -268,7 +267,7 @@ class SavedModel:
         )
         if any(name not in record for name in self.outputs):
             return values, (note,)
-        rows = min(record.rows_, max(_FIRST_ROWS, round(_FIRST_SHARE * record.rows_)))
+        rows = min(record.rows_, max(LEAST_ROWS, round(_FIRST_SHARE * record.rows_)))
         observed = np.column_stack([record[name] for name in self.outputs])
         each = np.where(np.isfinite(observed), 1.0 / np.array(self.noise) ** 2, 0.0)
         each[rows:] = 0.0

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 _WIDTH: Final = 18
 """Characters of the column with the titles, as in the other commands' summaries."""
-_NO_FLOOR: Final = 1e6
-"""Ratio of residual to noise floor above which it is not reported: the record is free of noise."""
 
 
 def verdict_words(found: Findings) -> str:
@@ -139,7 +137,8 @@ def _noise(found: Findings) -> list[str]:
         if found.problem.sigma_known
         else "the noise of a reading, measured from the scatter of neighbours"
     )
-    return [] if ratio > _NO_FLOOR else [f"the residual is {number(ratio)} times {whose}"]
+    # A record that is free of noise has no floor.
+    return [] if math.isinf(ratio) else [f"the residual is {number(ratio)} times {whose}"]
 
 
 def fitted_words(one: FittedSet) -> str:

@@ -11,25 +11,20 @@ from typing import Final
 import numpy as np
 
 from torsight.discovery.own.follow import anew, shortest_s
-from torsight.discovery.own.model.evaluate import CompiledPredict, Failure, Model, Predict, call, place_of
+from torsight.discovery.own.model.evaluate import WORTH_S, CompiledPredict, Failure, Model, Predict, call, place_of
 from torsight.discovery.own.model.ode import Ode, Solver
 from torsight.discovery.own.model.problem import ModelProblem
 
-_WORTH_S: Final = 2e-3
-"""Duration of one call in seconds from which a model is compiled: compiling takes 2 to 5 s, and a search makes 1,600 to
-8,500 calls (benchmarks/discovery/own_model.py)."""
 _SAME: Final = 1e-4
 """Share of an output's spread by which the compiled model may differ: two integrators with a tolerance of 1e-7 differ
 by 1e-6 where the model is stable."""
-_QUICKER: Final = 0.5
-"""Largest share of the plain model's time per call that the compiled model may need."""
 
 
 def quickened(problem: ModelProblem) -> ModelProblem:
     """Return a problem with its model compiled; unchanged where that fails, saves no time or changes the results."""
     evaluator, start = problem.evaluator, {p.name: p.value for p in problem.parameters}
     at_start = evaluator(problem.given(start, ()), {})
-    if evaluator.seconds < _WORTH_S * evaluator.calls or any(one.failure is not None for one in at_start):
+    if evaluator.seconds < WORTH_S * evaluator.calls or any(one.failure is not None for one in at_start):
         return problem
     quick, why_not = _compiled(problem.model.predict)
     if quick is None:
@@ -99,7 +94,7 @@ def _gives_the_same(plain: Model, quick: Model, asked: Sequence[Mapping[str, flo
             return False, "compiled it gives other results, as where it uses a variable that changes between calls"
         begun = time.thread_time()
         call(quick, record, values, {})
-        if time.thread_time() - begun > _QUICKER * one.seconds:
+        if time.thread_time() - begun > one.seconds:
             return False, ""
     return True, ""
 

@@ -35,9 +35,9 @@ Curves = Mapping[str, Curve]
 
 _KEPT_BYTES: Final = 256_000_000
 """Size of the cache of predictions; beyond that the least recently used ones are dropped."""
-WORTH_A_PROCESS_S: Final = 4e-3
-"""Duration of one call in seconds from which processes are used: two of them take 1.3 s each to start, a search makes
-some 1,500 calls or more, and to send values and receive an array takes 0.5 ms."""
+WORTH_S: Final = 4e-3
+"""Duration of one call in seconds from which a model is compiled or called in processes: compiling takes 2 to 5 s, two
+processes take 1.3 s each to start, and a search makes 1,500 to 8,500 calls (benchmarks/discovery/own_model.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -368,7 +368,7 @@ class Evaluator:
         import cloudpickle
         from joblib import cpu_count
 
-        pays = self.calls > 0 and self.seconds / self.calls >= WORTH_A_PROCESS_S and cpu_count() > 1
+        pays = self.calls > 0 and self.seconds / self.calls >= WORTH_S and cpu_count() > 1
         if wanted is False or (wanted is None and not pays):
             return None
         try:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from torsight.core.errors import InputError
-from torsight.core.series import bridged, means_beside, runs, scatter
+from torsight.core.series import APART, BY_CHANCE, bridged, means_beside, runs, scatter
 from torsight.core.units import Flags, Floats, Ints
 from torsight.discovery.own.model import given
 from torsight.discovery.own.own_records import LEAST_ROWS, Record, column_of
@@ -30,9 +30,6 @@ _OF_NOISE: Final = 0.1
 """Default resolution as a share of the noise: with the usual number of samples an effect of this size just shows."""
 _STILL_ROWS: Final = 2 * LEAST_ROWS
 """Rows over which a reading must be constant to count as at rest: each half has the fewest rows that show its noise."""
-_STILL_SIGMAS: Final = 4.0
-"""Largest difference between the means of such halves in its standard deviations, and largest range of such means over
-a whole stretch in standard deviations of the noise, of a reading at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,11 +290,11 @@ def still(observed: Floats, noise: float) -> Flags:
         return np.zeros(len(observed), bool)
     filled = bridged(observed)
     before, after, _ = means_beside(filled, half)
-    flag = np.abs(after - before) <= _STILL_SIGMAS * noise * np.sqrt(2.0 / half)
+    flag = np.abs(after - before) <= APART * noise / np.sqrt(half)
     kept = np.zeros(len(observed), bool)
     for begin, end in runs(flag):
         piece = filled[begin:end]
         # A slow creep does not show between neighbours, but over the whole stretch.
         calm = np.ptp(np.convolve(piece, np.ones(half) / half, mode="valid")) if len(piece) >= _STILL_ROWS else np.inf
-        kept[begin:end] = calm <= _STILL_SIGMAS * noise
+        kept[begin:end] = calm <= BY_CHANCE * noise
     return kept

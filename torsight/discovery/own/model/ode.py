@@ -37,8 +37,6 @@ HELD: Final = "held"
 """Course of an input between two rows."""
 START_ERROR: Final = "{}_start_error"
 """Name of the parameter for the error of the reading at which a state begins."""
-_MOST_EVENTS: Final = 10_000
-"""Largest number of events in one record: if there are more, one event repeats itself immediately."""
 _MOST_STEPS: Final = 5_000
 """Steps that an integration may take from row to row (calls, for a right-hand side in plain Python): a regular one
 takes 5 to 30 (tests/discovery/test_own_ode.py counts them), one that diverges or jumps to and fro would not end."""
@@ -323,7 +321,7 @@ class Ode:
         functions = [self._event(one, inputs, p) for one in self.events]
         states = np.empty((len(time), len(start)))
         begin, at, done = float(time[0]), start, 0
-        for _ in range(_MOST_EVENTS):
+        while True:
             wanted = time[done:]
             found = solve_ivp(
                 rhs,
@@ -352,7 +350,6 @@ class Ode:
             done = max(done, passed)
             if done >= len(time):
                 return states
-        raise ArithmeticError(f"more than {_MOST_EVENTS} events: does one of them repeat itself immediately?")
 
     def _event(self, one: Event, inputs: Callable[[float], Any], p: Any) -> Any:
         def when(t: float, x: Floats) -> float:

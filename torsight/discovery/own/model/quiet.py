@@ -7,23 +7,17 @@ import io
 import sys
 import threading
 from collections.abc import Iterator
-from typing import Final
 
 from torsight.core.progress import Progress
-
-_KEPT: Final = 500
-"""Characters of the printed text that are kept: a line or two."""
-
 
 _progress = threading.local()
 
 
 class Heard(io.TextIOBase):
-    """A text stream that counts lines and keeps the first of them."""
+    """A text stream that keeps the first line."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.lines = 0
         self.beginning = ""
         self._before = sys.stdout
 
@@ -31,9 +25,8 @@ class Heard(io.TextIOBase):
         """Capture a text; what a progress callable prints is passed on."""
         if getattr(_progress, "tells", False):
             return self._before.write(text)
-        self.lines += text.count("\n")
-        if len(self.beginning) < _KEPT:
-            self.beginning += text[: _KEPT - len(self.beginning)]
+        if "\n" not in self.beginning.lstrip():
+            self.beginning += text
         return len(text)
 
     def note(self, *, elsewhere: str = "") -> str | None:
