@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import os
-import signal
 import time
 
 import numpy as np
@@ -142,7 +140,7 @@ def test_a_model_whose_process_is_killed_only_ends_the_model(watch: ModelWatch) 
     try:
         first_news(watch)
         for process in multiprocessing.active_children():
-            os.kill(process.pid, signal.SIGKILL)
+            process.kill()
             process.join()
         watch.angle(1000.0, 0.0, 0.01)
         watch.temperature(1000.0, (25.0, 25.0, math.nan, math.nan))
