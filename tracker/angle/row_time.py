@@ -60,13 +60,28 @@ class Readout:
         """
         return np.asarray(self.frame_s * ((self.place - (share < 0.0)) @ share))
 
-    def lead_rad(self, direction_rad: Floats) -> Floats:
+    def lead_rad(self, direction_rad: Floats, share: Floats, arms: Complex) -> Floats:
         """Return the angle (n, 2) by which the outer marker leads if a read-out along x, or along y, takes ``frame_s``.
 
-        That is the derivative of the angle between both markers with respect to ``share`` of :meth:`delay_s`.
+        That is the derivative of the angle between both markers with respect to ``share``; for the arguments see
+        :meth:`turning`.
         """
-        rate, _ = turning(self.time_s, direction_rad)
+        rate = self.turning(direction_rad, share, arms)[0].mean(axis=1)
         return np.asarray(rate[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
+
+    def turning(self, direction_rad: Floats, share: Floats, arms: Complex) -> tuple[Floats, Floats]:
+        """Return the rate of turn (n, 2), rad/s, as each marker is read, and its derivative (n,), rad/s².
+
+        ``direction_rad`` (n,) is that of the line through both markers, with ``arms`` (2,) from the axis to each, in
+        one unit. The line's direction is that of neither reading: it extrapolates their delays as it does their arms.
+        """
+        delay_s = self.delay_s(share)
+        read_s = (delay_s @ (arms * (-1.0, 1.0)) / (arms[1] - arms[0])).real
+        # A marker that is seen alone moves as the stick does in the neighbouring frames.
+        alone = np.isnan(read_s)
+        rate, change = _turning(self.time_s, direction_rad, np.where(alone, 0.0, read_s))
+        later_s = np.where(alone[:, None], 0.0, delay_s - read_s[:, None])
+        return rate[:, None] + change[:, None] * later_s, change
 
     def at_timestamps(self, points: Sequence[Floats], share: Floats) -> list[Floats]:
         """Return the moving markers, each (n, 2) in a plane across the axis, moved back to their frames' timestamps."""
@@ -75,13 +90,11 @@ class Readout:
             return [inner, outer]
         delay_s = self.delay_s(share)
         stick = outer - inner
-        # A marker that is seen alone moves as the stick does in the neighbouring frames.
-        read_s = self.time_s + np.where(np.isfinite(stick[:, 0]), delay_s.mean(axis=1), 0.0)
-        rate, change = turning(read_s, np.arctan2(stick[:, 1], stick[:, 0]))
-        back = -rate[:, None] * delay_s + 0.5 * change[:, None] * delay_s**2
-        seen = np.isfinite(stick[:, 0])
-        found, _ = circles(np.stack(points, axis=1)[seen], np.arctan2(stick[seen, 1], stick[seen, 0]))
-        centre = np.array([found[0].real, found[0].imag])
+        direction, seen = np.arctan2(stick[:, 1], stick[:, 0]), np.isfinite(stick[:, 0])
+        (middle, *arms), _ = circles(np.stack(points, axis=1)[seen], direction[seen])
+        rate, change = self.turning(direction, share, np.array(arms))
+        back = -rate * delay_s + 0.5 * change[:, None] * delay_s**2
+        centre = np.array([middle.real, middle.imag])
         return [centre + _turned(part - centre, angle) for part, angle in zip(points, back.T, strict=True)]
 
     def report(self, shares: Floats, sigmas: Floats, *, shown: float) -> dict[str, Any]:
@@ -100,17 +113,18 @@ class Readout:
         return told
 
 
-def turning(time_s: Floats, direction_rad: Floats) -> tuple[Floats, Floats]:
+def _turning(time_s: Floats, direction_rad: Floats, read_s: Floats) -> tuple[Floats, Floats]:
     """Return the rate of turn (n,), rad/s, and its derivative (n,), rad/s², from parabolas through three frames.
 
-    Where ``direction_rad`` (n,) is NaN both are interpolated from the neighbouring frames.
+    ``read_s`` (n,) is how long after its frame's timestamp each direction was read. Where ``direction_rad`` (n,) is NaN
+    both are interpolated from the neighbouring frames.
     """
     known = np.flatnonzero(np.isfinite(direction_rad))
     # Two frames with the same timestamp give no rate.
     known = known[np.diff(np.maximum.accumulate(time_s[known]), prepend=-np.inf) > 0.0]
     if len(known) < 3:
         return np.zeros(len(time_s)), np.zeros(len(time_s))
-    step = np.diff(time_s[known])
+    step = np.diff((time_s + read_s)[known])
     slope = np.diff(np.unwrap(direction_rad[known])) / step
     span = step[1:] + step[:-1]
     change = np.pad(2.0 * np.diff(slope) / span, 1, mode="edge")

@@ -220,3 +220,16 @@ def test_each_film_of_a_pair_has_its_own(tmp_path: Path, row_s: tuple[float, flo
     assert np.sqrt(np.mean(ratio**2)) < 1.3
     # Two cameras are better than one: its bound is the one of test_it_is_found_and_taken_out.
     assert np.sqrt(np.mean(error**2)) < 1.5 * np.rad2deg(np.sqrt(2.0) * SIGMA_PX / 70.0)
+
+
+def test_a_stick_that_turns_far_between_two_frames_shows_the_same_row_time() -> None:
+    """Up to 11 degrees per frame: the line through both markers has the direction of neither reading."""
+    rig = replace(
+        TILTED, frames=150, fps=30.0, moving_px=(125.0, 185.0), tilt_deg=(9.0, -8.0), k1=0.0,
+        angle_deg=lambda t: 85.0 * (1.0 - np.cos(3.9 * t)),
+    )  # fmt: skip
+    found = orient(rolled(rig, ROW_S, along=1), None)
+    told = found.report["rolling_shutter"]
+    assert told["row_time_us"] == pytest.approx(1e6 * ROW_S, rel=0.01)
+    error = np.rad2deg(found.angles.angle_rad) - rig.truth_deg
+    assert np.sqrt(np.mean(np.square(error / np.rad2deg(found.angles.sigma_rad)))) < 1.4

@@ -8,15 +8,16 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torsight.core.minimise import least_squares
 from torsight.core.optics.circles import near
 from torsight.core.optics.hanging import USUAL_PX, direction_bins, spread_rows
 from torsight.core.series import rms
 from torsight.core.units import Floats
-from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, turning, way_round
+from tracker.angle.row_time import SHARE_PRIOR, Readout, circles, way_round
 from tracker.angle.tilt.models import KNOWN, LAG, READOUT, Fitted, Tilt, averaged, best_readout
-from tracker.angle.tilt.paths import CIRCLES, PACES, Paths, by_pace
+from tracker.angle.tilt.paths import CIRCLES, PACES, Paths, by_pace, rectify
 from tracker.stick_direction import Points, stick_direction
 
 _STRETCHES: Final = (0.003, 0.03)
@@ -43,7 +44,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     stick = outer[0] - inner[0]
     seen = np.asarray(np.isfinite(stick).all(axis=1), dtype=np.bool_)
     direction = np.arctan2(stick[:, 1], stick[:, 0])
-    lead, rate = readout.lead_rad(direction), turning(readout.time_s, direction)[0]
+    at_once = direction, np.zeros(2), np.array([0.0, 1.0])
+    lead, rate = readout.lead_rad(*at_once), readout.turning(*at_once)[0][:, 0]
     speed = np.abs(lead).max(axis=1, initial=0.0)
     # The fast frames determine the read-out, the others the parameters that do not depend on speed.
     fast = speed > rms(speed[seen]) if seen.any() else np.zeros(len(speed), np.bool_)
@@ -67,12 +69,20 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     way = way_round(direction, float(np.sqrt(np.nanmedian(stick_direction(inner, outer)[1]))))[rows]
     pace = rate[rows] / max(rms(rate[rows]), 1e-12)
     carried = usual * np.column_stack([way[:, None] * by_pace(np.abs(pace)), pace**2])
-    ahead = (order[1] - order[0]) * lead[rows]
-    paths = Paths(points[:, order], spread[:, order], direction[rows], way, ahead, carried, alike, between)
+    outwards = order[1] - order[0]
+    paths = Paths(
+        points[:, order], spread[:, order], direction[rows], way, outwards * lead[rows], carried, alike, between
+    )
     start = np.array([*np.zeros(7), centre.real, centre.imag, *np.sort(np.abs(arms)), 0.0, *np.zeros(carried.shape[1])])
-    start, paths = _without_far(paths, start, priors[-1])
+    start, paths, kept = _without_far(paths, start, priors[-1])
     found: list[Fitted] = []
     weigh = paths.weighing(start, usual=usual)
+    # A first fit gives the stick's directions in the plane, and the instants of them, from which its speed is derived.
+    start, _, _ = _fit(paths, start, priors[-1], weigh)
+    at = [rectify(part[0], start)[0] for part in (inner, outer)]
+    flat, share = at[1] - at[0], np.clip(start[list(READOUT)], -1.0, 1.0)
+    lead = outwards * readout.lead_rad(np.arctan2(flat[:, 1], flat[:, 0]), share, np.array(arms))
+    paths = replace(paths, lead_rad=lead[rows[kept]])
     for prior, belief in zip(priors, _BELIEF, strict=False):
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
         evidence = _evidence(covariance, chi_squared, prior) + math.log(belief)
@@ -95,16 +105,16 @@ def _in_plane(tilt: Tilt, *, known: bool) -> Tilt:
     return replace(tilt, values=kept * tilt.values, covariance=np.outer(kept, kept) * tilt.covariance)
 
 
-def _without_far(paths: Paths, start: Floats, prior: Floats) -> tuple[Floats, Paths]:
-    """Return a first fit, and the paths without frames whose residuals are outliers."""
-    values = start
+def _without_far(paths: Paths, start: Floats, prior: Floats) -> tuple[Floats, Paths, NDArray[np.intp]]:
+    """Return a first fit, and the paths without frames whose residuals are outliers, with the others' indices."""
+    values, rows = start, np.arange(len(paths.way))
     for _ in range(3):
         values, _, _ = _fit(paths, values, prior, lambda left: left)
         kept = near(paths.misfit(values))
         if kept.all() or kept.sum() < _FEWEST:
             break
-        paths = paths.rows(kept)
-    return values, paths
+        paths, rows = paths.rows(kept), rows[kept]
+    return values, paths, rows
 
 
 def _fit(paths: Paths, start: Floats, prior: Floats, weigh: Callable[[Floats], Floats]) -> tuple[Floats, Floats, float]:

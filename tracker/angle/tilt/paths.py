@@ -102,10 +102,7 @@ class Paths:
         out = (away[:, 1] / far)[:, None] * np.exp([-1j * self.between_rad, 0.0])
         along = self._variance(out.real * xx + out.imag * yx, out.real * xy + out.imag * yy)
         aside = self._variance(out.real * yx - out.imag * xx, out.real * yy - out.imag * xy)
-        # Rate of turn in the plane over that in the picture: the map's determinant over its squared change of length.
-        determinant = 0.25 * (xx.sum(axis=1) * yy.sum(axis=1) - xy.sum(axis=1) * yx.sum(axis=1))
-        ahead = determinant * self._square / _square(x, y) * (self.lead_rad @ values[5:7])
-        near = away[:, 0] * np.conj(out[:, 0]) * np.exp(1j * ahead)
+        near = away[:, 0] * np.conj(out[:, 0]) * np.exp(1j * (self.lead_rad @ values[5:7]))
         share = values[9] / values[10]
         beside = near.imag - values[11] + self.carried @ values[CIRCLES.stop :] * np.hypot(1.0, share)
         return (
@@ -147,10 +144,6 @@ class Paths:
         own = self.covariance
         return own[..., 0, 0].copy(), own[..., 0, 1] + own[..., 1, 0], own[..., 1, 1].copy()
 
-    @cached_property
-    def _square(self) -> Floats:
-        return _square(*self._places)
-
     def weighing(self, values: Floats, *, usual: float) -> Callable[[Floats], Floats]:
         """Return a function that whitens averaged residuals (m, q); ``usual`` is the usual correlated error."""
         # The harmonic mean of the variances: frames of uncertain position, where the base was hidden, count little.
@@ -159,11 +152,6 @@ class Paths:
         mean = self.averaged(np.eye(len(whiten))) @ np.linalg.inv(whiten)
         factor = np.linalg.inv(np.linalg.cholesky(mean @ mean.T))
         return lambda left: np.asarray(factor @ left)
-
-
-def _square(x: Floats, y: Floats) -> Floats:
-    """Return the squared distance (n,) between both markers (n, 2)."""
-    return np.asarray((x[:, 1] - x[:, 0]) ** 2 + (y[:, 1] - y[:, 0]) ** 2)
 
 
 def by_pace(pace: Floats) -> Floats:
