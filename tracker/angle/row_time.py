@@ -60,28 +60,34 @@ class Readout:
         """
         return np.asarray(self.frame_s * ((self.place - (share < 0.0)) @ share))
 
-    def lead_rad(self, direction_rad: Floats, share: Floats, arms: Complex) -> Floats:
-        """Return the angle (n, 2) by which the outer marker leads if a read-out along x, or along y, takes ``frame_s``.
-
-        That is the derivative of the angle between both markers with respect to ``share``; for the arguments see
-        :meth:`turning`.
-        """
-        rate = self.turning(direction_rad, share, arms)[0].mean(axis=1)
-        return np.asarray(rate[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
+    def lead_rad(self, rate: Floats) -> Floats:
+        """Return the derivative (n, 2) by ``share`` of the angle by which the outer marker leads, at rates (n, 2)."""
+        return np.asarray(rate.mean(axis=1)[:, None] * self.frame_s * (self.place[:, 1] - self.place[:, 0]))
 
     def turning(self, direction_rad: Floats, share: Floats, arms: Complex) -> tuple[Floats, Floats]:
         """Return the rate of turn (n, 2), rad/s, as each marker is read, and its derivative (n,), rad/s².
 
-        ``direction_rad`` (n,) is that of the line through both markers, with ``arms`` (2,) from the axis to each, in
-        one unit. The line's direction is that of neither reading: it extrapolates their delays as it does their arms.
+        Both are those of parabolas through three frames, between which they are interpolated. ``direction_rad`` (n,)
+        is that of the line through both markers, NaN where not known, with ``arms`` (2,) from the axis to each, in one
+        unit. The line's direction is that of neither reading: it extrapolates their delays as it does their arms.
         """
         delay_s = self.delay_s(share)
         read_s = (delay_s @ (arms * (-1.0, 1.0)) / (arms[1] - arms[0])).real
+        known = np.flatnonzero(np.isfinite(direction_rad))
+        # Two frames with the same timestamp give no rate.
+        known = known[np.diff(np.maximum.accumulate(self.time_s[known]), prepend=-np.inf) > 0.0]
+        if len(known) < 3:
+            return np.zeros_like(delay_s), np.zeros(len(delay_s))
+        step = np.diff((self.time_s + read_s)[known])
+        slope = np.diff(np.unwrap(direction_rad[known])) / step
+        span = step[1:] + step[:-1]
+        bend = np.pad(2.0 * np.diff(slope) / span, 1, mode="edge")
+        inside = (slope[:-1] * step[1:] + slope[1:] * step[:-1]) / span
+        ends = slope[0] - 0.5 * bend[0] * step[0], slope[-1] + 0.5 * bend[-1] * step[-1]
+        index = np.arange(len(read_s))
+        rate, change = (np.interp(index, known, part) for part in ([ends[0], *inside, ends[1]], bend))
         # A marker that is seen alone moves as the stick does in the neighbouring frames.
-        alone = np.isnan(read_s)
-        rate, change = _turning(self.time_s, direction_rad, np.where(alone, 0.0, read_s))
-        later_s = np.where(alone[:, None], 0.0, delay_s - read_s[:, None])
-        return rate[:, None] + change[:, None] * later_s, change
+        return rate[:, None] + change[:, None] * np.nan_to_num(delay_s - read_s[:, None]), change
 
     def at_timestamps(self, points: Sequence[Floats], share: Floats) -> list[Floats]:
         """Return the moving markers, each (n, 2) in a plane across the axis, moved back to their frames' timestamps."""
@@ -111,28 +117,6 @@ class Readout:
                 "read_out_ms": 1e3 * self.frame_s * abs(share),
             }
         return told
-
-
-def _turning(time_s: Floats, direction_rad: Floats, read_s: Floats) -> tuple[Floats, Floats]:
-    """Return the rate of turn (n,), rad/s, and its derivative (n,), rad/s², from parabolas through three frames.
-
-    ``read_s`` (n,) is how long after its frame's timestamp each direction was read. Where ``direction_rad`` (n,) is NaN
-    both are interpolated from the neighbouring frames.
-    """
-    known = np.flatnonzero(np.isfinite(direction_rad))
-    # Two frames with the same timestamp give no rate.
-    known = known[np.diff(np.maximum.accumulate(time_s[known]), prepend=-np.inf) > 0.0]
-    if len(known) < 3:
-        return np.zeros(len(time_s)), np.zeros(len(time_s))
-    step = np.diff((time_s + read_s)[known])
-    slope = np.diff(np.unwrap(direction_rad[known])) / step
-    span = step[1:] + step[:-1]
-    change = np.pad(2.0 * np.diff(slope) / span, 1, mode="edge")
-    inside = (slope[:-1] * step[1:] + slope[1:] * step[:-1]) / span
-    first, last = slope[0] - 0.5 * change[0] * step[0], slope[-1] + 0.5 * change[-1] * step[-1]
-    rate = np.concatenate([[first], inside, [last]])
-    index = np.arange(len(time_s))
-    return np.interp(index, known, rate), np.interp(index, known, change)
 
 
 def way_round(direction_rad: Floats, sigma_rad: float) -> Floats:

@@ -44,8 +44,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     stick = outer[0] - inner[0]
     seen = np.asarray(np.isfinite(stick).all(axis=1), dtype=np.bool_)
     direction = np.arctan2(stick[:, 1], stick[:, 0])
-    at_once = direction, np.zeros(2), np.array([0.0, 1.0])
-    lead, rate = readout.lead_rad(*at_once), readout.turning(*at_once)[0][:, 0]
+    rate = readout.turning(direction, np.zeros(2), np.array([0.0, 1.0]))[0]
+    lead = readout.lead_rad(rate)
     speed = np.abs(lead).max(axis=1, initial=0.0)
     # The fast frames determine the read-out, the others the parameters that do not depend on speed.
     fast = speed > rms(speed[seen]) if seen.any() else np.zeros(len(speed), np.bool_)
@@ -55,10 +55,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
         priors = [np.append(np.full(5, KNOWN), priors[0][5:])]
     turned = _turned(direction[seen])
     if len(rows) < _FEWEST or turned < _TURNED_RAD:
-        nothing = [Fitted(0.0, np.zeros(7), np.diag(prior[:7] ** 2)) for prior in priors]
-        return _in_plane(
-            averaged([item.without(READOUT) for item in nothing], turned, ([], []), np.zeros(2)), known=known
-        )
+        nothing = [Fitted(0.0, np.zeros(7), np.diag(prior[:7] ** 2)).without(READOUT) for prior in priors]
+        return _in_plane(averaged(nothing, turned, ([], []), np.zeros(2)), known=known)
     points, spread = (np.stack(part, axis=1)[rows] for part in zip(inner, outer, strict=True))
     (centre, *arms), _ = circles(points, direction[rows])
     order = np.argsort(np.abs(arms))
@@ -67,12 +65,11 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     alike = 4 * direction_bins(direction[rows]) + 2 * fast[rows] + (lead[rows].sum(axis=1) > 0.0)
     usual = USUAL_PX / half_px
     way = way_round(direction, float(np.sqrt(np.nanmedian(stick_direction(inner, outer)[1]))))[rows]
-    pace = rate[rows] / max(rms(rate[rows]), 1e-12)
+    pace = rate[rows, 0] / max(rms(rate[rows, 0]), 1e-12)
     carried = usual * np.column_stack([way[:, None] * by_pace(np.abs(pace)), pace**2])
     outwards = order[1] - order[0]
-    paths = Paths(
-        points[:, order], spread[:, order], direction[rows], way, outwards * lead[rows], carried, alike, between
-    )
+    ahead = outwards * lead[rows]
+    paths = Paths(points[:, order], spread[:, order], direction[rows], way, ahead, carried, alike, between)
     start = np.array([*np.zeros(7), centre.real, centre.imag, *np.sort(np.abs(arms)), 0.0, *np.zeros(carried.shape[1])])
     start, paths, kept = _without_far(paths, start, priors[-1])
     found: list[Fitted] = []
@@ -81,8 +78,8 @@ def fit_tilt(inner: Points, outer: Points, readout: Readout, *, half_px: float, 
     start, _, _ = _fit(paths, start, priors[-1], weigh)
     at = [rectify(part[0], start)[0] for part in (inner, outer)]
     flat, share = at[1] - at[0], np.clip(start[list(READOUT)], -1.0, 1.0)
-    lead = outwards * readout.lead_rad(np.arctan2(flat[:, 1], flat[:, 0]), share, np.array(arms))
-    paths = replace(paths, lead_rad=lead[rows[kept]])
+    rate, _ = readout.turning(np.arctan2(flat[:, 1], flat[:, 0]), share, np.array(arms))
+    paths = replace(paths, lead_rad=outwards * readout.lead_rad(rate)[rows[kept]])
     for prior, belief in zip(priors, _BELIEF, strict=False):
         values, covariance, chi_squared = _fit(paths, start, prior, weigh)
         evidence = _evidence(covariance, chi_squared, prior) + math.log(belief)
