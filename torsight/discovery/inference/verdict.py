@@ -112,8 +112,8 @@ def _evidence(field: Field) -> dict[EffectSet, float]:
     for members in sorted(sets, key=len):
         parts = (part for size in range(len(members)) for part in combinations(members, size) if part in sets)
         alike = [part for part in parts if _are_alike(field, sets[members], sets[part])]
-        excess[members] = max((log(members) - log(part) + excess[part] for part in alike), default=0.0)
-    return {members: one.log_evidence - max(excess[members], 0.0) for members, one in sets.items()}
+        excess[members] = max([0.0, *(log(members) - log(part) + excess[part] for part in alike)])
+    return {members: one.log_evidence - excess[members] for members, one in sets.items()}
 
 
 def _are_alike(field: Field, one: Explanation, other: Explanation) -> bool:
