@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -31,7 +29,6 @@ def heating(corners_c, rate_c_s, *, share):
     return driven, 22.0 + share * (driven - 22.0)
 
 
-@cache
 def problem(effect: str | None, *, dip_c: float = 0.0, share: float = 0.0) -> tuple[ActuatorProblem, dict[str, float]]:
     """Return the problem of a record that the model itself makes, and the values with which it was made."""
     columns: tuple[list, list] = ([], [])

@@ -73,7 +73,7 @@ from torsight.actuator.stepping.kernel_roots import (
     slide_anew,
     transform_at_rest,
 )
-from torsight.core.compiled import compiled, inlined, shared
+from torsight.core.compiled import compiled, copy_to, inlined, shared
 from torsight.core.units import DEG, Floats
 
 _LETS_STAND: Final = 0.1
@@ -353,13 +353,6 @@ def _load(k: int, samples: Samples, wound: float, s: Scalars, p: Scalars, o: Sca
         s["factor"], s["own"], s["other"] = change[0, k] * s["keeps"], change[1, k], change[2, k]
 
 
-@inlined
-def _copy_to(w: Floats, other: Floats) -> None:
-    for i in range(w.shape[0]):
-        for j in range(w.shape[1]):
-            w[i, j] = other[i, j]
-
-
 @shared
 def _balanced_with_crosstalk(
     easy: bool, state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats
@@ -371,13 +364,15 @@ def _balanced_with_crosstalk(
     """
     s, q, w = state.s[0], state.q[0], state.w
     state.s[1], state.q[3] = s, q
-    _copy_to(state.before_w, w)
+    for i in range(len(w)):
+        copy_to(state.before_w[i], w[i])
     slid, cross_0, off_0 = False, 0.0, 0.0
     for attempt in range(_BALANCES):
         if attempt > 0:
             cross = s["cross"]
             state.s[0], state.q[0] = state.s[1], state.q[3]
-            _copy_to(w, state.before_w)
+            for i in range(len(w)):
+                copy_to(w[i], state.before_w[i])
             s["cross"] = cross
         slid = (easy and glide(s, q, w, p, o, tables, sections)) or _settle(state, p, o, tables, sections)
         cross = s["cross"]
