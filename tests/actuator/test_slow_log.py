@@ -24,9 +24,9 @@ def logged(interval_s, noise_c, *, late_s=0.1):
     return time_s, np.round(wire(np.maximum(time_s, 0.0)) + noise, 2)
 
 
-@pytest.mark.parametrize("interval_s", [0.7, 2.0, 5.0])
-def test_readings_come_back_out_of_a_table(interval_s):
-    time_s, read = logged(interval_s, 0.05)
+@pytest.mark.parametrize(("interval_s", "late_s"), [(0.5, 0.25), (0.7, 0.1), (2.0, 0.1), (5.0, 0.1)])
+def test_readings_come_back_out_of_a_table(interval_s, late_s):
+    time_s, read = logged(interval_s, 0.05, late_s=late_s)
     found_s, found_c = own_readings(ROWS_S, np.round(np.interp(ROWS_S, time_s, read), 5))
     # The table's first and last row lie between readings.
     nearest = time_s[np.abs(time_s[:, None] - found_s[None, 1:-1]).argmin(axis=0)]
@@ -101,6 +101,25 @@ def test_a_top_between_two_readings_is_as_far_off_as_is_said():
         top = int(np.argmax(found.temp_c))
         assert abs(found.temp_c[top] - 57.5) < 3.0 * found.sigma_c[top]
         assert found.sigma_c[top] < 0.15
+
+
+def test_a_log_without_noise_says_how_far_a_top_between_two_rows_may_be_above_them():
+    for late_s in (0.0, 0.05, 0.1, 0.2):
+        time_s = np.arange(late_s, 500.0, 0.25)
+        log = switched_off(time_s, 0.5)
+        course_c = held(57.5, 0.5, 0.0, 40.0, time_s)
+        found = condition(time_s, course_c)
+        assert np.array_equal(found.temp_c, course_c)
+        top = int(np.argmax(course_c))
+        assert 57.5 - course_c[top] <= 2.0 * found.sigma_c[top] + 1e-6
+        assert found.sigma_c[top] < 0.1
+        assert np.count_nonzero(found.sigma_c > 1e-4) <= 1
+        assert np.max(log.temp_a_c) <= 57.5
+
+
+def test_held_tops_of_a_log_without_noise_are_exact():
+    course_c = held(57.5, 0.5, 7.0, 40.0, ROWS_S)
+    assert np.max(condition(ROWS_S, course_c).sigma_c) < 1e-4
 
 
 def held(top_c, rate_c_s, hold_s, gone_s, time_s):

@@ -3,7 +3,7 @@
 A transformation only advances, so that the upward peaks of noise push it on and bias the angle. A low-pass filter would
 remove the noise but round the corners of the temperature, where an incomplete transformation ends. Here the noise is
 measured first, by third differences at several strides (which also detect noise that was interpolated onto a faster
-clock); a log without noise passes unchanged, to the last bit. Otherwise
+clock); a log without noise passes unchanged, to the last bit, and says how far a top may be above its row. Otherwise
 :mod:`torsight.actuator.record.smoother` estimates every sample, also that of the wire behind a slow sensor, and
 :mod:`torsight.actuator.record.holds` replaces a level top by its mean.
 
@@ -21,7 +21,7 @@ import numpy as np
 from torsight.actuator.record.holds import beside_corners, level_holds
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
-from torsight.actuator.record.slow_log import SLOW_S, between, own_readings, turns_reached
+from torsight.actuator.record.slow_log import SLOW_S, between, own_readings, turns_missed, turns_reached
 from torsight.actuator.record.smoother import Smoothed, smoothed
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
@@ -61,7 +61,7 @@ def conditioned(readings: Readings, time_s: Floats, temp_c: Floats) -> Condition
         return _between_readings(readings, time_s)
     noise, found = readings.noise_c, readings.behind(time_s, 0.0)
     if noise <= NEGLIGIBLE_C:
-        return replace(found, temp_c=temp_c, sigma_c=np.full(len(temp_c), noise))
+        return replace(found, temp_c=temp_c, sigma_c=turns_missed(time_s, temp_c, noise))
     # Below, noise that is correlated over several rows counts as larger independent noise.
     value, rate, sigma = found.temp_c, found.rate_c_s, found.sigma_c
     found = replace(found, peaks_c=ripple_peaks(time_s, temp_c, value, readings.digit_noise_c, readings.alike))

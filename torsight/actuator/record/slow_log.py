@@ -56,8 +56,8 @@ def own_readings(time_s: Floats, temp_c: Floats) -> tuple[Floats, Floats] | None
     steps = np.maximum(np.rint(apart_s / shortest_s), 1.0)
     interval_s = float(np.median(apart_s / steps))
     regular = np.mean(np.abs(apart_s - steps * interval_s) <= _OFF * interval_s) >= _REGULAR
-    # Lines of fewer rows than three cannot be distinguished from noise.
-    if not regular or round(interval_s / usual_step(time_s)) < 3:
+    # Rows no closer than the readings are the readings.
+    if not regular or round(interval_s / usual_step(time_s)) < 2:
         return None
     # Readings on one common line (at rest to the last digit) are not found as meetings: they lie evenly on the line.
     ends = np.r_[time_s[0], times, time_s[-1]], np.r_[temp_c[0], temps, temp_c[-1]]
@@ -207,6 +207,20 @@ def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> tuple[Floa
         place = int(np.searchsorted(time_s, top.at_s))
         reached[place], sigma[place] = top.sense * top.height, math.hypot(sigma[place], top.sigma)
     return reached, sigma
+
+
+def turns_missed(time_s: Floats, temp_c: Floats, noise_c: float) -> Floats:
+    """Return the sigmas (n,) of the temperatures of a log without noise: at a turn, how far the wire went beyond it.
+
+    Whether the wire turned on the row or between two rows, the log does not show: a computed log may contain all that
+    drives the model, a measured one does not.
+    """
+    sigma = np.full(len(temp_c), noise_c)
+    for top in tops_of(time_s, temp_c, sigma):
+        rows = np.arange(*np.searchsorted(time_s, [top.begin_s, top.end_s])) + 1
+        place = rows[np.argmax(top.sense * temp_c[rows])]
+        sigma[place] = math.hypot(noise_c, top.height - top.sense * temp_c[place], top.sigma)
+    return sigma
 
 
 def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -> tuple[Floats, Floats]:

@@ -46,7 +46,7 @@ class TemperatureErrors:
 
 def draw_errors(drive: Drive, *, seed: int) -> list[TemperatureErrors]:
     """Return draws of errors with the standard deviations of a drive's conditioning; none if negligible."""
-    if drive.noise_c <= NEGLIGIBLE_C:
+    if _are_negligible(drive):
         return []
     rng = np.random.default_rng(seed)
     return [_draw(drive, rng) for _ in range(_DRAWS)]
@@ -63,6 +63,11 @@ def alike_s(drive: Drive) -> Floats:
     return _alike_s(drive, drive.temp_sigma_c)
 
 
+def _are_negligible(drive: Drive) -> bool:
+    """Return whether all errors are: a log without noise may still miss the height of a top between two rows."""
+    return bool(np.max(drive.temp_sigma_c, initial=drive.noise_c) <= NEGLIGIBLE_C)
+
+
 def _alike_s(drive: Drive, sigma_c: Floats | float) -> Floats:
     """Return the correlation time (n,) of errors with the standard deviation ``sigma_c`` (n,), s."""
     left_over = np.maximum(sigma_c / drive.noise_c, 1e-3)
@@ -70,12 +75,14 @@ def _alike_s(drive: Drive, sigma_c: Floats | float) -> Floats:
 
 
 def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
-    # White noise behind a Gaussian filter of width σ has the integrated correlation time 2 √π σ. Here it is the time of
-    # all errors together, weighted with their variances.
-    filter_s = float(_alike_s(drive, rms(drive.temp_sigma_c))) / (2.0 * math.sqrt(math.pi))
-    white = rng.standard_normal((2, len(drive)))
-    alike = gaussian_filter1d(white, filter_s / usual_step(drive.time_s), mode="nearest")
-    smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
+    smooth = np.zeros((2, len(drive)))
+    if drive.noise_c > NEGLIGIBLE_C:
+        # White noise behind a Gaussian filter of width σ has the integrated correlation time 2 √π σ. Here it is the
+        # time of all errors together, weighted with their variances.
+        filter_s = float(_alike_s(drive, rms(drive.temp_sigma_c))) / (2.0 * math.sqrt(math.pi))
+        white = rng.standard_normal((2, len(drive)))
+        alike = gaussian_filter1d(white, filter_s / usual_step(drive.time_s), mode="nearest")
+        smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
     height = UNSURE * rng.standard_normal()
     with_tops = smooth + height * np.array([drive.peaks_a_c, drive.peaks_b_c])
     for spring, error_c in _tops(drive):
@@ -88,7 +95,7 @@ def lasting_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
 
     Persistent errors are those of tops and of the height of a ripple's peaks.
     """
-    if drive.noise_c <= NEGLIGIBLE_C:
+    if _are_negligible(drive):
         return []
     none = np.zeros(len(drive))
     tops = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
