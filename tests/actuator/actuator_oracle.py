@@ -97,6 +97,7 @@ class Oracle:
 
     v: Values
     theta_a: float
+    holds: bool = False
     wound: list[float] = field(default_factory=list)
     last: int | None = None
     tau: float = 0.0
@@ -146,8 +147,14 @@ class Oracle:
         return angles
 
     def _let_go(self, theta: float, tau: float, wound: float) -> tuple[float, float]:
-        """Where the springs come to rest before anything is heated: elastic on one side, martensite on the other."""
+        """Where the springs come to rest before anything is heated: elastic on one side, martensite on the other.
+
+        Where the disk is held instead, the torque is the nearest one with which friction holds it.
+        """
         v = self.v
+        if self.holds:
+            other = v.martensite(v.theta_p - theta, wound)
+            return theta, min(max(tau, other - v.tau_c), other + v.tau_c)
         for way in (-1.0, 1.0):
 
             def over(angle: float, way: float = way) -> float:

@@ -117,20 +117,6 @@ def test_a_characterised_value_that_the_fit_pulls_far_off_is_named():
     assert not any("contradicts" in note for note in good.notes)
 
 
-def test_a_spring_that_is_heated_twice_in_a_row_is_told():
-    model, told, times = ActuatorModel(reference_spec()), [], []
-    for springs in ((0, 1, 0), (0, 1, 1), (1, 1, 1)):
-        log, _ = programme([(spring, [(80.0, 0.4)]) for spring in springs])
-        drive = model.prepare_log(log, start_angle_rad=3.0)
-        told.append(notes_of_drive(drive))
-        times.append([f"{time_s:.0f}" for time_s in drive.time_s[np.flatnonzero(np.diff(drive.cycles.half)) + 1]])
-    assert told[0] == []
-    assert [words.split(" although ")[0] for words in told[1]] == [f"Spring B is heated again at {times[1][1]} s"]
-    assert [words.split(" although ")[0] for words in told[2]] == [
-        f"Spring B is heated again at {times[2][0]} and {times[2][1]} s"
-    ]
-
-
 def test_json_has_the_keys_of_the_contract():
     content = rig_fit()[3].to_json()
     assert set(documented_names("fit.json")) <= set(content)

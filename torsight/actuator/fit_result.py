@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -27,7 +26,7 @@ from torsight.core.series import APART, extent
 from torsight.core.units import DEG, Floats
 from torsight.core.words.plausible import require_turns
 from torsight.core.words.shown import Shown, draw_series
-from torsight.core.words.wording import counted, listed, number, unexplained
+from torsight.core.words.wording import counted, number, unexplained
 from torsight.core.words.wording import estimate as estimate_words
 
 _SILENT: Final = 0.9
@@ -254,7 +253,7 @@ def taken_as_exact(names: Sequence[str]) -> str:
 
 def notes_of_drive(drive: Drive) -> list[str]:
     """Return the notes on parts of a record that are left out or that the model cannot follow."""
-    return [*_left_out(drive), *_begun_within(drive), *_heated_again(drive)]
+    return [*_left_out(drive), *_begun_within(drive)]
 
 
 def _left_out(drive: Drive) -> list[str]:
@@ -275,21 +274,6 @@ def _begun_within(drive: Drive) -> list[str]:
     if drive.left_out_s == 0.0:
         rest = "as no spring is heated once both are cold, the angle may have any error; start before the heating"
     return [f"The record begins when a spring is already hot, and does not show how far it had transformed: {rest}"]
-
-
-def _heated_again(drive: Drive) -> list[str]:
-    """Return the notes on springs that are heated twice in a row, whose torque the model then does not describe."""
-    begins_s = drive.time_s[drive.cycles.begins][1:]
-    again: dict[int, list[str]] = {}
-    for begin_s, (before, spring) in zip(begins_s, pairwise(drive.cycles.springs), strict=True):
-        if spring == before:
-            again.setdefault(spring, []).append(f"{begin_s:.0f}")
-    return [
-        f"Spring {'AB'[spring]} is heated again at {listed(times_s)} s although the other one has not wound it back: "
-        "until that has happened the model's angle may be off by more than 10°, which no effect explains; heat the "
-        "springs in turn"
-        for spring, times_s in again.items()
-    ]
 
 
 def nothing_explained(what: str, r2: float, *, where: str, more: str = "") -> NoResultError:

@@ -154,26 +154,32 @@ def _start_half_cycle(
 
     ``own`` is the torque of the spring that was driven before, in addition to its phase's torque. A record starts at
     rest: the torque of the spring that is driven first is that of the other spring plus a share of the friction,
-    between −1 and 1 (``home_hold``).
+    between −1 and 1 (``home_hold``). Where the spring that was driven before lay above its loading curve, on which it
+    is set now, the disk gives way; but for a share of this (``change_held``) the other spring's torque changes instead.
     """
     s, q, w, wound, keeps = state.s[0], state.q[0], state.w, state.wound, state.s[0]["keeps"]
-    before, p, o = int(s["who"]), springs[who], springs[1 - who]
+    before, p, o, lost = int(s["who"]), springs[who], springs[1 - who], 0.0
     if before >= 0:
         wound[before] = _wound_for(s["x"], (s["tau"] - own) / keeps, springs[before], tables)
+        lost = max(0.0, s["tau"] - own - cold_torque(s["x"], wound[before], springs[before], tables) * keeps)
     x = theta_a if who == 0 else p["theta_p"] - theta_a
     s["who"], s["x"], s["xi"] = who, x, 1.0
     s["tau"] = cold_torque(x, wound[who], p, tables) * keeps
-    if before < 0:
-        disk = theta_a + p["slipped_a"]
-        passive = p["theta_p"] - x
+    if before < 0 or lost > 0.0:
+        disk, passive = theta_a + p["slipped_a"], p["theta_p"] - x
         other = cold_torque(passive, wound[1 - who], o, tables) * keeps + side_torque(passive, o, tables)
         if p["has_stray"] > 0.0:
             other += (1.0 if who == 0 else -1.0) * from_table(disk, STRAY, p, tables)
-        most = other + scale * friction_torque(disk, who == 1, p, tables)
-        most = min(s["tau"], most / p["first_share"] - side_torque(x, p, tables))
-        least = other - scale * friction_torque(disk, who == 0, p, tables)
-        least = min(most, least / p["first_share"] - side_torque(x, p, tables))
-        s["tau"] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
+        share = p["first_share"] if before < 0 else 1.0
+        most = (other + scale * friction_torque(disk, who == 1, p, tables)) / share - side_torque(x, p, tables)
+        least = (other - scale * friction_torque(disk, who == 0, p, tables)) / share - side_torque(x, p, tables)
+        if before < 0:
+            most = min(s["tau"], most)
+            least = min(most, least)
+            s["tau"] = least + 0.5 * (1.0 + p["home_hold"]) * (most - least)
+        else:
+            held = min(max(s["tau"], least), most) - s["tau"]
+            s["tau"] += p["change_held"] * min(max(held, -lost), lost)
     s["xi_p"], s["xi_0_p"], s["turn_p"], s["changed"] = 1.0, 1.0, 1.0, 1.0
     q["x"], q["tau"], q["xi"], q["sliding"] = x, s["tau"], 1.0, 0.0
     q["at_rest"], q["stood_s"] = 0.0, 0.0

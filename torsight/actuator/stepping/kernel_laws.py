@@ -42,7 +42,7 @@ SCALARS: Final = numbers(
     # Of the rig.
     "theta_p tau_c viscous_nms viscous_power speed_step dwell_step passive_share tanaka room_c grid_start grid_step "
     "fixed_theta_l has_friction has_stray steady home_hold first_share heating_bend cooling_bend unwound_a unwound_b "
-    "latent_c_s swing place_step loop_memory renewal seat_rad seat_spread slipped_a slipped_b"
+    "latent_c_s swing place_step loop_memory renewal change_held seat_rad seat_spread slipped_a slipped_b"
 )
 """The rig's scalars with the values of one spring."""
 STEP: Final = numbers(
