@@ -122,6 +122,19 @@ def test_held_tops_of_a_log_without_noise_are_exact():
     assert np.max(condition(ROWS_S, course_c).sigma_c) < 1e-4
 
 
+@pytest.mark.parametrize("late_s", [0.1, 0.7, 1.2, 1.7])
+def test_a_top_between_two_rows_of_the_table_is_not_lost(late_s):
+    """The wire turns after a reading, between two rows: the later row has the temperature of the turn."""
+    rows_s, readings_s = np.arange(0.25, 500.0, 0.5), np.arange(late_s - 2.0, 500.0, 2.0)
+    read = held(57.5, 0.3, 0.0, 60.0, readings_s)
+    found = condition(rows_s, np.interp(rows_s, readings_s, np.round(read, 3)))
+    top = int(np.argmax(found.temp_c))
+    assert abs(found.temp_c[top] - 57.5) < 0.02
+    assert found.sigma_c[top] < 0.05
+    # After 115 s of heating.
+    assert rows_s[top] == 135.25
+
+
 def held(top_c, rate_c_s, hold_s, gone_s, time_s):
     """Return a wire's temperature that is heated from 20 s on, held at its top and let cool."""
     up_s = (top_c - 23.0) / rate_c_s

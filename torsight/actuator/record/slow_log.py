@@ -241,6 +241,9 @@ def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -
     for top in tops_of(time_s, temp_c, sigma_c):
         here = (wanted_s > top.begin_s) & (wanted_s < top.end_s)
         known_c[here], doubt[here] = top.course(wanted_s[here]), top.sigma
+        # A turn between two wanted times counts at the later one, as in turns_reached.
+        place = int(np.searchsorted(wanted_s, top.at_s))
+        known_c[place : place + 1], doubt[place : place + 1] = top.sense * top.height, top.sigma
     return known_c, doubt
 
 
