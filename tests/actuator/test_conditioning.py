@@ -242,6 +242,20 @@ def test_one_compilation_serves_frozen_strided_and_single_precision_logs_with_an
     assert max(counts.values()) == 1, counts
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_coarse_log_that_is_mostly_constant_has_the_noise_of_its_rounding(seed: int) -> None:
+    # A room temperature at which the last digit changes now and then.
+    rng, digit_c, course_c = np.random.default_rng(seed), 0.05, np.full(30000, 20.044)
+    time_s = 0.1 * np.arange(len(course_c))
+    for begin_s in (300.0, 1600.0):
+        past_s, rate_c_s, top_c = np.maximum(time_s - begin_s, 0.0), 0.15 * rng.uniform(0.95, 1.05), rng.uniform(40, 70)
+        cooling = np.exp(-np.maximum(past_s - top_c / rate_c_s, 0.0) / 80.0)
+        course_c += np.minimum(rate_c_s * past_s, top_c) * cooling
+    noise = 0.005 * rng.standard_normal(len(time_s))
+    found, _ = measure_noise(time_s, np.round((course_c + noise) / digit_c) * digit_c)
+    assert 0.5 < found / (digit_c / np.sqrt(12.0)) < 1.8
+
+
 @pytest.mark.parametrize("digit_c", [0.01, 0.1, 0.25])
 @pytest.mark.parametrize("noise_c", [0.0, 0.1])
 @pytest.mark.parametrize("rows", [300, 6000])

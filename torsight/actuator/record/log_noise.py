@@ -58,11 +58,17 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     strides = strides[len(temp_c) >= 3 * strides + 8]
     if not len(strides):
         return 0.0, 1.0
-    whole = _whole(temp_c, strides)
-    if whole.max() <= NEGLIGIBLE_C < last_digit(temp_c) / math.sqrt(12.0):
+    found, digit = _noise_at(temp_c, strides), last_digit(temp_c)
+    if found[0] <= NEGLIGIBLE_C < digit / math.sqrt(12.0) and _is_stepped(temp_c, digit):
         # Most of the time the log is constant to its last digit, which hides its noise.
-        temp_c = _without_rests(temp_c, 4 * longest)
-        whole = _whole(temp_c, strides)
+        noise, alike = _noise_at(_without_rests(temp_c, 4 * longest), strides)
+        return max(noise, digit / math.sqrt(12.0)), alike
+    return found
+
+
+def _noise_at(temp_c: Floats, strides: Ints) -> tuple[float, float]:
+    """Return the noise's standard deviation and its correlation length, from differences with several strides (k,)."""
+    whole = _whole(temp_c, strides)
     # Parts with as many of the longest strides as a log must have rows.
     count = max(1, len(temp_c) // (SHORTEST * int(strides[-1])))
     parts = _parts(temp_c, count)
@@ -112,6 +118,12 @@ def last_digit(temp_c: Floats) -> float:
 def _whole(temp_c: Floats, strides: Ints) -> Floats:
     """Return the standard deviation of a reading by stride (k,), from the whole log; 0 where it is not measurable."""
     return np.array([np.nan_to_num(_scatter(temp_c[None], int(stride))[0]) for stride in strides])
+
+
+def _is_stepped(temp_c: Floats, digit_c: float) -> bool:
+    """Return whether nine in ten changes of a log (n,) are no less than a digit, as if every reading were rounded."""
+    changes = np.abs(np.diff(temp_c))
+    return bool(np.quantile(changes[changes > FINEST_C], 0.1) > 0.5 * digit_c)
 
 
 def _without_rests(temp_c: Floats, longest: int) -> Floats:
