@@ -25,6 +25,8 @@ from tracker.rows import ROW
 
 VERSION: Final = 13
 """Incremented when the state of the follower changes its meaning: older checkpoints are then not resumed."""
+EVERY_S: Final = 2.0
+"""Least time between two checkpoints: a kill costs as much, and to write one takes milliseconds."""
 _BLOCK: Final = 512
 """Most rows that are buffered in memory."""
 _SAMPLE: Final = 1 << 20
@@ -92,14 +94,12 @@ def _unpacked(value: Any, now: Any) -> Any:
 class RowStore:
     """Rows of a film that is being tracked; in memory, or in a folder from which the track can be resumed.
 
-    A checkpoint of other inputs, whose fingerprint is not ``key``, is not resumed; checkpoints are at least ``every_s``
-    apart.
+    A checkpoint of other inputs, whose fingerprint is not ``key``, is not resumed.
     """
 
-    def __init__(self, folder: Path | None, *, key: str = "", every_s: float = 2.0) -> None:
+    def __init__(self, folder: Path | None, *, key: str = "") -> None:
         self._folder = folder
         self._key = key
-        self._every_s = every_s
         self._last_s = time.monotonic()
         self._block = np.zeros(_BLOCK, ROW)
         self._filled = 0
@@ -143,7 +143,7 @@ class RowStore:
     @property
     def due(self) -> bool:
         """Whether it is time for a checkpoint."""
-        return self._folder is not None and time.monotonic() - self._last_s >= self._every_s
+        return self._folder is not None and time.monotonic() - self._last_s >= EVERY_S
 
     def checkpoint(self, state: dict[str, Any]) -> None:
         """Write all rows so far, and the state, to the disk."""

@@ -7,7 +7,7 @@ second with noise of 0.02 to 0.25 °C; some behind a sensor with a lag of 3 s) a
 of the reference rig. Columns: rms error of the temperature in mK, and of the slope in mK/s; rms of errors over their
 sigmas; bias of the peaks, mK; rms error of the model's angle, in thousandths of a degree, against the same wire
 without noise. Behind a lag the angle is not compared, because the model describes a lag as an effect. The last line is
-of the two wires with a lag: interpolated between two time constants of the grid of fits (_LAG_GRID_S), and for their
+of the two wires with a lag: interpolated between two time constants of the grid of fits (LAG_GRID_S), and for their
 own.
 """
 
@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.half_and_twice import half_and_twice
 from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.record.conditioning import Readings, condition
-from torsight.actuator.record.sensors import _LAG_GRID_S
+from torsight.actuator.record.sensors import LAG_GRID_S
 from torsight.core.records import SyncedTable
 from torsight.core.series import rms
 
@@ -121,8 +121,8 @@ def logged(wire: Wire, seed: int) -> tuple[Array, Array, Array]:
 def lagged(wire: Wire, seed: int) -> tuple[float, float]:
     """Return the mean square error behind a lag, from its neighbours on the grid and from itself, mK²."""
     time_s, temp_c, read = logged(wire, seed)
-    above = next(lag_s for lag_s in _LAG_GRID_S if lag_s > wire.lag_s)
-    below = max(lag_s for lag_s in _LAG_GRID_S if lag_s <= wire.lag_s)
+    above = next(lag_s for lag_s in LAG_GRID_S if lag_s > wire.lag_s)
+    below = max(lag_s for lag_s in LAG_GRID_S if lag_s <= wire.lag_s)
     readings = Readings.of(time_s, read)
     low, high, own = (readings.behind(time_s, lag_s).temp_c for lag_s in (below, above, wire.lag_s))
     share = (wire.lag_s - below) / (above - below)

@@ -193,6 +193,7 @@ def cooling_start(
     decay_s = _decay(log.time_s[inside], temp_c[inside], segment)
     if decay_s is None:
         return None
+    # The last hot reading comes after the cut: by a sensor's lag, or by the noise of a top that is nearly level.
     near = (drop_s - float(np.clip(0.15 * decay_s, 0.5, 6.0)), drop_s)
     if switch_s is not None and len(switch_s):
         closest = float(switch_s[int(np.argmin(np.abs(switch_s - drop_s)))])
@@ -214,6 +215,7 @@ def _decay(time_s: Floats, temp_c: Floats, segment: HeatingSegment) -> float | N
     from scipy.optimize import minimize_scalar
 
     rise = segment.high_c - segment.low_c
+    # Above is the corner that a lag rounds, below is what noise and the room's own changes bend most.
     later = (temp_c < segment.low_c + 0.65 * rise) & (temp_c > segment.low_c + 0.12 * rise)
     x, y = time_s[later], temp_c[later]
     if len(x) < 10 or x[-1] <= x[0]:
@@ -252,6 +254,7 @@ def find_stop(angles: StickAngles, stroke: Stroke) -> tuple[float, float] | None
         losses[index], closing[index] = float(left @ left) / (len(left) - 3), -coefficient[1]
     best = int(np.argmin(losses))
     usual = stroke.length_rad / max(length_s, 1e-9)
+    # A motion that is slow before it ends has no instant of a stop: its last part is hidden in the noise.
     if not np.isfinite(losses[best]) or closing[best] < 0.4 * usual:
         return None
     weight = _weights(losses, float(losses[best]), len(time_s))

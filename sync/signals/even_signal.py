@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from sync.log.outliers import noise_c
 from torsight.core.series import usual_step
 from torsight.core.units import Flags, Floats
 
@@ -55,9 +54,15 @@ class EvenSignal:
 
 
 def even_signal(
-    time_s: Floats, value: Floats, *, window_s: float, max_gap_s: float, slope_window_s: float | None = None
+    time_s: Floats,
+    value: Floats,
+    *,
+    noise: float,
+    window_s: float,
+    max_gap_s: float,
+    slope_window_s: float | None = None,
 ) -> EvenSignal | None:
-    """Return samples averaged onto an even grid and smoothed by a local parabola.
+    """Return samples of a given ``noise`` averaged onto an even grid and smoothed by a local parabola.
 
     The slope has its own window if ``slope_window_s`` is given. Both steps are symmetric in time, so that they cause no
     shift. None where fewer than a dozen samples are known.
@@ -82,7 +87,6 @@ def even_signal(
     slope_points = points if slope_window_s is None else _odd(slope_window_s / step_s, count)
     smooth, value_spread = _local_parabola(filled, points, slope=False)
     slope, slope_spread = _local_parabola(filled, slope_points, slope=True)
-    noise = noise_c(there)
     scale = noise / np.sqrt(per_point)
     return EvenSignal(
         start_s=float(at_s[0]),

@@ -9,6 +9,7 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
+from sync.log.outliers import noise_c
 from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
 from torsight.core.series import BY_CHANCE, extremes, runs
@@ -134,7 +135,12 @@ def _even(
     found: dict[Spring, EvenSignal] = {}
     for name in get_args(Spring):
         signal = even_signal(
-            log.time_s, log.temp_c(name), window_s=window_s, max_gap_s=max_gap_s, slope_window_s=slope_window_s
+            log.time_s,
+            log.temp_c(name),
+            noise=noise_c(log.temp_c(name)),
+            window_s=window_s,
+            max_gap_s=max_gap_s,
+            slope_window_s=slope_window_s,
         )
         if signal is not None:
             found[name] = signal

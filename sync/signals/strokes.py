@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from sync.log.outliers import noise_c
 from sync.log.timestamps import longest_gap_s
-from sync.signals.even_signal import EvenSignal, even_signal
+from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.series import BY_CHANCE, constant_runs, extent, usual_step
 from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 
 _MIN_STROKE_RAD: Final = 3.0 * DEG
 """Least length of a stroke. Half and twice this value give the same clock (benchmarks/sync/constants.py)."""
-_WINDOW_S: Final = 1.0
+_WINDOW_S: Final = 0.5 * WINDOW_S
 """Time over which a film's angle is smoothed where its noise allows it, half of that of a log. Half this value moves a
 clock by 0.2 of its standard deviations at most, twice by 1.0 (benchmarks/sync/constants.py)."""
 _PAUSE_SHARE: Final = 0.15
@@ -94,8 +94,10 @@ def find_strokes(angles: StickAngles) -> tuple[Stroke, ...]:
     if len(time_s) < 20:
         return ()
     # So long a window that noise does not move as far within it as the shortest stroke (the slope of a straight line).
-    noisy_s = 12.0 * usual_step(time_s) * (BY_CHANCE * noise_c(angle) / _MIN_STROKE_RAD) ** 2
-    signal = even_signal(time_s, angle, window_s=max(_WINDOW_S, noisy_s), max_gap_s=longest_gap_s(time_s))
+    noise = noise_c(angle)
+    noisy_s = 12.0 * usual_step(time_s) * (BY_CHANCE * noise / _MIN_STROKE_RAD) ** 2
+    window_s = max(_WINDOW_S, noisy_s)
+    signal = even_signal(time_s, angle, noise=noise, window_s=window_s, max_gap_s=longest_gap_s(time_s))
     if signal is None:
         return ()
     low, high = extent(signal.value)

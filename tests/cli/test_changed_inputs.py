@@ -23,7 +23,7 @@ def test_results_of_a_file_that_grew_meanwhile_are_refused(tmp_path: Path, monke
     def stages(*_: Any, **__: Any) -> list[tuple[str, Any]]:
         return [("track", grow)]
 
-    monkeypatch.setattr(run, "_stages", stages)
+    monkeypatch.setattr(run, "stages_of", stages)
     with pytest.raises(InputError, match=r"temps\.csv: has changed while it was read.*then run again"):
         run.run_experiment(read_experiment(tmp_path / "experiment.toml"), out=out)
     # no provenance that lies, and nothing that --resume would take for finished

@@ -25,6 +25,13 @@ def test_one_thread_inside_and_what_it_was_after_it() -> None:
         assert blas_threads() == {2}
 
 
+def with_two_threads_asked_for(script: str) -> str:
+    """Return what a script prints in a process that was told to compute with two threads."""
+    more = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", script], env=more, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
 def test_libraries_that_are_loaded_inside_have_one_thread_too_and_nothing_stays_set() -> None:
     script = (
         "import os, threadpoolctl, torsight.core.parallel.threads as t\n"
@@ -37,9 +44,7 @@ def test_libraries_that_are_loaded_inside_have_one_thread_too_and_nothing_stays_
         "    return {l['num_threads'] for l in threadpoolctl.threadpool_info() if l['user_api'] == 'blas'}\n"
         "print(inside(), dict(os.environ) == before)"
     )
-    more = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
-    done = subprocess.run([sys.executable, "-c", script], env=more, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "{1} True"
+    assert with_two_threads_asked_for(script) == "{1} True"
 
 
 def test_a_command_computes_with_one_thread_even_when_more_are_asked_for() -> None:
@@ -47,6 +52,4 @@ def test_a_command_computes_with_one_thread_even_when_more_are_asked_for() -> No
         "import torsight.cli.main, numpy, threadpoolctl;"
         "print({l['num_threads'] for l in threadpoolctl.threadpool_info() if l['user_api'] == 'blas'})"
     )
-    more = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
-    done = subprocess.run([sys.executable, "-c", script], env=more, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "{1}"
+    assert with_two_threads_asked_for(script) == "{1}"

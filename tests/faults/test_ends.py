@@ -45,8 +45,7 @@ def undisturbed(film: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 def begin(film: Path, out: Path) -> subprocess.Popen[str]:
     """Start a track that makes a checkpoint at every chance, and wait for the first."""
     code = (
-        "import sys, tracker.checkpoint as c; c.RowStore.__init__.__kwdefaults__['every_s'] = 0.02;"
-        "from torsight.cli.main import main; main(sys.argv[1:])"
+        "import sys, tracker.checkpoint as c; c.EVERY_S = 0.02;from torsight.cli.main import main; main(sys.argv[1:])"
     )
     words = ["track", str(film), "--out", str(out)]
     process = subprocess.Popen([sys.executable, "-c", code, *words], stderr=subprocess.PIPE, text=True)

@@ -32,7 +32,7 @@ from torsight.core.files.tables import read_angles, read_merged
 from torsight.core.optics.camera import read_camera
 from torsight.synthetic.scene import read_scene
 from tracker.detect.marker_file import read_markers
-from tracker.frames.source import _read_times as read_times
+from tracker.frames.source import read_times
 
 
 @dataclass(frozen=True, slots=True)

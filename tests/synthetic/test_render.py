@@ -185,7 +185,7 @@ def test_failure_leaves_the_older_film(tmp_path: Path, small_scene: dict, monkey
         msg = "disk full"
         raise OSError(msg)
 
-    monkeypatch.setattr("torsight.synthetic.filming.film_writer._Encoder._encode", broken)
+    monkeypatch.setattr("torsight.synthetic.filming.film_writer.Encoder.encode", broken)
     with pytest.raises(OutputError, match="disk full"):
         render_scene(scene_from({**small_scene, "seed": 8}), out=tmp_path)
     assert (tmp_path / "film.mp4").read_bytes() == before

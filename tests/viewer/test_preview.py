@@ -111,12 +111,12 @@ def test_an_encoder_that_hangs_ends_itself_and_the_next_one_does_the_work(
 ) -> None:
     stuck = tmp_path / "stuck.py"
     stuck.write_text(STUCK.format(encoder=encoding.__file__), encoding="utf-8")
-    monkeypatch.setattr(film_preview, "_ENCODER", stuck)
+    monkeypatch.setattr(film_preview, "ENCODER", stuck)
     monkeypatch.setattr(film_preview, "STUCK_S", 1.5)
     made = write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
     assert codec_of(made.path) == "h264"
     np.testing.assert_allclose(levels_in(made.path), LEVELS, atol=4.0)
-    monkeypatch.setattr(film_preview, "_CODECS", ("libsvtav1",))
+    monkeypatch.setattr(film_preview, "CODECS", ("libsvtav1",))
     with pytest.raises(NoResultError, match=r"could not be encoded.*1\.5 s.*--resume"):
         write_preview(film, tmp_path / "preview.mp4", frame_count=len(LEVELS))
 

@@ -124,7 +124,7 @@ def run_experiment(
     origin = provenance_of(experiment, folder)
     with only_writer(folder):
         state = _State(folder, origin=origin, resume=resume)
-        for name, work in _stages(experiment, folder, resume=resume and state.same, progress=progress):
+        for name, work in stages_of(experiment, folder, resume=resume and state.same, progress=progress):
             if name not in state.finished:
                 work()
                 state.finish(name)
@@ -183,9 +183,10 @@ def _check(experiment: Experiment) -> None:
         read_camera(experiment.camera)
 
 
-def _stages(
+def stages_of(
     experiment: Experiment, folder: Path, *, resume: bool, progress: Progress
 ) -> list[tuple[str, Callable[[], Any]]]:
+    """Return the stages of a run in their order: the name of each, and what does its work."""
     from torsight.cli.discover import discover_to_folder
 
     merged = folder / "merged.csv"

@@ -15,7 +15,7 @@ from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, Colour, rgb
 from torsight.core.words.wording import capital
 from torsight.markers.beginning import SHOWN_PX
-from torsight.markers.sheet import BLACK, MARGIN_PX, WHITE, Sheet, ticks
+from torsight.markers.sheet import BLACK, MARGIN_PX, RING_PX, WHITE, Sheet, ticks
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,8 +27,6 @@ _LINE_CHARACTERS: Final = 98
 _LINE_PX: Final = 18
 _LIST_PX: Final = 680
 """Height of a line of the list, and the list's width."""
-_RING_PX: Final = 9.0
-"""Radius of a marker's ring."""
 _GRID_LINES: Final = 16
 _DOT: Final = rgb(LIGHT["held"])
 _REFUSED: Final = (204, 121, 167)
@@ -78,7 +76,7 @@ def write_preview(
             sheet.text(str(one.number), place[0] + 0.8 * reach, place[1] - 0.8 * reach, on=_colour(one))
     for (x_px, y_px), name, colour in _marks(seen, given_px, named_px):
         place = at(x_px, y_px)
-        sheet.ring(place, _RING_PX, colour)
+        sheet.ring(place, RING_PX, colour)
         sheet.text(name, place[0] + 15.0, place[1] - 3.0, on=colour)
     for number, line in enumerate(said):
         sheet.text(line, beside, MARGIN_PX + 12 + _LINE_PX * number)

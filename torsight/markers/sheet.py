@@ -17,6 +17,8 @@ BLACK: Final = (0, 0, 0)
 WHITE: Final = (255, 255, 255)
 MARGIN_PX: Final = 40
 """Room for two lines of text: beside a frame, above it, at the picture's edge."""
+RING_PX: Final = 9.0
+"""Radius of the ring around a marker that is not drawn to scale."""
 _FINE: Final = 4
 """Binary digits of a pixel to which OpenCV draws."""
 

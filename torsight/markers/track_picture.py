@@ -16,7 +16,7 @@ from torsight.core.tracks import StickAngles
 from torsight.core.units import DEG, Floats
 from torsight.core.words.colours import BASE_COLOUR, GIVEN_COLOUR, LIGHT, MOVING_COLOUR, rgb
 from torsight.core.words.wording import counted
-from torsight.markers.sheet import BLACK, MARGIN_PX, Sheet, ticks
+from torsight.markers.sheet import BLACK, MARGIN_PX, RING_PX, Sheet, ticks
 from tracker.rows import STATES
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def _draw_frame(
         for rival in result.report["markers"].get("rivals", []):
             for name in ("base", "moving"):
                 for other in at(np.array(rival[name])) if rival[name] != taken[name] else ():
-                    sheet.ring(other, 9.0, GIVEN_COLOUR)
+                    sheet.ring(other, RING_PX, GIVEN_COLOUR)
                     sheet.text(f"or {name}", other[0] + 12.0, other[1] - 4.0)
 
 

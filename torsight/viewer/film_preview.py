@@ -31,8 +31,8 @@ frame of the preview."""
 MOST_FRAMES: Final = 60 * RATE_HZ
 """Frames of the preview: a minute of it."""
 
-_ENCODER: Final = Path(encoding.__file__)
-_CODECS: Final = ("libsvtav1", "libsvtav1", "libx264")
+ENCODER: Final = Path(encoding.__file__)
+CODECS: Final = ("libsvtav1", "libsvtav1", "libx264")
 """Encoders, tried in order until one finishes. The viewer decodes AV1 itself; for H.264 it needs ffmpeg."""
 
 # Videos hold black to white as 16 to 235.
@@ -69,7 +69,7 @@ def write_preview(film: str | Path, path: Path, *, frame_count: int, progress: P
     encoder finishes.
     """
     said = ""
-    for codec in _CODECS:
+    for codec in CODECS:
         try:
             return _encoded(film, path, codec=codec, frame_count=frame_count, progress=progress)
         except _StuckError as error:
@@ -99,7 +99,7 @@ def _encoded(film: str | Path, path: Path, *, codec: str, frame_count: int, prog
     last = np.zeros((height, width), np.uint8)
     words = [str(path), codec, str(width), str(height), str(RATE_HZ), str(STUCK_S)]
     with subprocess.Popen(
-        [sys.executable, "-P", str(_ENCODER), *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        [sys.executable, "-P", str(ENCODER), *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as encoder:
         pictures, said = cast("IO[bytes]", encoder.stdin), cast("IO[bytes]", encoder.stdout)
         try:

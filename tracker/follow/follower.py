@@ -126,7 +126,7 @@ class Follower(Kept):
         if self._drawn:
             self._share_noise(readings)
         if self.moving is None:
-            self._look_for_motion(readings)
+            self.look_for_motion(readings)
         return readings
 
     def _follow_shift(self, base: NDArray[np.void]) -> None:
@@ -167,7 +167,7 @@ class Follower(Kept):
             stick.miss(time_s)
         return nothing(state, markers=4)
 
-    def _look_for_motion(self, readings: NDArray[np.void]) -> None:
+    def look_for_motion(self, readings: NDArray[np.void]) -> None:
         """Decide which stick moves: the one that turns by more than the other, which may have turned with the camera.
 
         Turns are counted from the frame in which a stick was found again: after a gap the dots may be others, unless

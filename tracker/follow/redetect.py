@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.units import Floats
-from tracker.appearance.lucas_kanade import READING, Point
+from tracker.appearance.lucas_kanade import READING, Point, unused_look
 from tracker.detect.dots import places_in
 from tracker.detect.sticks import MOST
 from tracker.follow.camera_state import (
@@ -311,7 +311,8 @@ def _read_at_its_size(scene: Scene, luma: NDArray[np.uint8], index: int, place: 
             return False
         for name in ("radius", "strip", "edges", "window"):
             shape[name] *= by
-        if read_at(scene._replace(markers=markers).with_looks(), luma, index, place, _SLACK, out) == SEEN:
+        looks = (*scene.looks[:index], unused_look(float(shape["window"])), *scene.looks[index + 1 :])
+        if read_at(scene._replace(markers=markers, looks=looks), luma, index, place, _SLACK, out) == SEEN:
             return True
     return False
 

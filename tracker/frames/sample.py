@@ -21,7 +21,7 @@ from tracker.frames.frame import REPORT_EVERY, Damage, Frame, pictures_of
 from tracker.frames.image_sequence import PictureSource
 from tracker.frames.source import Source
 
-_DECODED_PX: Final = 3e9
+DECODED_PX: Final = 3e9
 """Pixels of a film up to which it is decoded completely to read its timestamps: 10,000 frames of VGA, about four
 seconds at the 1.0 to 1.5 ns per pixel that lightly compressed H.264 costs."""
 
@@ -54,7 +54,7 @@ def read_timestamps(source: Source, *, progress: Progress = silent) -> Timestamp
         number = range(source.frame_count)
         return Timestamps(np.array([source.time_s(at) for at in number]), np.array(number, np.int64), decoded=True)
     about = source.frame_count or (source.span_s or 0.0) * (source.rate_fps or 0.0)
-    if not about or about * np.prod(source.size_px) <= _DECODED_PX:
+    if not about or about * np.prod(source.size_px) <= DECODED_PX:
         return _decoded(source, about=int(about), progress=progress)
     pts: list[int] = []
     hidden = 0

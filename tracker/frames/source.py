@@ -43,7 +43,7 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
     timestamps = None if timestamps is None else Path(timestamps)
     if fps is not None and not (np.isfinite(fps) and fps > 0):
         raise ConfigError("is no frame rate", where="--fps", value=fps, limit="above 0")
-    times = None if timestamps is None else _read_times(timestamps)
+    times = None if timestamps is None else read_times(timestamps)
     path, found = Path(source), files_named(source)
     if found == [path] and path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), do="record or copy the film again")
@@ -52,7 +52,7 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
     return FilmSource(path, fps=fps, times_s=times)
 
 
-def _read_times(path: Path) -> Floats:
+def read_times(path: Path) -> Floats:
     """Return the times (n,) from a table ``frame, time_s``, indexed by frame number; NaN where it has no row."""
     from torsight.core.files.storage import read_table
     from torsight.core.files.tables import frame_numbers, require_increasing

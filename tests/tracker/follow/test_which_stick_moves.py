@@ -36,7 +36,7 @@ def readings(turn_deg: float, *, length_px: float = 20.0, sigma_px: float = 0.01
 def named_after(*frames: np.ndarray) -> int | None:
     one = follower()
     for frame in frames:
-        one._look_for_motion(frame)
+        one.look_for_motion(frame)
     return one.moving
 
 

@@ -329,7 +329,7 @@ def test_frames_that_an_edit_list_hides_are_no_damage(bframes: int, tmp_path: Pa
     assert [event for event in told["events"] if event["kind"] == "damage"] == []
     source = open_source(path)
     decoded = read_timestamps(source)
-    monkeypatch.setattr("tracker.frames.sample._DECODED_PX", 1.0)
+    monkeypatch.setattr("tracker.frames.sample.DECODED_PX", 1.0)
     listed = read_timestamps(source)
     assert (decoded.decoded, listed.decoded, listed.hidden) == (True, False, 9)
     np.testing.assert_array_equal(listed.pts, decoded.pts)

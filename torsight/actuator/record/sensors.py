@@ -15,7 +15,7 @@ from torsight.core.units import Floats, Ints
 
 Pair = tuple[Floats, Floats]
 
-_LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
+LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
 """Time constants for which the wires' temperatures are estimated; between them they are interpolated. For 3 s the error
 is then 14.35 mK, that of a direct estimate 14.26 mK (benchmarks/actuator/log_constants.py)."""
 
@@ -58,7 +58,7 @@ class Sensors:
 
     def get_ready(self) -> None:
         """Compute the corrections of :meth:`lag_correction` for all time constants."""
-        for lag_s in _LAG_GRID_S:
+        for lag_s in LAG_GRID_S:
             self._at(lag_s)
 
     def lag_correction(self, spring: int, lag_s: float) -> tuple[float, Floats, Floats]:
@@ -67,9 +67,9 @@ class Sensors:
         They are computed and cached for a grid of time constants. Returned are the weight of the upper of the two
         neighbouring grid points, and the differences at the lower and at the upper one.
         """
-        low = min(max(bisect_right(_LAG_GRID_S, lag_s) - 1, 0), len(_LAG_GRID_S) - 2)
-        share = (lag_s - _LAG_GRID_S[low]) / (_LAG_GRID_S[low + 1] - _LAG_GRID_S[low])
-        return share, self._correction(spring, _LAG_GRID_S[low]), self._correction(spring, _LAG_GRID_S[low + 1])
+        low = min(max(bisect_right(LAG_GRID_S, lag_s) - 1, 0), len(LAG_GRID_S) - 2)
+        share = (lag_s - LAG_GRID_S[low]) / (LAG_GRID_S[low + 1] - LAG_GRID_S[low])
+        return share, self._correction(spring, LAG_GRID_S[low]), self._correction(spring, LAG_GRID_S[low + 1])
 
     def log_evidence(self, lag_a_s: float, lag_b_s: float) -> float:
         r"""Return the log-likelihood ratio of the readings for the sensors' time constants, against no lag.
@@ -80,7 +80,7 @@ class Sensors:
         :math:`p(T_m | τ) ∝ L(τ) + \overline{L(ρ)}_{ρ > τ}`, where L is the likelihood for a sharp wire.
         """
         return sum(
-            float(np.interp(lag_s, _LAG_GRID_S, self._evidence[spring]))
+            float(np.interp(lag_s, LAG_GRID_S, self._evidence[spring]))
             for spring, lag_s in enumerate((lag_a_s, lag_b_s))
         )
 
@@ -89,7 +89,7 @@ class Sensors:
         """The log-likelihood ratios of both sensors' readings for every time constant of the grid."""
         found = []
         for spring in range(2):
-            sharp = _COUNTS * np.array([self._at(lag_s)[spring].log_evidence for lag_s in _LAG_GRID_S])
+            sharp = _COUNTS * np.array([self._at(lag_s)[spring].log_evidence for lag_s in LAG_GRID_S])
             # The mean likelihood of all longer time constants.
             longer = np.logaddexp.accumulate(sharp[::-1])[::-1][1:] - np.log(np.arange(len(sharp) - 1, 0, -1))
             either = np.append(np.logaddexp(sharp[:-1], longer) - np.log(2.0), sharp[-1])

@@ -36,13 +36,13 @@ SUFFIXES: Final = {"h264": ".mp4", "ffv1": ".mkv", "mjpeg": ".mkv", "png": ""}
 
 
 @contextlib.contextmanager
-def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> Iterator[_Pictures | _Encoder]:
+def open_film(path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> Iterator[_Pictures | Encoder]:
     """Give a writer for a film that appears at ``path`` when it is complete."""
     if settings.codec == "png":
         with _open_folder(path) as folder_writer:
             yield folder_writer
         return
-    with atomic_path(path) as temporary, _Encoder(temporary, settings, size_px) as encoder:
+    with atomic_path(path) as temporary, Encoder(temporary, settings, size_px) as encoder:
         yield encoder
 
 
@@ -75,7 +75,7 @@ class _Pictures:
         self._count += 1
 
 
-class _Encoder:
+class Encoder:
     """Encodes in a separate thread, so that drawing and encoding share the cores."""
 
     def __init__(self, path: Path, settings: FilmSettings, size_px: tuple[int, int]) -> None:
@@ -131,7 +131,7 @@ class _Encoder:
             if self._failure is not None:
                 continue
             try:
-                self._encode(*item)
+                self.encode(*item)
             except Exception as error:  # noqa: BLE001 - handed to the caller's thread
                 self._failure = error
         if self._failure is None:
@@ -140,7 +140,8 @@ class _Encoder:
             except Exception as error:  # noqa: BLE001 - handed to the caller's thread
                 self._failure = error
 
-    def _encode(self, tick: int, luma: Luma) -> None:
+    def encode(self, tick: int, luma: Luma) -> None:
+        """Encode a frame at a time in ticks of the container, in the thread of the encoder."""
         if self._codec == "ffv1":
             frame = av.VideoFrame.from_ndarray(luma, format="gray")
         else:
