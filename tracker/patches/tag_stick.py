@@ -150,7 +150,7 @@ class TagStick(Kept):
         del shift
         fit, why = (None, "lost") if self._found is None else self._found[1].follow(luma, time_s, self._judge)
         if why:
-            again, still = self._detect(luma)
+            again, still = self._detect(luma, time_s)
             fit, why = (again, "") if again is not None else (fit, still or why)
         if why or fit is None or self._found is None:
             self.miss(time_s)
@@ -176,7 +176,7 @@ class TagStick(Kept):
             return "lost"
         return "hidden" if fit.kept < KEPT else ""
 
-    def _detect(self, luma: NDArray[np.uint8]) -> tuple[Fit | None, str]:
+    def _detect(self, luma: NDArray[np.uint8], time_s: float) -> tuple[Fit | None, str]:
         """Search for the tag in the whole picture; return its fit, or the reason for rejecting it ("" if not found)."""
         found = [tag for tag in find_tags(luma, self.family) if tag.number == self.number]
         if not found:
@@ -187,13 +187,13 @@ class TagStick(Kept):
         tag, track = self._found
         last_px = place(track.warp)
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
-        fit = track.patch.align(luma, tag.warp_of(found[0]), track.learnt)
+        fit = track.near(luma, tag.warp_of(found[0]), time_s)
         if fit is None:
             # The sharpness of the picture has changed since the template was rendered.
             sharp = Tag.of(self.family, found[0], luma)
             track.replace(sharp.patch(), sharp.side_px / tag.side_px)
             self._found = sharp, track
-            fit = track.patch.align(luma, sharp.warp_of(found[0]), track.learnt)
+            fit = track.near(luma, sharp.warp_of(found[0]), time_s)
         why = "outside" if fit is None else self._judge(fit)
         return (None, why) if why else (fit, "")
 
