@@ -34,18 +34,19 @@ class PatchTrack(Kept):
     """A patch, its last warp, and its usual correlation.
 
     ``warp`` is that of the last frame in which the patch was seen, or the initial guess; ``lost`` counts frames since
-    then; ``usual`` and ``gain`` are running means of correlation and contrast, ``learnt`` the mean residuals of a drawn
-    template, None for a template taken from the film; ``exposure`` is that of the pictures of the patch.
+    then, and ``followed`` is whether it was ever seen. ``usual`` and ``gain`` are running means of correlation and
+    contrast, ``learnt`` the mean residuals of a drawn template, None for a template taken from the film; ``exposure``
+    is that of the pictures of the patch.
     """
 
-    kept = ("warp", "lost", "usual", "gain", "learnt", "doubt", "_history", "_followed", "exposure")
+    kept = ("warp", "lost", "usual", "gain", "learnt", "doubt", "_history", "followed", "exposure")
 
     def __init__(self, patch: Patch, warp: Floats) -> None:
         self.warp = warp
         self.lost = 0
         self.usual = self.gain = 1.0
         self._history: list[tuple[float, Floats]] = []
-        self._followed = False
+        self.followed = False
         self.exposure = Exposure(drawn=patch.soft)
         self.replace(patch, 1.0)
 
@@ -80,13 +81,13 @@ class PatchTrack(Kept):
         """Accept a fit: update warp, usual correlation and residuals."""
         if self.lost:
             self._history = self._history[-1:] if self.lost <= SOON else []
-        self.usual += RATE * (fit.likeness - self.usual) if self._followed else fit.likeness - self.usual
+        self.usual += RATE * (fit.likeness - self.usual) if self.followed else fit.likeness - self.usual
         self.gain += RATE * (fit.gain - self.gain)
         if self.learnt is not None:
             self.learnt.take(fit.left, fit.weight, fit.residual / fit.gain)
         if self.doubt is not None:
             self.doubt.take(fit.left, fit.weight)
-        self.warp, self.lost, self._followed = fit.warp, 0, True
+        self.warp, self.lost, self.followed = fit.warp, 0, True
         self._history = [*self._history[-1:], (time_s, fit.warp)]
 
     def replace(self, patch: Patch, size: float) -> None:
