@@ -35,7 +35,7 @@ little information, do not outweigh a fast one."""
 CLEAR: Final = 0.15
 """Difference in the logarithm of the residual by which motion blur has to fit better than none: compression softens
 moving dots, which looks a little like motion blur."""
-_LEARNED: Final = 12
+LEARNED: Final = 12
 """Fast readings after which the exposure counts as known: by then the first comparison has a weight below 0.15."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
@@ -48,7 +48,7 @@ length."""
 @lending
 def shutter_known(rig: Record) -> bool:
     """Return whether there were enough fast readings for the exposure to be known."""
-    return bool(rig.fast >= _LEARNED)
+    return bool(rig.fast >= LEARNED)
 
 
 @lending
@@ -73,7 +73,7 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
     readings, from one once it is known.
     """
     rig.fast += 1
-    every = 1 + rig.fast // (2 * _LEARNED)
+    every = 1 + rig.fast // (2 * LEARNED)
     costs = np.empty(len(SHARES))
     if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
         return

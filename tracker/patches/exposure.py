@@ -8,7 +8,7 @@ import numpy as np
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import RATE, SHARP_PX
-from tracker.appearance.motion_blur import CLEAR
+from tracker.appearance.motion_blur import CLEAR, LEARNED
 from tracker.checkpoint import Kept
 from tracker.patches.align import SHARES, Fit, Patch, Smear
 from tracker.patches.warps import twist
@@ -22,15 +22,16 @@ class Exposure(Kept):
 
     ``share`` is the exposure of the least misfit, ``_misfit`` the running mean of the logarithm of the residual at
     each of ``SHARES`` with the total weight ``_looks``, in which a motion over the whole patch counts fully.
-    ``_frame_s`` is the shortest interval between two frames: no exposure is longer. ``_first`` is the motion (3, 3) in
-    the picture from which the template was taken, which is blurred itself; None before it is known.
+    ``_fast`` counts the pictures in motion. ``_frame_s`` is the shortest interval between two frames: no exposure is
+    longer. ``_first`` is the motion (3, 3) in the picture from which the template was taken, which is blurred itself;
+    None before it is known.
     """
 
-    kept = ("share", "_misfit", "_looks", "_frame_s", "_first")
+    kept = ("share", "_misfit", "_looks", "_fast", "_frame_s", "_first")
 
     def __init__(self, *, drawn: bool) -> None:
         self.share, self._looks, self._frame_s = 0.0, 0.0, math.inf
-        self._misfit = np.zeros(len(SHARES))
+        self._misfit, self._fast = np.zeros(len(SHARES)), 0
         self._first: Floats | None = np.zeros((3, 3)) if drawn else None
 
     def motion(self, before: Seen, now: Seen) -> Floats:
@@ -56,6 +57,10 @@ class Exposure(Kept):
             self._first = motion
         moved_px = patch.moved_px(motion)
         if moved_px < SHARP_PX:
+            return False
+        # A comparison costs as much as several frames, and the exposure seldom changes.
+        self._fast += 1
+        if self._fast % (1 + self._fast // LEARNED):
             return False
         misfit = np.log(patch.misfits(fit, patch.smears(motion) - patch.smears(self._first)))
         look = min(1.0, (moved_px / (2.0 * patch.half_px)) ** 2)
