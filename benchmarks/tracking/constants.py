@@ -33,7 +33,7 @@ FILMS = (
 )
 CONSTANTS = {
     "appearance/lucas_kanade": ("SHARP_PX",),
-    "appearance/motion_blur": ("_CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
+    "appearance/motion_blur": ("CLEAR", "_SLACK_UNKNOWN", "_SLACK_KNOWN"),
     "follow/camera_state": ("SHAKE_PX", "TURN_RAD", "OFF_CIRCLE"),
     "follow/judgement": ("SURE_RAD", "_LENGTH", "CLOSE", "NEAR"),
     "follow/learning": ("RATE", "_CHANGE_PX"),

@@ -32,10 +32,10 @@ _RATE: Final = 0.15
 """Weight of a new comparison at full weight in the running mean. Motion blur widens a dot by the square of its length,
 so a path shorter than the dot's diameter has the square of their ratio as its weight: many slow readings, which carry
 little information, do not outweigh a fast one."""
-_CLEAR: Final = 0.15
+CLEAR: Final = 0.15
 """Difference in the logarithm of the residual by which motion blur has to fit better than none: compression softens
 moving dots, which looks a little like motion blur."""
-_LEARNED: Final = 12
+LEARNED: Final = 12
 """Fast readings after which the exposure counts as known: by then the first comparison has a weight below 0.15."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
@@ -48,7 +48,7 @@ length."""
 @lending
 def shutter_known(rig: Record) -> bool:
     """Return whether there were enough fast readings for the exposure to be known."""
-    return bool(rig.fast >= _LEARNED)
+    return bool(rig.fast >= LEARNED)
 
 
 @lending
@@ -73,7 +73,7 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
     readings, from one once it is known.
     """
     rig.fast += 1
-    every = 1 + rig.fast // (2 * _LEARNED)
+    every = 1 + rig.fast // (2 * LEARNED)
     costs = np.empty(len(SHARES))
     if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
         return
@@ -90,7 +90,7 @@ def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Po
 def best_share(cost: Floats) -> float:
     """Return the share of least cost, interpolated between those tried; 0 where no motion blur is clearly better."""
     at = least(cost)
-    if cost[0] - cost[at] < _CLEAR:
+    if cost[0] - cost[at] < CLEAR:
         return 0.0
     if at == len(SHARES) - 1:
         return float(SHARES[at])
@@ -100,8 +100,8 @@ def best_share(cost: Floats) -> float:
 
 
 def shutter_limits(cost: Floats) -> tuple[float, float]:
-    """Return bounds of the exposure's share: the shares nearest to the best one that fit worse by ``_CLEAR``."""
-    at, refused = int(np.argmin(cost)), np.flatnonzero(cost - cost.min() >= _CLEAR)
+    """Return bounds of the exposure's share: the shares nearest to the best one that fit worse by ``CLEAR``."""
+    at, refused = int(np.argmin(cost)), np.flatnonzero(cost - cost.min() >= CLEAR)
     below, above = refused[refused < at], refused[refused > at]
     low = float(SHARES[below[-1]]) if len(below) else 0.0
     # No exposure is longer than a frame; a larger share is tried only to interpolate around 0.9.

@@ -30,15 +30,20 @@ from numpy.typing import NDArray
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
 from tracker.patches.ink import Doubt, Ink
-from tracker.patches.warps import jacobian, project, similarity
+from tracker.patches.warps import carried, jacobian, project, similarity
 
 Look = Callable[[Floats, Floats], Floats]
 """Brightness of a template at offsets x, y (n,) from its middle, y down."""
+Smear = Callable[[Floats], Floats]
+"""What motion blur adds on a template's whole grid, if its motion since the last frame ends at a warp."""
 _LIGHT, _GAIN = 0, 3
 """Rows of the solution: brightness at the middle, with its gradient in rows 1 and 2, and contrast over the template's;
 then other nuisance parameters, and δ times the contrast."""
 
 _ROUNDS: Final = 12
+_MOVED: Final = 2
+"""Rounds whose warps give the motion blur: at the first guess, and after a step, which reaches its end to a few per
+cent of the motion."""
 _STOP_PX: Final = 0.01
 """Step of a point at the patch's rim below which the fit stops: a tenth of a reading's noise in an ordinary film."""
 _LEAST_SPREAD: Final = 1.0
@@ -63,6 +68,9 @@ _FEW: Final = 0.005
 _BLUR: Final = 0.5
 """Blur of the picture before it is sampled, in steps of the grid: linear interpolation between blurred pixels hardly
 depends on where between them a sample lies."""
+SHARES: Final = np.sqrt((2.0 * np.arange(21) + 1.0) ** 2 - 1.0) / 41.0
+"""Exposures that are compared, as shares of the frame interval: 1, 3, … 41 of 41 instants evenly spread over it have
+the variance of these."""
 _LINEAR_PX2: Final = 1.0 / 6.0
 """Variance of the kernel of linear interpolation: mean of f (1 − f) over all positions f between two pixels."""
 
@@ -85,7 +93,7 @@ class Fit:
     brightness at the template's mean, and rms residual, grey levels; ``gain``: contrast over the template's; ``kept``:
     share of the points that were used, the others being occluded; ``covariance`` (k, k): of the last δ, for white noise
     of the size of ``residual``; ``left``, ``weight`` (n,): the template's residuals over the gain, and the points'
-    weights.
+    weights; ``smear`` (n,): what motion blur adds to the template, which is not part of ``left``.
     """
 
     warp: Floats
@@ -98,6 +106,7 @@ class Fit:
     covariance: Floats
     left: Floats
     weight: Floats
+    smear: Floats
 
 
 class Patch:
@@ -128,6 +137,7 @@ class Patch:
         y, x = (axis.ravel() * spacing_px for axis in np.mgrid[-count : count + 1, -count : count + 1].astype(float))
         # From rows and columns of the grid to offsets from the middle.
         self._offsets = np.array([[1.0, 0.0, -count], [0.0, 1.0, -count], [0.0, 0.0, 1.0 / spacing_px]])
+        self._grid = np.stack([x, y])
         chosen = np.hypot(x, y) <= half_px if round_ else np.ones(len(x), bool)
         self._index = np.flatnonzero(chosen)
         x, y = x[chosen], y[chosen]
@@ -146,13 +156,16 @@ class Patch:
         middle = look(x, y)
         right, left, down, up = look(x + step, y), look(x - step, y), look(x, y + step), look(x, y - step)
         slope_x, slope_y = (right - left) / (2.0 * step), (down - up) / (2.0 * step)
-        columns = [np.ones_like(x), x / self.half_px, y / self.half_px, middle - middle.mean()]
-        if soft:
-            columns.append((right + left + down + up - 4.0 * middle) / step**2)
+        softer = (right + left + down + up - 4.0 * middle) / step**2
+        columns = [np.ones_like(x), x / self.half_px, y / self.half_px, middle - middle.mean(), *[softer] * soft]
         self._first = len(columns)
         moved = self.generators @ np.stack([x, y, np.ones_like(x)])
         self._along_x, self._along_y = (moved[:, 0] - x * moved[:, 2]).T, (moved[:, 1] - y * moved[:, 2]).T
         self._basis = np.column_stack([*columns, self._columns(slope_x, slope_y)])
+        # A codec softens what moves, which would look like a longer exposure.
+        self._blurring = self._basis if soft else np.column_stack([self._basis, softer])
+        self._look = look
+        self._middle = look(*self._grid)
         self._trusted = np.ones(len(x))
         self._inverse = np.linalg.pinv(self._basis, rcond=1e-9)
         plain = self._basis[:, :3]
@@ -169,6 +182,39 @@ class Patch:
         self._inverse = np.linalg.pinv(root * self._basis, rcond=1e-9) * root.T
         self._plain = np.linalg.pinv(root * self._basis[:, :3]) * root.T
         self._noise = self._overlap(self._inverse)
+
+    def moved_px(self, motion: Floats) -> float:
+        """Return the largest coordinate of the rim's motion in the template's plane, px."""
+        return float(np.abs(project(carried(motion), self._rim) - self._rim).max())
+
+    def smear(self, motion: Floats, share: float) -> Floats:
+        """Return what motion blur by a ``share`` of a motion (3, 3) adds to the template, on the grid (side²,)."""
+        count = round(share * self.moved_px(motion) / self.spacing_px) + 1
+        if count == 1:
+            return np.zeros_like(self._middle)
+        # As many points as these have the variance of the whole exposure.
+        instants = share * (np.arange(count) - 0.5 * (count - 1)) / math.sqrt(count**2 - 1)
+        return np.asarray(np.mean([self._at(motion, instant) for instant in instants], axis=0) - self._middle)
+
+    def smears(self, motion: Floats) -> Floats:
+        """Return what motion blur by each of ``SHARES`` of a motion (3, 3) adds, on the whole grid (m, side²)."""
+        half = len(SHARES) - 1
+        if not motion.any():
+            return np.zeros((half + 1, len(self._middle)))
+        seen = np.stack([self._at(motion, instant / (2 * half + 1)) for instant in range(-half, half + 1)])
+        total = np.cumsum(np.vstack([seen[half], seen[half + 1 :] + seen[:half][::-1]]), axis=0)
+        return np.asarray(total / (2.0 * np.arange(half + 1)[:, None] + 1.0) - self._middle)
+
+    def _at(self, motion: Floats, instant: float) -> Floats:
+        """Return the brightness (side²,) that the whole grid shows at an instant of a motion (3, 3)."""
+        return self._look(*project(carried(-instant * motion), self._grid))
+
+    def misfits(self, fit: Fit, added: Floats) -> Floats:
+        """Return the rms residuals (m,), over the gain, of a fit to the template with each of ``added`` (m, side²)."""
+        root = np.sqrt(fit.weight)
+        q = np.linalg.qr(root[:, None] * self._blurring)[0]
+        left = root * (fit.left + fit.smear - added[:, self._index])
+        return np.asarray(np.sqrt(np.sum(np.square(left - (left @ q) @ q.T), axis=1) / fit.weight.sum()))
 
     @property
     def count(self) -> int:
@@ -216,12 +262,14 @@ class Patch:
         seen = cv2.warpPerspective(part.values, to_part, size, flags=how, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(seen, dtype=np.float64).ravel()
 
-    def _stepped(self, found: Floats, warp: Floats, part: _Part) -> tuple[Floats, float] | None:
+    def _stepped(self, found: Floats, answer: Floats | None, warp: Floats, part: _Part) -> tuple[Floats, float] | None:
         """Return the warp after a step, W D⁻¹, and the largest step of a coordinate of the rim, px.
 
-        None for a step without contrast, a too large one, or one that leaves the part.
+        ``answer`` (k, k) is the derivative of δ with respect to the solution over the gain. None for a step without
+        contrast, a too large one, or one that leaves the part.
         """
         delta = found[self._first :] / found[_GAIN]
+        delta = delta if answer is None else answer @ delta
         if abs(found[_GAIN]) * self.spread < _LEAST_SPREAD or not np.abs(delta).max() < _FARTHEST * self.half_px:
             return None
         after = warp @ np.linalg.inv(np.eye(3) + np.tensordot(delta, self.generators, 1))
@@ -232,7 +280,12 @@ class Patch:
         return after, float(np.abs(rim - before).max())
 
     def align(
-        self, luma: NDArray[np.uint8], warp: Floats, learnt: Ink | None = None, doubt: Doubt | None = None
+        self,
+        luma: NDArray[np.uint8],
+        warp: Floats,
+        learnt: Ink | None = None,
+        doubt: Doubt | None = None,
+        smear: Smear | None = None,
     ) -> Fit | None:
         """Return the fit of the patch near a first guess; None where it leaves the picture or does not converge."""
         if not self.in_picture(warp, luma):
@@ -240,15 +293,20 @@ class Patch:
         if doubt is not None:
             self._weigh(doubt.weight)
         part = self._cut(luma, warp)
-        usual = np.zeros(len(self._index)) if learnt is None else learnt.left
-        by_usual = self._inverse @ usual
-        for _ in range(_ROUNDS):
+        blur, answer = np.zeros(len(self._index)), None
+        for turn in range(_ROUNDS):
+            if turn < _MOVED:
+                if smear is not None:
+                    added = smear(warp)
+                    blur, answer = added[self._index], self._answer(self._middle + added, self._inverse)
+                usual = blur if learnt is None else blur + learnt.left
+                by_usual = self._inverse @ usual
             seen = self._seen(part, warp)
             values = seen[self._index]
             found = self._inverse @ values
-            # Corrected for the template's usual residuals.
+            # Corrected for motion blur and the template's usual residuals.
             found -= found[_GAIN] / (1.0 + by_usual[_GAIN]) * by_usual
-            step = self._stepped(found, warp, part)
+            step = self._stepped(found, answer, warp, part)
             if step is None:
                 return None
             warp, moved = step
@@ -264,16 +322,25 @@ class Patch:
         weight = self._weights(left, self._limit(found, noise, learnt), np.zeros(len(left), np.bool_))
         seen_whole = np.count_nonzero(weight) > (1.0 - _FEW) * len(left)
         if seen_whole and (all_known or learnt is None or not learnt.known.any()):
-            return self._fit(seen, usual, found, warp, self._trusted, self._inverse)
-        return self._align_in_part(part, warp, left, found, learnt)
+            return self._fit(seen, usual, blur, found, warp, self._trusted, self._inverse)
+        return self._align_in_part(part, warp, left, found, learnt, blur, answer)
 
-    def _align_in_part(self, part: _Part, warp: Floats, left: Floats, found: Floats, learnt: Ink | None) -> Fit | None:
+    def _align_in_part(
+        self,
+        part: _Part,
+        warp: Floats,
+        left: Floats,
+        found: Floats,
+        learnt: Ink | None,
+        blur: Floats,
+        answer: Floats | None,
+    ) -> Fit | None:
         """Continue as a robust fit, in which points that do not show the patch lose their weight.
 
         The narrow limits of learnt ink would reject every point of a slightly misplaced template: they apply only once
         the fit has nearly converged.
         """
-        usual = np.zeros(len(left)) if learnt is None else learnt.left
+        usual = blur if learnt is None else blur + learnt.left
         known = np.zeros(len(left), np.bool_) if learnt is None else learnt.known
         near = learnt is None
         weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
@@ -289,7 +356,7 @@ class Patch:
             except np.linalg.LinAlgError:
                 return None
             found = inverse @ values
-            step = self._stepped(found, warp, part)
+            step = self._stepped(found, answer, warp, part)
             if step is None:
                 return None
             warp, moved = step
@@ -298,7 +365,7 @@ class Patch:
                 break
             near = near or moved < _STOP_PX
             weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
-        return self._fit(seen, usual, found, warp, weight, inverse)
+        return self._fit(seen, usual, blur, found, warp, weight, inverse)
 
     def _limit(self, found: Floats, noise: float, learnt: Ink | None) -> Floats:
         """Return the residual (n,) above which each point counts as occluded: a narrower one where its ink is known."""
@@ -327,7 +394,16 @@ class Patch:
         seen = cv2.GaussianBlur(grid.reshape(self._side, -1), (0, 0), _AROUND, borderType=cv2.BORDER_CONSTANT)
         return np.asarray(seen.ravel()[self._index], dtype=np.float64)
 
-    def _fit(self, seen: Floats, usual: Floats, found: Floats, warp: Floats, weight: Floats, inverse: Floats) -> Fit:
+    def _fit(
+        self,
+        seen: Floats,
+        usual: Floats,
+        blur: Floats,
+        found: Floats,
+        warp: Floats,
+        weight: Floats,
+        inverse: Floats,
+    ) -> Fit:
         values, root = seen[self._index] - found[_GAIN] * usual, np.sqrt(weight)
         left = root * (values - self._basis @ found)
         plain = root * (values - self._basis[:, :3] @ (self._plain @ values))
@@ -347,21 +423,26 @@ class Patch:
             residual=math.sqrt(variance),
             kept=float(np.count_nonzero(weight > 0.0)) / len(weight),
             covariance=variance * self._spread_of(seen, inverse),
-            left=(values - self._basis @ found) / gain + usual,
+            left=(values - self._basis @ found) / gain + usual - blur,
             weight=weight,
+            smear=blur,
         )
 
     def _spread_of(self, seen: Floats, inverse: Floats) -> Floats:
-        """Return the covariance of δ for residuals of variance 1.
+        """Return the covariance of δ for residuals of variance 1."""
+        answer = self._answer(seen, inverse)
+        noise = self._noise if inverse is self._inverse else self._overlap(inverse)
+        return np.asarray(answer @ noise @ answer.T, dtype=np.float64)
+
+    def _answer(self, seen: Floats, inverse: Floats) -> Floats:
+        """Return the derivatives (k, k) of δ with respect to its part of a solution.
 
         A blurred picture changes less with a shift than the template does: the picture's own gradients give the ratio.
         """
         down, right = (
             axis.ravel()[self._index] / self.spacing_px for axis in np.gradient(seen.reshape(self._side, -1))
         )
-        answer = np.linalg.pinv(inverse[self._first :] @ self._columns(right, down))
-        noise = self._noise if inverse is self._inverse else self._overlap(inverse)
-        return np.asarray(answer @ noise @ answer.T, dtype=np.float64)
+        return np.asarray(np.linalg.pinv(inverse[self._first :] @ self._columns(right, down)), dtype=np.float64)
 
     def _columns(self, slope_x: Floats, slope_y: Floats) -> Floats:
         """Return the derivatives (n, k) of brightness with respect to δ, from its gradient."""

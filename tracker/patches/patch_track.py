@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Final
 
@@ -15,8 +14,9 @@ from tracker.checkpoint import Kept
 from tracker.follow.judgement import SOON
 from tracker.follow.motion_model import STALE
 from tracker.patches.align import Fit, Patch
+from tracker.patches.exposure import Exposure
 from tracker.patches.ink import Doubt, Ink
-from tracker.patches.warps import place, similarity, turn_of
+from tracker.patches.warps import carried, twist
 from tracker.rows import SEEN
 
 AS_USUAL: Final = 0.05
@@ -34,18 +34,20 @@ class PatchTrack(Kept):
     """A patch, its last warp, and its usual correlation.
 
     ``warp`` is that of the last frame in which the patch was seen, or the initial guess; ``lost`` counts frames since
-    then; ``usual`` and ``gain`` are running means of correlation and contrast, ``learnt`` the mean residuals of a drawn
-    template, None for a template taken from the film.
+    then, and ``followed`` is whether it was ever seen. ``usual`` and ``gain`` are running means of correlation and
+    contrast, ``learnt`` the mean residuals of a drawn template, None for a template taken from the film; ``exposure``
+    is that of the pictures of the patch.
     """
 
-    kept = ("warp", "lost", "usual", "gain", "learnt", "doubt", "_history", "_followed")
+    kept = ("warp", "lost", "usual", "gain", "learnt", "doubt", "_history", "followed", "exposure")
 
     def __init__(self, patch: Patch, warp: Floats) -> None:
         self.warp = warp
         self.lost = 0
         self.usual = self.gain = 1.0
         self._history: list[tuple[float, Floats]] = []
-        self._followed = False
+        self.followed = False
+        self.exposure = Exposure(drawn=patch.soft)
         self.replace(patch, 1.0)
 
     def predict(self, time_s: float) -> Floats:
@@ -53,32 +55,39 @@ class PatchTrack(Kept):
         if len(self._history) < 2 or self.lost > STALE:
             return self.warp
         (t2, before), (t1, last) = self._history
-        share = (time_s - t1) / (t1 - t2)
-        (x1, y1), (x2, y2) = place(last), place(before)
-        turn = math.remainder(turn_of(last) - turn_of(before), math.tau)
-        back = similarity(-x1, -y1)
-        moved = similarity(x1 + share * (x1 - x2), y1 + share * (y1 - y2), turn_rad=share * turn)
-        return moved @ back @ last
+        return last @ carried((time_s - t1) / (t1 - t2) * twist(before, last))
 
     def follow(self, luma: NDArray[np.uint8], time_s: float, judge: Judge) -> tuple[Fit | None, str]:
         """Return the patch's fit in the next frame, from the predicted warp, and why it is rejected (empty if not)."""
         ahead = self.predict(time_s)
-        fit = self.patch.align(luma, ahead, self.learnt, self.doubt)
+        fit = self.near(luma, ahead, time_s)
         if fit is None:
             return None, "lost" if self.patch.in_picture(ahead, luma) else "outside"
         return fit, judge(fit)
+
+    def near(self, luma: NDArray[np.uint8], guess: Floats, time_s: float) -> Fit | None:
+        """Return the fit of the patch near a guess, blurred by its motion since the last frame."""
+        before = self._history[-1] if self._history and not self.lost else None
+        for _ in range(2):
+            smear = self.exposure.smear(self.patch, before, time_s) if before else None
+            fit = self.patch.align(luma, guess, self.learnt, self.doubt, smear)
+            # A first look at the motion blur is a reason to look again.
+            if fit is None or before is None or not self.exposure.learn(self.patch, fit, before, time_s):
+                break
+            guess = fit.warp
+        return fit
 
     def take(self, time_s: float, fit: Fit) -> None:
         """Accept a fit: update warp, usual correlation and residuals."""
         if self.lost:
             self._history = self._history[-1:] if self.lost <= SOON else []
-        self.usual += RATE * (fit.likeness - self.usual) if self._followed else fit.likeness - self.usual
+        self.usual += RATE * (fit.likeness - self.usual) if self.followed else fit.likeness - self.usual
         self.gain += RATE * (fit.gain - self.gain)
         if self.learnt is not None:
             self.learnt.take(fit.left, fit.weight, fit.residual / fit.gain)
         if self.doubt is not None:
             self.doubt.take(fit.left, fit.weight)
-        self.warp, self.lost, self._followed = fit.warp, 0, True
+        self.warp, self.lost, self.followed = fit.warp, 0, True
         self._history = [*self._history[-1:], (time_s, fit.warp)]
 
     def replace(self, patch: Patch, size: float) -> None:

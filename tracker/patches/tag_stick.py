@@ -17,7 +17,7 @@ from tracker.checkpoint import Kept
 from tracker.detect.fiducials import FoundTag, bits_of, find_tags
 from tracker.follow.follower import nothing
 from tracker.patches.align import Fit, Look, Patch
-from tracker.patches.patch_track import KEPT, PatchTrack, put
+from tracker.patches.patch_track import AS_USUAL, KEPT, PatchTrack, put
 from tracker.patches.warps import place, size_of
 from tracker.rows import CODE
 
@@ -150,7 +150,7 @@ class TagStick(Kept):
         del shift
         fit, why = (None, "lost") if self._found is None else self._found[1].follow(luma, time_s, self._judge)
         if why:
-            again, still = self._detect(luma)
+            again, still = self._detect(luma, time_s)
             fit, why = (again, "") if again is not None else (fit, still or why)
         if why or fit is None or self._found is None:
             self.miss(time_s)
@@ -176,7 +176,7 @@ class TagStick(Kept):
             return "lost"
         return "hidden" if fit.kept < KEPT else ""
 
-    def _detect(self, luma: NDArray[np.uint8]) -> tuple[Fit | None, str]:
+    def _detect(self, luma: NDArray[np.uint8], time_s: float) -> tuple[Fit | None, str]:
         """Search for the tag in the whole picture; return its fit, or the reason for rejecting it ("" if not found)."""
         found = [tag for tag in find_tags(luma, self.family) if tag.number == self.number]
         if not found:
@@ -187,15 +187,21 @@ class TagStick(Kept):
         tag, track = self._found
         last_px = place(track.warp)
         found.sort(key=lambda one: float(np.hypot(*(one.corners_px.mean(axis=0) - last_px))))
-        fit = track.patch.align(luma, tag.warp_of(found[0]), track.learnt)
-        if fit is None:
-            # The sharpness of the picture has changed since the template was rendered.
-            sharp = Tag.of(self.family, found[0], luma)
-            track.replace(sharp.patch(), sharp.side_px / tag.side_px)
-            self._found = sharp, track
-            fit = track.patch.align(luma, sharp.warp_of(found[0]), track.learnt)
+        fit = track.near(luma, tag.warp_of(found[0]), time_s)
         why = "outside" if fit is None else self._judge(fit)
-        return (None, why) if why else (fit, "")
+        # What covers a corner moves it, and distorts the whole tag to fit: only the likeness then shows it.
+        alike = track.usual - AS_USUAL if track.followed else 0.0
+        if why == "hidden" or (fit is not None and not why and fit.likeness > alike):
+            return (None, why) if why else (fit, "")
+        # The sharpness of the picture may have changed since the template was rendered.
+        sharp = Tag.of(self.family, found[0], luma)
+        patch = sharp.patch()
+        fit = patch.align(luma, sharp.warp_of(found[0]))
+        if fit is None or self._judge(fit) or fit.likeness < alike:
+            return None, why or "hidden"
+        track.replace(patch, sharp.side_px / tag.side_px)
+        self._found = sharp, track
+        return fit, ""
 
     def to_state(self) -> dict[str, Any]:
         """Return the state that :meth:`restore` needs."""

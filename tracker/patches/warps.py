@@ -34,6 +34,21 @@ def turn_of(warp: Floats) -> float:
     return math.atan2(j[1, 0] - j[0, 1], j[0, 0] + j[1, 1])
 
 
+def twist(before: Floats, after: Floats) -> Floats:
+    """Return the motion (3, 3) of the template's plane between two warps: the logarithm of the warp between them.
+
+    To second order in the rotation: at 15 degrees it is 0.6 % too small, which :func:`carried` undoes.
+    """
+    step = np.linalg.solve(before, after)
+    step /= np.cbrt(np.linalg.det(step))
+    return np.asarray(2.0 * np.linalg.solve(step + np.eye(3), step - np.eye(3)))
+
+
+def carried(motion: Floats) -> Floats:
+    """Return the warp (3, 3) of the template's plane by a motion (3, 3)."""
+    return np.asarray(np.linalg.solve(np.eye(3) - 0.5 * motion, np.eye(3) + 0.5 * motion))
+
+
 def size_of(warp: Floats) -> float:
     """Return the magnification of the template at its middle."""
     return math.sqrt(abs(float(np.linalg.det(jacobian(warp)))))

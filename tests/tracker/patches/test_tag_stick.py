@@ -130,6 +130,17 @@ def inked_tags(seed: int, wander: float) -> list[Sprite]:
     return inked
 
 
+def test_a_sheet_over_a_corner_of_the_base_does_not_turn_it(tmp_path: Path) -> None:
+    # The moving tag's paper passes over the base's tag, whose visible part the detector takes for a distorted tag.
+    made = film(angle_deg=lambda t: 20.0 * t - 58.0, frames=90, seed=2)
+    made.moving[0].along_mm = 95.0
+    error, sigma, _ = errors_deg(made, tmp_path / "film.mkv", PAIR, codec="ffv1")
+    known = np.isfinite(error)
+    assert known.mean() > 0.9
+    assert np.abs(error[known]).max() < 0.3
+    assert np.abs(error[known] / sigma[known]).max() < 4.0
+
+
 def test_uneven_ink_is_part_of_the_tag(tmp_path: Path) -> None:
     # Its edges wander by 0.4 px: single points differ from the tag as drawn by as much as those under a hand, but in
     # every frame.
