@@ -87,9 +87,8 @@ _BALANCES: Final = 8
 _STANDS_RAD_S: Final = 0.05 * DEG
 """Speed below which the disk counts as standing: a hundredth of that in mid-stroke at usual rates of heating, and about
 what the remaining noise of a held temperature (0.01 °C in 10 s) moves it by."""
-_STANDS_S: Final = 2.0
-"""Time constant with which a standstill counts: noise that is left of a temperature stops the disk for a second or two.
-A choice; a dip of 1 °C on the way up stops it for ten seconds."""
+_STANDS_S: Final = 10.0
+"""Time constant with which a standstill counts: shorter ones cannot be distinguished from noise of the temperature."""
 
 
 @shared
