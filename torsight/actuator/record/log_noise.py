@@ -59,7 +59,7 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     if not len(strides):
         return 0.0, 1.0
     found, digit = _noise_at(temp_c, strides), last_digit(temp_c)
-    if found[0] <= NEGLIGIBLE_C < digit / math.sqrt(12.0) and _is_stepped(temp_c, digit):
+    if found[0] <= NEGLIGIBLE_C < digit / math.sqrt(12.0) and is_stepped(temp_c, digit):
         # Most of the time the log is constant to its last digit, which hides its noise.
         noise, alike = _noise_at(_without_rests(temp_c, 4 * longest), strides)
         return max(noise, digit / math.sqrt(12.0)), alike
@@ -115,15 +115,16 @@ def last_digit(temp_c: Floats) -> float:
     return float(steps[best]) * FINEST_C if evidence[best] > _SURE else 0.0
 
 
+def is_stepped(temp_c: Floats, digit_c: float) -> bool:
+    """Return whether nine in ten changes of a log (n,) are no less than a digit, as if every reading were rounded."""
+    changes = np.abs(np.diff(temp_c))
+    changes = changes[changes > FINEST_C]
+    return digit_c > 0.0 and len(changes) > 0 and bool(np.quantile(changes, 0.1) > 0.5 * digit_c)
+
+
 def _whole(temp_c: Floats, strides: Ints) -> Floats:
     """Return the standard deviation of a reading by stride (k,), from the whole log; 0 where it is not measurable."""
     return np.array([np.nan_to_num(_scatter(temp_c[None], int(stride))[0]) for stride in strides])
-
-
-def _is_stepped(temp_c: Floats, digit_c: float) -> bool:
-    """Return whether nine in ten changes of a log (n,) are no less than a digit, as if every reading were rounded."""
-    changes = np.abs(np.diff(temp_c))
-    return bool(np.quantile(changes[changes > FINEST_C], 0.1) > 0.5 * digit_c)
 
 
 def _without_rests(temp_c: Floats, longest: int) -> Floats:
