@@ -157,8 +157,9 @@ class Ports:
     """Memory of a transformation after an incomplete one: 0 scales the law to the remaining share (Liang and Rogers), 1
     holds ξ until the complete law reaches it."""
     renewal: float = 0.0
-    change_held: float = 0.0
     """Share by which a standstill within a stroke renews the reference state of the driven spring, from 0 to 1."""
+    change_held: float = 0.0
+    """Share by which the disk is held where it is when the other spring's turn comes, from 0 (it gives way) to 1."""
     lead: tuple[Floats, Floats] | None = None
     """(g,): Lead of the transformation over the phase law on heating and on cooling, in windows, over
     :data:`~torsight.actuator.stepping.phase.PLACES`."""

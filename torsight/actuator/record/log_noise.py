@@ -16,7 +16,7 @@ _MAX_STRIDE_S: Final = 2.0
 change nothing (benchmarks/actuator/log_constants.py). In the demo, ten times as fast as a usual programme, twice this
 value doubles the held-out error: bends of the temperature then count as noise."""
 NEGLIGIBLE_C: Final = 0.005
-"""Noise below this value changes the angle by a tenth of a degree at most: such a log passes unchanged."""
+"""Errors of a temperature below this value change the angle by a tenth of a degree at most."""
 FINEST_C: Final = 1e-4
 """A tick: readings that differ by less count as equal; no thermometer has a finer last digit."""
 _BESIDE: Final = 3.0
