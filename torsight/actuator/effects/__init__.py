@@ -56,6 +56,11 @@ def amplitude_and_phase(
     )
 
 
+def unknown_share(name: str, *, symbol: str, title: str) -> Parameter:
+    """Return the parameter of a share of which nothing is known: mean and deviation are those of an even density."""
+    return Parameter(name, 0.5, "", 0.0, 1.0, sigma=12.0**-0.5, null=0.0, symbol=symbol, title=title)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Effect(Shown):
     """One effect as a declaration.
@@ -173,4 +178,4 @@ def chosen_effects(ids: tuple[str, ...]) -> tuple[Effect, ...]:
     return tuple(sorted(chosen, key=lambda effect: (STAGES.index(effect.acts_on), effect.order, effect.id)))
 
 
-__all__ = ["Derived", "Effect", "Parameter", "Ports", "Values", "amplitude_and_phase", "load_effects"]
+__all__ = ["Derived", "Effect", "Parameter", "Ports", "Values", "amplitude_and_phase", "load_effects", "unknown_share"]

@@ -11,7 +11,7 @@ names it. Source: the paper, section 4.2, and equation (21), in which τ_1 is wh
 
 from __future__ import annotations
 
-from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.effects import Effect, Ports, Values, unknown_share
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -25,18 +25,7 @@ EFFECT = Effect(
     acts_on="phase",
     title="rest at a change of springs",
     parameters=(
-        Parameter(
-            name="change_held",
-            # Mean and standard deviation of a share of which nothing is known.
-            value=0.5,
-            unit="",
-            lower=0.0,
-            upper=1.0,
-            sigma=12.0**-0.5,
-            null=0.0,
-            symbol="κ",
-            title="share of the rest at a change of springs that is held",
-        ),
+        unknown_share("change_held", symbol="κ", title="share of the rest at a change of springs that is held"),
     ),
     apply=apply,
 )

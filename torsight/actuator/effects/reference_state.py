@@ -11,7 +11,7 @@ the characterised values and never names it. Source: the paper, section 3.3, equ
 
 from __future__ import annotations
 
-from torsight.actuator.effects import Effect, Parameter, Ports, Values
+from torsight.actuator.effects import Effect, Ports, Values, unknown_share
 
 
 def apply(ports: Ports, values: Values) -> Ports:
@@ -24,19 +24,6 @@ EFFECT = Effect(
     family="form",
     acts_on="phase",
     title="reference state after a standstill",
-    parameters=(
-        Parameter(
-            name="renewal",
-            # Mean and standard deviation of a share of which nothing is known.
-            value=0.5,
-            unit="",
-            lower=0.0,
-            upper=1.0,
-            sigma=12.0**-0.5,
-            null=0.0,
-            symbol="ρ",
-            title="share of the reference state that a standstill renews",
-        ),
-    ),
+    parameters=(unknown_share("renewal", symbol="ρ", title="share of the reference state that a standstill renews"),),
     apply=apply,
 )

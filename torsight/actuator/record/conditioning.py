@@ -129,8 +129,8 @@ class Readings:
         times, means = (np.array(values, np.float64) for values in _blocks(time_s, temp_c, _BLOCK_S))
         of_block, correlation = measure_noise(times, means)
         sigma = max(of_block, 0.2 * least) * math.sqrt(correlation)
-        rounding = 2.0 * digit if is_stepped(temp_c, digit_c) else 0.0
-        clean = noise <= min(NEGLIGIBLE_C, max(rounding, _PEAKLESS_C))
+        by_rounding = noise <= min(NEGLIGIBLE_C, 2.0 * digit)
+        clean = noise <= _PEAKLESS_C or (by_rounding and is_stepped(temp_c, digit_c))
         digit_noise = math.hypot(noise, digit)
         return cls(times, means, noise, alike, alike * interval_s, sigma, digit_noise, far_apart, clean)
 

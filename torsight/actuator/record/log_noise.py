@@ -58,12 +58,15 @@ def measure_noise(time_s: Floats, temp_c: Floats) -> tuple[float, float]:
     strides = strides[len(temp_c) >= 3 * strides + 8]
     if not len(strides):
         return 0.0, 1.0
-    found, digit = _noise_at(temp_c, strides), last_digit(temp_c)
-    if found[0] <= NEGLIGIBLE_C < digit / math.sqrt(12.0) and is_stepped(temp_c, digit):
-        # Most of the time the log is constant to its last digit, which hides its noise.
-        noise, alike = _noise_at(_without_rests(temp_c, 4 * longest), strides)
-        return max(noise, digit / math.sqrt(12.0)), alike
-    return found
+    found = _noise_at(temp_c, strides)
+    if found[0] > NEGLIGIBLE_C:
+        return found
+    digit = last_digit(temp_c)
+    if digit / math.sqrt(12.0) <= NEGLIGIBLE_C or not is_stepped(temp_c, digit):
+        return found
+    # Most of the time the log is constant to its last digit, which hides its noise.
+    noise, alike = _noise_at(_without_rests(temp_c, 4 * longest), strides)
+    return max(noise, digit / math.sqrt(12.0)), alike
 
 
 def _noise_at(temp_c: Floats, strides: Ints) -> tuple[float, float]:
