@@ -173,7 +173,8 @@ def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats
             high = xi
         else:
             low = xi
-        if abs(off * by_xi) <= TORQUE_TOLERANCE or high - low < ROUNDED:
+        # On its loading curve the spring's torque is the same for all ξ: there only the law itself is a solution.
+        if (by_xi != 0.0 and abs(off * by_xi) <= TORQUE_TOLERANCE) or off == 0.0 or high - low < ROUNDED:
             break
         xi -= off / (1.0 - slope * by_xi)
         if not low < xi < high:
