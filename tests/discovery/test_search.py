@@ -394,13 +394,14 @@ class _Sticking(LinearProblem):
         return values["offset"] + (self.time_s % LENGTH >= np.floor(start))
 
 
-def test_an_effect_that_jumps_is_found_by_trials() -> None:
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_an_effect_that_jumps_is_found_by_trials(seed: int) -> None:
     own = (Parameter("excess", 0.2, "", lower=0.0, null=0.0), Parameter("power", 1.0, "", lower=0.1, sigma=0.5))
     parts = {field.name: getattr(machine(0.0), field.name) for field in fields(LinearProblem)}
     base = tuple(p for p in parts["parameters"] if p.name == "offset")
     made = replace(_Sticking(**parts), parameters=base, candidates=(Candidate("sticking", "", own),), drivers={})
     true = made.predict({"offset": 1.0, "excess": 0.7, "power": 1.4}, ("sticking",))
-    made = replace(made, observed=true + noise(3, size=0.05, tau=2.0))
+    made = replace(made, observed=true + noise(seed, size=0.05, tau=2.0))
 
     def left(problem: LinearProblem) -> float:
         fitter = Fitter(problem, Weight.of(np.full(len(true), 1.0 / 0.05**2)))

@@ -22,6 +22,7 @@ from torsight.discovery.inference.solver import (
     Solution,
     Space,
     jacobian,
+    linear_change,
     looking_ahead,
     normal_equations,
     objective,
@@ -42,6 +43,8 @@ _TRIALS: Final = 150
 """Predictions of a search without derivatives: as many as derivatives by 25 values at six points take."""
 _FINEST: Final = 1e-3
 """Relative accuracy of a parameter that is found without derivatives."""
+_LITTLE: Final = 1e-9
+"""Information, per squared scale, about a value of which neither record nor prior says anything."""
 _STAYS: Final = 1e-3
 """Prior standard deviation, in parameter scales, of a value that is held."""
 
@@ -270,15 +273,18 @@ class Fitter:
         residual = np.where(self.weight.each > 0.0, self.problem.observed - solution.prediction, 0.0)
         normal, gradient = normal_equations(solution.jacobian, residual, solution.x, weight=self.weight, space=space)
         # A value about which the record holds no information stays where it is.
-        normal[np.diag_indices_from(normal)] += 1e-9 / space.scale**2
+        normal[np.diag_indices_from(normal)] += _LITTLE / space.scale**2
         scan = EventScan(predict, solution.prediction, residual, solution.jacobian, normal, gradient, self.weight)
         found = scan.events(time.lower, time.upper, size=size.value, closest=candidate.scales[time.name])
         return [{time.name: one.at, size.name: one.size} for one in found] or [candidate.null_point()]
 
     def _by_trials(self, found: Fit) -> Fit:
-        """Fit effects whose predictions jump without derivatives (Powell's method), alternating with all other values.
+        """Fit effects whose predictions jump without derivatives (Nelder and Mead), alternating with all other values.
 
-        The search runs over the logarithms of their parameters, because relative changes decide where a jump comes.
+        The search runs over the logarithms of their parameters, because relative changes decide where a jump comes, and
+        begins with a simplex as wide as a factor of two: one inside a single step of the predictions sees no slope. All
+        other values follow each trial by the linear model (variable projection; Golub and Pereyra, SIAM J. Numer. Anal.
+        10 (1973) 413): where they have absorbed a part of the effect, no trial beside them as they are gains anything.
         """
         names = {p.name for e in found.effects if self.candidates[e].jumps for p in self.candidates[e].parameters}
         own = [i for i, p in enumerate(found.parameters) if p.name in names]
@@ -287,6 +293,8 @@ class Fitter:
         space, model = self.space(found.effects), self._model(found.effects)
         costs = self._costs(found.effects)
         least = _FINEST * space.scale[own]
+        rest = [i for i in range(len(found.parameters)) if i not in own]
+        information = space.prior_information[rest] + _LITTLE / space.scale[rest] ** 2
 
         def at(logarithms: Floats) -> Floats:
             x = found.solution.x.copy()
@@ -295,11 +303,19 @@ class Fitter:
 
         def cost(logarithms: Floats) -> float:
             x = at(logarithms)
-            return costs(x, model(x))
+            prediction, columns = model(x), found.solution.jacobian[:, rest]
+            residual = np.where(self.weight.each > 0.0, self.problem.observed - prediction, 0.0)
+            off = np.where(np.isfinite(space.prior_sigma), x - space.prior_mean, 0.0)[rest]
+            followed = x.copy()
+            followed[rest] += linear_change(columns, residual, weight=self.weight, information=information, centre=-off)
+            followed = space.clip(followed)
+            return costs(followed, prediction + columns @ (followed - x)[rest])
 
         while True:
             start = np.log(np.maximum(found.solution.x[own], least))
-            best = minimize(cost, start, method="Powell", options={"maxfev": _TRIALS, "xtol": _FINEST, "ftol": _FINEST})
+            simplex = np.vstack([start, start + np.log(2.0) * np.eye(len(own))])
+            options = {"maxfev": _TRIALS, "xatol": _FINEST, "fatol": WORTH, "initial_simplex": simplex}
+            best = minimize(cost, start, method="Nelder-Mead", options=options)
             values = dict(zip(found.values, at(best.x).tolist(), strict=True))
             again = self.fit(found.effects, [values], max_iterations=20, keep=1)
             gained = found.cost - again.cost
