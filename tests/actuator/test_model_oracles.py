@@ -170,6 +170,21 @@ def test_any_history_agrees_with_the_second_implementation(peaks, reheat, tau_c_
     assert np.abs(simulated(log, start_deg, tau_c_mnm=tau_c_mnm).phi_rad - expected).max() < 1e-6
 
 
+@pytest.mark.parametrize("top_c", [76.0, 82.0, 84.0])
+def test_a_spring_under_so_much_stress_that_it_transforms_back_as_soon_as_it_cools(top_c):
+    """Its torque falls towards the loading curve, under which it would not transform yet."""
+    # Values with which a single step leads from far above the loading curve to far below it.
+    rig = {"E_A_gpa": 55.6, "E_M_gpa": 25.2, "E_S_gpa": 7.27, "M_f_c": 31.7, "C_M_mpa_per_k": 16.4}
+    rig |= {"theta_cr_deg": 200.0, "theta_p_deg": 1450.0, "tau_c_mnm": 1.1}
+    model = ActuatorModel(replace(reference_spec(), values={**REFERENCE_VALUES, **rig}))
+    halves = [(0, [(top_c, 0.3)]), (1, [(top_c, 0.3)])]
+    log, temps = programme(halves)
+    moduli = {"e_a": 55.6e9, "e_m": 25.2e9, "e_s": 7.27e9, "m_f": 31.7, "c_m": 16.4e6}
+    values = Values(**moduli, theta_cr=200.0 * DEG, theta_p=1450.0 * DEG, tau_c=1.1e-3)
+    found = model.simulate(model.prepare_log(log, start_angle_rad=200.0 * DEG)).phi_rad
+    assert np.abs(found - by_oracle(halves, temps, 200.0, values)).max() < 1e-6
+
+
 def test_mirror_image():
     log, _ = programme([(0, [(66.0, 0.3)]), (1, FULL)])
     swapped = type(log)(log.time_s, log.temp_b_c, log.temp_a_c, heat_a=log.heat_b, heat_b=log.heat_a)
@@ -247,10 +262,13 @@ def test_constant_recoverable_angle_is_an_option():
 
 
 @pytest.mark.parametrize(("renewal", "begins"), [(0.0, 100.0), (1.0, 900.0)])
-def test_a_stroke_goes_on_or_begins_anew_after_a_hold(renewal: float, begins: float):
-    """Equation (23) gives the recoverable angle from the reference state: the beginning of the stroke, or the hold."""
+@pytest.mark.parametrize("dip_c", [0.0, 1.0])
+def test_a_stroke_goes_on_or_begins_anew_after_a_hold_or_a_dip(renewal: float, begins: float, dip_c: float):
+    """Equation (23) gives the recoverable angle from the reference state: the beginning of the stroke, or the rest."""
     time_s = np.arange(0.0, 1600.0)
-    temp_c = np.interp(time_s, [0.0, 400.0, 1400.0, 1600.0], [23.0, 56.0, 56.0, 75.0])
+    begin_s, end_s = (400.0, 1400.0) if dip_c == 0.0 else (880.0, 900.0)
+    corners_s = [0.0, begin_s, 0.5 * (begin_s + end_s), end_s, 1600.0]
+    temp_c = np.interp(time_s, corners_s, [23.0, 56.0, 56.0 - dip_c, 56.0, 75.0])
     log = TemperatureLog(time_s, temp_c, np.full(1600, 23.0), heat_a=np.ones(1600, bool), heat_b=np.zeros(1600, bool))
     model = ActuatorModel(reference_spec(), ("reference_state",))
     found = model.simulate(model.prepare_log(log, start_angle_rad=177.6 * DEG), {"renewal": renewal})
@@ -265,4 +283,5 @@ def test_a_stroke_goes_on_or_begins_anew_after_a_hold(renewal: float, begins: fl
     unwound_nm = rig.k_stress_induced * (2.0 * theta_1 - rig.theta_p_rad) - rig.tau_c_nm
     wound = theta_1 + unwound_nm / (rig.k_martensite - rig.k_stress_induced)
     left_rad = (wound - rig.theta_cr_rad) * (1.0 - rig.k_stress_induced / rig.k_martensite)
-    assert recovered_rad == pytest.approx(left_rad, rel=1e-6)
+    # Within the seconds of a dip not quite all is renewed.
+    assert recovered_rad == pytest.approx(left_rad, rel=1e-6 if dip_c == 0.0 else 1e-3)

@@ -2,7 +2,8 @@ r"""A standstill within a stroke renews the reference state of the driven spring
 
 .. math:: (θ_r, τ_r, ξ_r) → (θ_r, τ_r, ξ_r) + ρ \, (1 - e^{-t/t_0}) \, [(θ, τ, ξ) - (θ_r, τ_r, ξ_r)]
 
-ρ renewed share (0: the stroke continues as if it had not been interrupted; 1: it begins anew), t time at rest, t0 10 s.
+ρ renewed share (0: the stroke continues as if it had not been interrupted; 1: it begins anew), t time for which disk
+and transformation stand, t0 0.5 s.
 The torque does not change meanwhile; what follows does, because the stiffness multiplies the way from the reference
 state. It is no effect of the rig: the paper's rule resets the reference state wherever sticking turns into sliding and
 does not say whether a stroke interrupted by a hold of the temperature begins anew. So discovery always fits ρ beside

@@ -39,7 +39,7 @@ def level_holds(
     place; the noise of the log's rows is taken as independent. The uncertainty of a level due to rounding is included.
     """
     digit_c = last_digit(temp_c)
-    sense = turning_points(value, np.zeros(len(value), np.int64), turn_of(noise_c))
+    sense = turning_points(time_s, value, np.zeros(len(value), np.int64), turn_of(noise_c))
     tops = [_longest_level(time_s, temp_c, noise_c, int(edge)) for edge in np.flatnonzero(np.diff(sense) < 0)]
     between, corner_c = _holds_between(time_s, temp_c, noise_c, rate), beside_corners(value)
     windows = [*((first, last, 0.0) for first, last in between), *((*top, LEAST_HOLD_S) for top in tops if top)]

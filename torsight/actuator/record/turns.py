@@ -20,7 +20,7 @@ returns, and the heating continues from there.
 
 
 @compiled
-def turning_points(temperature: Floats, half: Ints, threshold: float) -> NDArray[np.int8]:
+def turning_points(time_s: Floats, temperature: Floats, half: Ints, threshold: float) -> NDArray[np.int8]:
     """Return +1 where the active spring heats and −1 where it cools; a turn counts beyond ``threshold`` °C.
 
     The turn is placed where the temperature finally leaves its extremum, not where it crosses the threshold: a hold
@@ -38,8 +38,9 @@ def turning_points(temperature: Floats, half: Ints, threshold: float) -> NDArray
         elif sense * (extreme - value) >= threshold:
             # The knee: the row furthest from the straight line between the extremum and the present row.
             first, furthest = where, 0.0
+            slope = (value - extreme) / (time_s[k] - time_s[first])
             for i in range(first + 1, k):
-                away = sense * (temperature[i] - extreme - (value - extreme) * (i - first) / (k - first))
+                away = sense * (temperature[i] - extreme - slope * (time_s[i] - time_s[first]))
                 if away > furthest:
                     where, furthest = i, away
             sense = -sense

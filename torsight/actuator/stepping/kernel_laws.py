@@ -321,5 +321,5 @@ def sampled(
         who = int(active[k])
         temps[who, k], temps[1 - who, k] = temp_a_c[k], temp_b_c[k]
     for row in range(2 if passive else 1):
-        copy_to(directions[row], turning_points(temps[row], half, REVERSAL_C))
+        copy_to(directions[row], turning_points(time_s, temps[row], half, REVERSAL_C))
     return per_s, temps, directions

@@ -9,6 +9,7 @@ import numpy as np
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.turns import REVERSAL_C, turning_points, turns_of
+from torsight.actuator.stepping.kernel import STANDS_S
 from torsight.core.series import APART, bridged, means_beside, runs, scatter, usual_step
 from torsight.core.units import DEG, Flags, Floats, Ints
 
@@ -37,8 +38,8 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
     smooth = _running_median(drive.angle_rad / DEG)
     keep = np.zeros(len(drive), bool)
     keep[np.flatnonzero(np.diff(np.floor(way))) + 1] = True
-    keep[_dips(active, drive)] = True
-    turn = np.flatnonzero(np.diff(turning_points(active, drive.cycles.half, REVERSAL_C)) < 0)
+    keep[_standstills(active, drive)] = True
+    turn = np.flatnonzero(np.diff(turning_points(drive.time_s, active, drive.cycles.half, REVERSAL_C)) < 0)
     near, far, second = (max(1, round(span_s / interval)) for span_s in (2.0, 15.0, 1.5))
     for place in [*turn, *_ends_of_rests(at_rest, smooth), *_tops(active, smooth, drive.cycles.half, turn)]:
         keep[max(0, place - near) : place + near] = True
@@ -49,17 +50,27 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
     return np.flatnonzero(keep)
 
 
-def _dips(active: Floats, drive: Drive) -> Ints:
-    """Return the rows at which the driven temperature turns, and those at which it is as high again as before a dip.
+def _standstills(active: Floats, drive: Drive) -> Ints:
+    """Return the rows at which the driven temperature stops, by a hold or a dip, and those at which it goes on.
 
-    A transformation only advances: between two rows a dip would hide how far it has come, and how long it stood.
+    A transformation only advances: between two rows a dip would hide how far it has come, and how long it stood. The
+    temperature stands where it advances beyond all earlier ones by no more than negligible noise a second.
     """
-    least = max(APART * drive.noise_c, NEGLIGIBLE_C)
-    found = [turns_of(active, least)]
+    interval = usual_step(drive.time_s)
+    span = max(1, round(STANDS_S / interval))
+    kept = turns_of(active, max(APART * drive.noise_c, NEGLIGIBLE_C)).tolist()
     for begin, end in zip(drive.cycles.begins, np.append(drive.cycles.begins[1:], len(drive)), strict=True):
-        below = np.maximum.accumulate(active[begin:end]) - active[begin:end] > least
-        found.append(begin + np.flatnonzero(np.diff(below.astype(np.int8)) < 0) + 1)
-    return np.concatenate(found)
+        top = begin + int(np.argmax(active[begin:end]))
+        for first, way in ((begin, active[begin:top]), (top, -active[top:end])):
+            furthest = np.maximum.accumulate(way)
+            slow = np.flatnonzero(furthest[span:] - furthest[:-span] < NEGLIGIBLE_C * span * interval)
+            stands = np.zeros(len(way), bool)
+            for ahead in range(span + 1):
+                stands[slow + ahead] = True
+            for start, stop in runs(stands):
+                last = int(np.searchsorted(furthest[:stop], furthest[stop - 1]))
+                kept += [first + start, first + last, first + stop - 1]
+    return np.array(kept)
 
 
 def _ends_of_rests(at_rest: Flags, angle_deg: Floats) -> list[int]:
