@@ -130,20 +130,13 @@ def calibrate_two(
     seen_right = find_views(right, board, step=seen_left.step, only=only, progress=progress)
     sides = _side(seen_left, progress=progress), _side(seen_right, progress=progress)
     pair = calibrate_pair(sides[0].lens, sides[1].lens, progress=progress)
-    verdict = worst_of(
-        [
-            ("left", judge_lens(sides[0].lens, seen_left.size_px)),
-            ("right", judge_lens(sides[1].lens, seen_right.size_px)),
-            (
-                "pair",
-                judge_pair(
-                    pairs=len(pair.index),
-                    epipolar_px=float(pair.epipolar_px.mean()),
-                    baseline_share=pair.baseline_sigma_mm / pair.baseline_mm,
-                ),
-            ),
-        ]
+    lenses = [judge_lens(side.lens, side.seen.size_px) for side in sides]
+    of_pair = judge_pair(
+        pairs=len(pair.index),
+        epipolar_px=float(pair.epipolar_px.mean()),
+        baseline_share=pair.baseline_sigma_mm / pair.baseline_mm,
     )
+    verdict = worst_of([*zip(("left", "right"), lenses, strict=True), ("pair", of_pair)])
     return Calibration(board, *sides, pair, verdict=verdict)
 
 
@@ -203,13 +196,11 @@ def measure_axis(
 
 def camera_of(calibration: Calibration, known: Camera | None = None) -> Camera:
     """Return the camera for ``CAMERA.toml``, without the table ``[calibration]``."""
-    intrinsics = calibration.left.lens.fit.intrinsics if calibration.left else None
-    if intrinsics is None:
-        if known is None:
-            raise ConfigError("needs pictures of a board, or a camera that is known", where="calibrate")
-        intrinsics = known.intrinsics
+    lens = calibration.left.lens.fit if calibration.left else known
+    if lens is None:
+        raise ConfigError("needs pictures of a board, or a camera that is known", where="calibrate")
     return Camera(
-        intrinsics=intrinsics,
+        intrinsics=lens.intrinsics,
         pose=calibration.disk.pose if calibration.disk else None,
         right=calibration.pair.right if calibration.pair else None,
     )

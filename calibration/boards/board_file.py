@@ -89,12 +89,8 @@ class Board:
 
     def content(self) -> dict[str, Any]:
         """Return the board as keys of ``BOARD.toml``."""
-        content: dict[str, Any] = {
-            "kind": self.kind,
-            "columns": self.columns,
-            "rows": self.rows,
-            "square_mm": self.square_mm,
-        }
+        names = ("kind", "columns", "rows", "square_mm")
+        content: dict[str, Any] = {name: getattr(self, name) for name in names}
         if self.kind == "charuco":
             content |= {"marker_mm": self.marker_mm, "dictionary": self.dictionary}
             content |= {"legacy": True} if self.legacy else {}
@@ -165,18 +161,7 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
             limit=f"below square_mm = {board.square_mm:g}",
             do="measure both on the print",
         )
-    return _enough_markers(board, where=where)
-
-
-def _get_side(table: Mapping[str, Any], key: str, *, where: str) -> float:
-    """Return the side of a square or of a marker, mm."""
-    hint = "give it in millimetres, not in metres"
-    return get_number(table, key, where=where, lower=_SMALLEST_MM, upper=1e4, hint=hint)
-
-
-def _enough_markers(board: Board, *, where: str) -> Board:
-    needed = board.columns * board.rows // 2
-    held = int(board.dictionary.rsplit("_", 1)[1])
+    needed, held = board.columns * board.rows // 2, int(board.dictionary.rsplit("_", 1)[1])
     if needed > held:
         raise ConfigError(
             f"'dictionary' {board.dictionary} has too few markers",
@@ -186,3 +171,9 @@ def _enough_markers(board: Board, *, where: str) -> Board:
             do="take a larger dictionary or fewer squares",
         )
     return board
+
+
+def _get_side(table: Mapping[str, Any], key: str, *, where: str) -> float:
+    """Return the side of a square or of a marker, mm."""
+    hint = "give it in millimetres, not in metres"
+    return get_number(table, key, where=where, lower=_SMALLEST_MM, upper=1e4, hint=hint)

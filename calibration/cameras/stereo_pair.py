@@ -79,12 +79,8 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
             if worst is None:
                 break
             median = float(np.median(error))
-            aside.append(
-                SetAside(
-                    pairs.pop(worst).index,
-                    f"the two pictures disagree by {error[worst]:.2f} px, the median is {median:.2f} px",
-                )
-            )
+            why = f"the two pictures disagree by {error[worst]:.2f} px, the median is {median:.2f} px"
+            aside.append(SetAside(pairs.pop(worst).index, why))
         sigma, baseline_sigma_mm = _jackknife(pairs, left, right, motion, progress=progress)
     camera = RightCamera(lenses[1], rvec=motion[:3], tvec_mm=motion[3:])
     epipolar = [
@@ -106,10 +102,7 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
 def _common_views(left: Sequence[View], right: Sequence[View]) -> list[_Common]:
     others = {view.index: view for view in right}
     pairs = []
-    for view in left:
-        other = others.get(view.index)
-        if other is None:
-            continue
+    for view, other in ((view, others[view.index]) for view in left if view.index in others):
         _, mine, theirs = np.intersect1d(view.corner, other.corner, return_indices=True)
         if len(mine) >= FEWEST_CORNERS:
             pairs.append(_Common(view.index, view.points_mm[mine], view.corners_px[mine], other.corners_px[theirs]))
