@@ -28,22 +28,10 @@ _CHARUCO_KEYS: Final = ("marker_mm", "dictionary", "legacy")
 class Board:
     """A flat board with a known pattern.
 
-    Attributes
-    ----------
-    kind : {"chessboard", "charuco"}
-        The pattern.
-    columns, rows : int
-        Chessboard: inner corners per row and per column. ChArUco: squares.
-    square_mm : float
-        Side of a square, as measured on the print.
-    marker_mm : float
-        ChArUco: side of a marker; 0 for a chessboard.
-    dictionary : str
-        ChArUco: OpenCV's name of the markers' dictionary.
-    legacy : bool
-        ChArUco: the pattern of OpenCV before version 4.6.
-    axis_mm : (float, float)
-        Point at which the rotation axis passes a board on the disk: to the right of and below the board's middle.
+    ``columns`` and ``rows`` count the inner corners of a chessboard, the squares of a ChArUco board; ``square_mm`` is
+    the side of a square, as measured on the print. Only a ChArUco board has markers, with the side ``marker_mm`` from
+    OpenCV's ``dictionary`` of this name; ``legacy``: in the pattern of OpenCV before version 4.6. ``axis_mm`` is the
+    point at which the rotation axis passes a board on the disk, to the right of and below the board's middle.
     """
 
     kind: Literal["chessboard", "charuco"]

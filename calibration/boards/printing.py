@@ -96,7 +96,6 @@ class Drawing(Shown):
         return {"page": size, "black": f"{len(self.rectangles)} rectangles", "words": words}
 
     def _columns(self) -> dict[str, Any]:
-        """Return one row per rectangle."""
         names = ("x_mm", "y_mm", "width_mm", "height_mm")
         return {name: [getattr(item, name) for item in self.rectangles] for name in names}
 
@@ -119,10 +118,7 @@ class Drawing(Shown):
 def draw_board(board: Board, *, page: str = "a4") -> Drawing:
     """Return the board in the middle of a page, with a caption and a bar of 100 mm to check the scale.
 
-    Raises
-    ------
-    ConfigError
-        When the board with its white border is larger than the page.
+    Raises ConfigError when the board with its white border is larger than the page.
     """
     width_mm, height_mm = PAGES_MM[page]
     across, down = (count * board.square_mm for count in board.squares)
@@ -201,10 +197,7 @@ def _page(drawing: Drawing, *, dpi: float) -> Figure:
 def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
     """Write the page; the suffix (svg, pdf or png) decides the format.
 
-    Raises
-    ------
-    ConfigError
-        For another suffix.
+    Raises ConfigError for another suffix.
     """
     path = Path(path)
     suffix = path.suffix.lower()

@@ -69,7 +69,13 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
     Raises NoResultError when too few pictures show the board in both cameras.
     """
     pairs = _common_views(left.kept_views, right.kept_views)
-    _require_pairs(len(pairs))
+    if len(pairs) < FEWEST_PAIRS:
+        raise NoResultError(
+            "too few pairs of pictures show the board in both cameras",
+            value=counted(len(pairs), "pair"),
+            limit=f"at least {FEWEST_PAIRS}; 8 and more are good",
+            do="hold the board where both cameras see it, and name left and right pictures in the same order",
+        )
     lenses = left.fit.intrinsics, right.fit.intrinsics
     aside: list[SetAside] = []
     with one_thread():
@@ -160,13 +166,3 @@ def _jackknife(
     baseline = np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
     whole = np.array([np.linalg.norm(motion[3:])])
     return jackknife_sigma(values, motion), float(jackknife_sigma(baseline, whole)[0])
-
-
-def _require_pairs(count: int) -> None:
-    if count < FEWEST_PAIRS:
-        raise NoResultError(
-            "too few pairs of pictures show the board in both cameras",
-            value=counted(count, "pair"),
-            limit=f"at least {FEWEST_PAIRS}; 8 and more are good",
-            do="hold the board where both cameras see it, and name left and right pictures in the same order",
-        )
