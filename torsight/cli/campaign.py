@@ -64,7 +64,7 @@ def find_experiments(sources: Iterable[str]) -> list[Path]:
     for source in sources:
         path = Path(source)
         if path.is_dir():
-            files = [item for item in path.rglob("*.toml") if item.stem == "experiment" or "experiment" in item.stem]
+            files = list(path.rglob("*experiment*.toml"))
         elif path.exists():
             files = [path]
         else:

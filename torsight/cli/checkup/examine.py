@@ -140,7 +140,7 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
     if inputs.log is not None:
         content["log"] = log.content
     if spec is not None and log.reading is not None:
-        more, programme = check_programme(log, spec, where=str(inputs.log), progress=progress)
+        more, programme = check_programme(log.reading, spec, where=str(inputs.log), progress=progress)
         findings += more
         content["programme"] = programme
     angles = _read(findings, "angle", inputs.angle, read_angles)

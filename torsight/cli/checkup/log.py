@@ -105,10 +105,9 @@ def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
 
 
 def check_programme(
-    check: LogCheck, spec: ActuatorSpec, *, where: str, progress: Progress = silent
+    reading: LogReading, spec: ActuatorSpec, *, where: str, progress: Progress = silent
 ) -> tuple[list[Finding], dict[str, Any]]:
     """Check the actuator's response to the log: full heatings, rates, holds, and what discovery can find."""
-    reading = check.reading
     limits = limits_of(spec)
     if limits is None:
         text = "by these values the actuator never moves: friction holds it, or nothing can be recovered."
@@ -119,8 +118,6 @@ def check_programme(
         "fully_cooled_at_c": limits.cooled_c,
         "range_deg": limits.range_deg,
     }
-    if reading is None:
-        return [], content
     try:
         drive = driven_by(reading, spec, limits, where=where)
     except TorsightError as error:
