@@ -37,8 +37,8 @@ from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
 
 _FOCUS: Final = f":focus-visible {{ outline: 3px solid {LIGHT['held']}; }}"
-"""The fonts of the page's style sheet, because a plot has a separate style sheet."""
 _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif'
+"""Outline and fonts of the page's style sheet, because a plot has a separate style sheet."""
 
 
 @dataclass(frozen=True, slots=True)
