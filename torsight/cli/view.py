@@ -65,7 +65,7 @@ def view(
     try:
         if serve:
             say(f"In a browser  {browser_address(browser_port, address_of(own_port))}  (Ctrl-C ends it)")
-        code = viewer.process.wait()
+        code = viewer.wait()
         reason = viewer.why_ended()
     except Ended as ended:
         ended.usual = ended.number == signal.SIGINT

@@ -116,6 +116,10 @@ class Viewer:
         """Whether the viewer has not ended yet."""
         return self.process.poll() is None
 
+    def wait(self) -> int:
+        """Wait until the viewer ends and return its exit code."""
+        return self.process.wait()
+
     def ends(self) -> bool:
         """Wait briefly for the viewer to end, and return whether it has ended."""
         try:
