@@ -26,25 +26,10 @@ from torsight.core.files.storage import json_text, read_json, write_table
 from torsight.core.progress import Progress, silent
 
 RESULT_COLUMNS: Final = (
-    "name",
-    "status",
-    "message",
-    "frames",
-    "valid_share",
-    "angle_min_deg",
-    "angle_max_deg",
-    "angle_sigma_deg",
-    "offset_s",
-    "tau_c_mnm",
-    "tau_c_lo_mnm",
-    "tau_c_hi_mnm",
-    "verdict",
-    "effects",
-    "rmse_before_deg",
-    "rmse_after_deg",
-    "noise_floor_deg",
-    "folder",
-)
+    "name", "status", "message", "frames", "valid_share", "angle_min_deg", "angle_max_deg", "angle_sigma_deg",
+    "offset_s", "tau_c_mnm", "tau_c_lo_mnm", "tau_c_hi_mnm", "verdict", "effects", "rmse_before_deg",
+    "rmse_after_deg", "noise_floor_deg", "folder",
+)  # fmt: skip
 """Columns of ``results.csv`` and ``results.parquet``, one row per experiment."""
 
 
