@@ -34,24 +34,11 @@ class Side:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Calibration(Shown):
-    """The result of the stage.
+    """The result of the stage, with the verdict on all parts; None for parts that were not measured.
 
-    Attributes
-    ----------
-    board : Board
-        The board.
-    left : Side or None
-        The (left) camera; None where only the pose was measured, with a known camera.
-    right : Side or None
-        The right camera of a pair.
-    pair : PairCalibration or None
-        Pose of the right camera relative to the left one.
-    disk : DiskPose or None
-        The rotation axis, from a board on the disk.
-    disk_seen : Seen or None
-        The pictures of the board on the disk.
-    verdict : Verdict
-        Verdict on all parts.
+    ``left`` is the (left) camera, None where only the pose was measured, with a known camera. ``pair`` is the pose of
+    the right camera relative to the left one, ``disk`` the rotation axis from a board on the disk, which ``disk_seen``
+    shows.
     """
 
     board: Board
@@ -98,12 +85,8 @@ class Calibration(Shown):
 def calibrate_one(images: Sequence[AnyPath], board: Board, *, progress: Progress = silent) -> Calibration:
     """Calibrate one camera from pictures or films of a board.
 
-    Raises
-    ------
-    InputError
-        When a file cannot be used, or pictures differ in size or camera.
-    NoResultError
-        When the board is not found, or the views do not determine a camera.
+    Raises InputError when a file cannot be used, or pictures differ in size or camera; NoResultError when the board is
+    not found, or the views do not determine a camera.
     """
     side = _side(find_views(images, board, progress=progress), progress=progress)
     verdict = judge_lens(side.lens, side.seen.size_px)
@@ -115,12 +98,8 @@ def calibrate_two(
 ) -> Calibration:
     """Calibrate a stereo pair from pictures in the same order on both sides, or from two films that start together.
 
-    Raises
-    ------
-    InputError
-        When the sides differ in number, a file cannot be used, or pictures of one side differ in size or camera.
-    NoResultError
-        When the board is not found, or the views do not determine the cameras.
+    Raises InputError when the sides differ in number, a file cannot be used, or pictures of one side differ in size or
+    camera; NoResultError when the board is not found, or the views do not determine the cameras.
     """
     _require_pairing(expand(images), expand(right))
     seen_left = find_views(images, board, progress=progress)
@@ -130,20 +109,13 @@ def calibrate_two(
     seen_right = find_views(right, board, step=seen_left.step, only=only, progress=progress)
     sides = _side(seen_left, progress=progress), _side(seen_right, progress=progress)
     pair = calibrate_pair(sides[0].lens, sides[1].lens, progress=progress)
-    verdict = worst_of(
-        [
-            ("left", judge_lens(sides[0].lens, seen_left.size_px)),
-            ("right", judge_lens(sides[1].lens, seen_right.size_px)),
-            (
-                "pair",
-                judge_pair(
-                    pairs=len(pair.index),
-                    epipolar_px=float(pair.epipolar_px.mean()),
-                    baseline_share=pair.baseline_sigma_mm / pair.baseline_mm,
-                ),
-            ),
-        ]
+    lenses = [judge_lens(side.lens, side.seen.size_px) for side in sides]
+    of_pair = judge_pair(
+        pairs=len(pair.index),
+        epipolar_px=float(pair.epipolar_px.mean()),
+        baseline_share=pair.baseline_sigma_mm / pair.baseline_mm,
     )
+    verdict = worst_of([*zip(("left", "right"), lenses, strict=True), ("pair", of_pair)])
     return Calibration(board, *sides, pair, verdict=verdict)
 
 
@@ -161,15 +133,9 @@ def measure_axis(
 
     ``device`` names the camera and its focal length, if the pictures of its calibration state them.
 
-    Raises
-    ------
-    ConfigError
-        When the board is symmetric under a turn and several positions of the disk are shown, or the camera file is for
-        another picture size.
-    InputError
-        When the pictures are of another camera.
-    NoResultError
-        When the board is not found in one of them.
+    Raises ConfigError when the board is symmetric under a turn and several positions of the disk are shown, or the
+    camera file is for another picture size; InputError when the pictures are of another camera; NoResultError when the
+    board is not found in one of them.
     """
     seen = find_views(images, board, progress=progress)
     require_size(Camera(intrinsics), seen.size_px, film=seen.sources[0].name)
@@ -203,13 +169,11 @@ def measure_axis(
 
 def camera_of(calibration: Calibration, known: Camera | None = None) -> Camera:
     """Return the camera for ``CAMERA.toml``, without the table ``[calibration]``."""
-    intrinsics = calibration.left.lens.fit.intrinsics if calibration.left else None
-    if intrinsics is None:
-        if known is None:
-            raise ConfigError("needs pictures of a board, or a camera that is known", where="calibrate")
-        intrinsics = known.intrinsics
+    lens = calibration.left.lens.fit if calibration.left else known
+    if lens is None:
+        raise ConfigError("needs pictures of a board, or a camera that is known", where="calibrate")
     return Camera(
-        intrinsics=intrinsics,
+        intrinsics=lens.intrinsics,
         pose=calibration.disk.pose if calibration.disk else None,
         right=calibration.pair.right if calibration.pair else None,
     )

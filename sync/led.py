@@ -90,12 +90,7 @@ def switchings_of(time_s: Floats, switch: Flags) -> Changes:
 def read_light_events(path: AnyPath) -> LightEvents:
     """Read film times of an LED: ``time_s`` and, optionally, ``on`` (1: it goes on, 0: it goes off).
 
-    Without ``on`` the LED is switched on at every time.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read or holds no times.
+    Without ``on`` the LED is switched on at every time. InputError when the file cannot be read or holds no times.
     """
     path = Path(path)
     table = read_table(path, required=("time_s",))
@@ -215,18 +210,15 @@ def _two_levels(value: Floats) -> tuple[float, float, float]:
     """Return the medians of the two levels of values, and the noise of one value."""
     if len(value) < 2:
         return 0.0, 0.0, 0.0
+    low, high = float(value.min()), float(value.max())
     # Alternate threshold and medians until they are constant: usually two or three times.
-    threshold = 0.5 * float(value.min() + value.max())
-    low = high = threshold
     for _ in range(50):
-        below, above = value[value <= threshold], value[value > threshold]
-        if len(above) == 0:
+        before, above = (low, high), value > 0.5 * (low + high)
+        if not above.any():
             break
-        low, high = float(np.median(below)), float(np.median(above))
-        moved = 0.5 * (low + high)
-        if moved == threshold:
+        low, high = float(np.median(value[~above])), float(np.median(value[above]))
+        if (low, high) == before:
             break
-        threshold = moved
     away = np.minimum(np.abs(value - low), np.abs(value - high))
     return low, high, robust_sigma(away)
 

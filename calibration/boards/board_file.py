@@ -28,22 +28,10 @@ _CHARUCO_KEYS: Final = ("marker_mm", "dictionary", "legacy")
 class Board:
     """A flat board with a known pattern.
 
-    Attributes
-    ----------
-    kind : {"chessboard", "charuco"}
-        The pattern.
-    columns, rows : int
-        Chessboard: inner corners per row and per column. ChArUco: squares.
-    square_mm : float
-        Side of a square, as measured on the print.
-    marker_mm : float
-        ChArUco: side of a marker; 0 for a chessboard.
-    dictionary : str
-        ChArUco: OpenCV's name of the markers' dictionary.
-    legacy : bool
-        ChArUco: the pattern of OpenCV before version 4.6.
-    axis_mm : (float, float)
-        Point at which the rotation axis passes a board on the disk: to the right of and below the board's middle.
+    ``columns`` and ``rows`` count the inner corners of a chessboard, the squares of a ChArUco board; ``square_mm`` is
+    the side of a square, as measured on the print. Only a ChArUco board has markers, with the side ``marker_mm`` from
+    OpenCV's ``dictionary`` of this name; ``legacy``: in the pattern of OpenCV before version 4.6. ``axis_mm`` is the
+    point at which the rotation axis passes a board on the disk, to the right of and below the board's middle.
     """
 
     kind: Literal["chessboard", "charuco"]
@@ -89,12 +77,8 @@ class Board:
 
     def content(self) -> dict[str, Any]:
         """Return the board as keys of ``BOARD.toml``."""
-        content: dict[str, Any] = {
-            "kind": self.kind,
-            "columns": self.columns,
-            "rows": self.rows,
-            "square_mm": self.square_mm,
-        }
+        names = ("kind", "columns", "rows", "square_mm")
+        content: dict[str, Any] = {name: getattr(self, name) for name in names}
         if self.kind == "charuco":
             content |= {"marker_mm": self.marker_mm, "dictionary": self.dictionary}
             content |= {"legacy": True} if self.legacy else {}
@@ -165,18 +149,7 @@ def board_from(table: Mapping[str, Any], *, where: str) -> Board:
             limit=f"below square_mm = {board.square_mm:g}",
             do="measure both on the print",
         )
-    return _enough_markers(board, where=where)
-
-
-def _get_side(table: Mapping[str, Any], key: str, *, where: str) -> float:
-    """Return the side of a square or of a marker, mm."""
-    hint = "give it in millimetres, not in metres"
-    return get_number(table, key, where=where, lower=_SMALLEST_MM, upper=1e4, hint=hint)
-
-
-def _enough_markers(board: Board, *, where: str) -> Board:
-    needed = board.columns * board.rows // 2
-    held = int(board.dictionary.rsplit("_", 1)[1])
+    needed, held = board.columns * board.rows // 2, int(board.dictionary.rsplit("_", 1)[1])
     if needed > held:
         raise ConfigError(
             f"'dictionary' {board.dictionary} has too few markers",
@@ -186,3 +159,9 @@ def _enough_markers(board: Board, *, where: str) -> Board:
             do="take a larger dictionary or fewer squares",
         )
     return board
+
+
+def _get_side(table: Mapping[str, Any], key: str, *, where: str) -> float:
+    """Return the side of a square or of a marker, mm."""
+    hint = "give it in millimetres, not in metres"
+    return get_number(table, key, where=where, lower=_SMALLEST_MM, upper=1e4, hint=hint)

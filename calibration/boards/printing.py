@@ -92,14 +92,10 @@ class Drawing(Shown):
     def facts(self) -> dict[str, str]:
         """Return the page's size, the number of its rectangles, and its text."""
         words = "; ".join(item.words for item in self.texts)
-        return {
-            "page": f"{self.page_mm[0]:g} × {self.page_mm[1]:g} mm",
-            "black": f"{len(self.rectangles)} rectangles",
-            "words": words,
-        }
+        size = f"{self.page_mm[0]:g} × {self.page_mm[1]:g} mm"
+        return {"page": size, "black": f"{len(self.rectangles)} rectangles", "words": words}
 
     def _columns(self) -> dict[str, Any]:
-        """Return one row per rectangle."""
         names = ("x_mm", "y_mm", "width_mm", "height_mm")
         return {name: [getattr(item, name) for item in self.rectangles] for name in names}
 
@@ -122,10 +118,7 @@ class Drawing(Shown):
 def draw_board(board: Board, *, page: str = "a4") -> Drawing:
     """Return the board in the middle of a page, with a caption and a bar of 100 mm to check the scale.
 
-    Raises
-    ------
-    ConfigError
-        When the board with its white border is larger than the page.
+    Raises ConfigError when the board with its white border is larger than the page.
     """
     width_mm, height_mm = PAGES_MM[page]
     across, down = (count * board.square_mm for count in board.squares)
@@ -142,33 +135,24 @@ def draw_board(board: Board, *, page: str = "a4") -> Drawing:
     left, top = 0.5 * (width_mm - across), 0.5 * (height_mm - LAYOUT.foot_mm - down)
     foot = height_mm - LAYOUT.margin_mm
     bar, words = check_bar(page)
-    return Drawing(
-        page_mm=(width_mm, height_mm),
-        rectangles=(
-            *(Rectangle(left + item.x_mm, top + item.y_mm, item.width_mm, item.height_mm) for item in _pattern(board)),
-            bar,
-        ),
-        texts=(
-            Text(
-                LAYOUT.margin_mm, foot, f"{board.describe().removeprefix('a ')}, {board.square_mm:g} mm; print at 100 %"
-            ),
-            words,
-        ),
-    )
+    caption = f"{board.describe().removeprefix('a ')}, {board.square_mm:g} mm; print at 100 %"
+    shapes = (*_pattern(board, left, top), bar)
+    return Drawing((width_mm, height_mm), shapes, (Text(LAYOUT.margin_mm, foot, caption), words))
 
 
-def _pattern(board: Board) -> list[Rectangle]:
+def _pattern(board: Board, x_mm: float, y_mm: float) -> list[Rectangle]:
+    """Return the black parts of a board whose top left corner is at (x, y)."""
     across, down = board.squares
     side = board.square_mm
     # The first square is black; OpenCV's older ChArUco pattern starts with a marker where the rows are even.
     start = 1 if board.legacy and down % 2 == 0 else 0
     squares = [(row, column) for row in range(down) for column in range(across)]
     black = [place for place in squares if (sum(place) + start) % 2 == 0]
-    shapes = [Rectangle(column * side, row * side, side, side) for row, column in black]
+    shapes = [Rectangle(x_mm + column * side, y_mm + row * side, side, side) for row, column in black]
     if board.kind == "charuco":
         border = 0.5 * (side - board.marker_mm)
         for number, (row, column) in enumerate(place for place in squares if place not in black):
-            left, top = column * side + border, row * side + border
+            left, top = x_mm + (column * side + border), y_mm + (row * side + border)
             shapes += draw_tag(board.dictionary, number, left, top, side_mm=board.marker_mm)
     return shapes
 
@@ -213,10 +197,7 @@ def _page(drawing: Drawing, *, dpi: float) -> Figure:
 def write_board(path: AnyPath, drawing: Drawing, *, dpi: float = 300.0) -> None:
     """Write the page; the suffix (svg, pdf or png) decides the format.
 
-    Raises
-    ------
-    ConfigError
-        For another suffix.
+    Raises ConfigError for another suffix.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -236,14 +217,8 @@ def usual_board(kind: str, *, page: str = "a4") -> Board:
     square_mm = float(np.floor(room))
     if kind == "chessboard":
         return Board("chessboard", columns=9, rows=6, square_mm=square_mm)
-    return Board(
-        "charuco",
-        columns=10,
-        rows=7,
-        square_mm=square_mm,
-        marker_mm=round(0.7 * square_mm, 1),
-        dictionary="DICT_5X5_50",
-    )
+    marker_mm = round(0.7 * square_mm, 1)
+    return Board("charuco", columns=10, rows=7, square_mm=square_mm, marker_mm=marker_mm, dictionary="DICT_5X5_50")
 
 
 _STICKS: Final = ("base", "moving")

@@ -69,7 +69,13 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
     Raises NoResultError when too few pictures show the board in both cameras.
     """
     pairs = _common_views(left.kept_views, right.kept_views)
-    _require_pairs(len(pairs))
+    if len(pairs) < FEWEST_PAIRS:
+        raise NoResultError(
+            "too few pairs of pictures show the board in both cameras",
+            value=counted(len(pairs), "pair"),
+            limit=f"at least {FEWEST_PAIRS}; 8 and more are good",
+            do="hold the board where both cameras see it, and name left and right pictures in the same order",
+        )
     lenses = left.fit.intrinsics, right.fit.intrinsics
     aside: list[SetAside] = []
     with one_thread():
@@ -79,12 +85,8 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
             if worst is None:
                 break
             median = float(np.median(error))
-            aside.append(
-                SetAside(
-                    pairs.pop(worst).index,
-                    f"the two pictures disagree by {error[worst]:.2f} px, the median is {median:.2f} px",
-                )
-            )
+            why = f"the two pictures disagree by {error[worst]:.2f} px, the median is {median:.2f} px"
+            aside.append(SetAside(pairs.pop(worst).index, why))
         sigma, baseline_sigma_mm = _jackknife(pairs, left, right, motion, progress=progress)
     camera = RightCamera(lenses[1], rvec=motion[:3], tvec_mm=motion[3:])
     epipolar = [
@@ -106,10 +108,7 @@ def calibrate_pair(left: LensCalibration, right: LensCalibration, *, progress: P
 def _common_views(left: Sequence[View], right: Sequence[View]) -> list[_Common]:
     others = {view.index: view for view in right}
     pairs = []
-    for view in left:
-        other = others.get(view.index)
-        if other is None:
-            continue
+    for view, other in ((view, others[view.index]) for view in left if view.index in others):
         _, mine, theirs = np.intersect1d(view.corner, other.corner, return_indices=True)
         if len(mine) >= FEWEST_CORNERS:
             pairs.append(_Common(view.index, view.points_mm[mine], view.corners_px[mine], other.corners_px[theirs]))
@@ -167,13 +166,3 @@ def _jackknife(
     baseline = np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
     whole = np.array([np.linalg.norm(motion[3:])])
     return jackknife_sigma(values, motion), float(jackknife_sigma(baseline, whole)[0])
-
-
-def _require_pairs(count: int) -> None:
-    if count < FEWEST_PAIRS:
-        raise NoResultError(
-            "too few pairs of pictures show the board in both cameras",
-            value=counted(count, "pair"),
-            limit=f"at least {FEWEST_PAIRS}; 8 and more are good",
-            do="hold the board where both cameras see it, and name left and right pictures in the same order",
-        )

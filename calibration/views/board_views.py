@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -85,7 +85,6 @@ class Seen(Shown):
         }
 
     def _draw(self, axes: Any) -> None:
-        """Draw the positions of all corners in the picture."""
         for view in self.views:
             axes.plot(*np.reshape(view.corners_px, (-1, 2)).T, ".", markersize=2)
         axes.set(xlim=(0.0, self.size_px[0]), ylim=(self.size_px[1], 0.0))
@@ -120,7 +119,7 @@ def find_views(
     hashes: dict[str, str] = {}
     with one_thread():
         for index, picture in enumerate(read_pictures(files, step=step)):
-            first = first or replace(picture, grey=picture.grey[:])
+            first = first or picture
             require_same_camera(first, picture)
             progress("looking for the board", index + 1, total)
             if only is not None and index not in only:

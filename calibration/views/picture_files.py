@@ -117,9 +117,9 @@ def _frames(path: Path, step: int) -> Iterator[Picture]:
             stream.thread_type = "AUTO"
             for index, frame in enumerate(_decoded(container, stream)):
                 if index % step == 0:
-                    yield Picture(
-                        name=f"{path.name} frame {index}", grey=_as_displayed(frame), sha256=digest, group=path.name
-                    )
+                    turned = np.rot90(frame.to_ndarray(format="gray"), k=int(frame.rotation or 0) // 90)
+                    grey = np.ascontiguousarray(turned)
+                    yield Picture(name=f"{path.name} frame {index}", grey=grey, sha256=digest, group=path.name)
     except (av.error.FFmpegError, IndexError, OSError) as error:
         raise _no_film(path, error) from error
 
@@ -148,11 +148,6 @@ def _decoded(container: Any, stream: Any) -> Iterator[Any]:
             yield from packet.decode()
         except av.error.InvalidDataError:
             continue
-
-
-def _as_displayed(frame: Any) -> NDArray[np.uint8]:
-    grey = frame.to_ndarray(format="gray")
-    return np.ascontiguousarray(np.rot90(grey, k=int(frame.rotation or 0) // 90))
 
 
 def require_same_camera(first: Picture, other: Picture) -> None:

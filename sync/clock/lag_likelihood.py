@@ -43,11 +43,7 @@ class LagMixture:
 def lag_mixture(changepoints: Sequence[Changepoint]) -> LagMixture:
     """Return the distribution of the lag from all changepoints of a log."""
     # A lag at the end of the grid is a bound, not a value.
-    usable = [
-        changepoint
-        for changepoint in changepoints
-        if changepoint.lag_s < 0.9 * MAX_LAG_S and changepoint.lag_sigma_s < 2.0
-    ]
+    usable = [one for one in changepoints if one.lag_s < 0.9 * MAX_LAG_S and one.lag_sigma_s < 2.0]
     if not usable:
         some = np.arange(0.25, MAX_LAG_S, 0.5)
         weight = np.concatenate([[PRIORS.no_lag], np.full(len(some), (1.0 - PRIORS.no_lag) / len(some))])
@@ -88,22 +84,18 @@ def weighed_lags(options: Mapping[float, Sequence[Changepoint]]) -> LagMixture:
 
 def _pooled(changepoints: Sequence[Changepoint]) -> tuple[float, float]:
     """Return the common lag of all changepoints and its sigma, from their likelihoods, without outliers."""
-    middle = float(np.median([changepoint.lag_s for changepoint in changepoints]))
-    typical = float(np.median([changepoint.lag_sigma_s for changepoint in changepoints]))
-    spread = robust_sigma(np.array([changepoint.lag_s - middle for changepoint in changepoints]))
+    lag_s = np.array([one.lag_s for one in changepoints])
+    middle, typical = float(np.median(lag_s)), float(np.median([one.lag_sigma_s for one in changepoints]))
+    spread = robust_sigma(lag_s - middle)
     reach = 4.0 * max(typical, spread, 0.02)
     grid = np.linspace(max(0.0, middle - reach), middle + reach, 201)
     total = np.zeros(len(grid))
-    count = 0
-    for changepoint in changepoints:
-        if abs(changepoint.lag_s - middle) > reach:
+    for one in changepoints:
+        if abs(one.lag_s - middle) > reach:
             continue
-        count += 1
-        inside = (grid >= changepoint.lags_s[0]) & (grid <= changepoint.lags_s[-1])
-        outside = -0.5 * ((grid - changepoint.lag_s) / max(changepoint.lag_sigma_s, 1e-6)) ** 2
-        known = np.interp(grid, changepoint.lags_s, changepoint.lag_log_likelihood) - float(
-            changepoint.lag_log_likelihood.max()
-        )
+        inside = (grid >= one.lags_s[0]) & (grid <= one.lags_s[-1])
+        outside = -0.5 * ((grid - one.lag_s) / max(one.lag_sigma_s, 1e-6)) ** 2
+        known = np.interp(grid, one.lags_s, one.lag_log_likelihood) - float(one.lag_log_likelihood.max())
         total += np.maximum(np.where(inside, known, outside), -30.0)
     # Changepoints whose scatter exceeds their own sigmas count less.
     scale = max(1.0, spread / max(typical, 1e-9)) ** 2

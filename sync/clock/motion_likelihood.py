@@ -10,14 +10,7 @@ import numpy as np
 from scipy.special import softmax
 
 from sync.clock.clock_priors import PRIORS
-from sync.clock.gaussian_mixture import (
-    MOST_HYPOTHESES,
-    NEGLIGIBLE_LOG,
-    Gaussian,
-    UnknownGap,
-    conditioned,
-    mixed,
-)
+from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap, conditioned, mixed
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
 from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
@@ -54,6 +47,11 @@ class MotionLikelihood:
     swapped: bool
     scatter_c: float
     late_s: float
+
+    @property
+    def weight(self) -> float:
+        """Largest logarithm of a weight in the mixture."""
+        return max(gaussian.log_weight for gaussian in self.mixture)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,37 +154,12 @@ def _from_start(
     # With the springs exchanged a motion fits at another half-cycle, which may be half an hour away.
     offsets = np.arange(ranges[0].low_s - 2000.0, ranges[0].high_s + 2000.0, 5.0)
     swapped = float(explained_share(strokes, mirrored, offsets).max()) > ranges[0].score + ALIKE
-    return MotionLikelihood(
-        mixture=tuple(mixture),
-        middle_s=best.middle_s,
-        lag=inputs.lag,
-        strokes=len(strokes),
-        matched=best.matched,
-        stops=best.stops,
-        ranges=ranges,
-        swapped=swapped,
-        scatter_c=best.scatter_c,
-        late_s=best.late_s,
-    )
+    return replace(best, mixture=tuple(mixture), ranges=ranges, swapped=swapped)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Weighed:
-    mixture: list[Gaussian]
-    middle_s: float
-    matched: int
-    stops: int
-    scatter_c: float
-    late_s: float
-
-    @property
-    def weight(self) -> float:
-        return max(gaussian.log_weight for gaussian in self.mixture)
-
-
-def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> _Weighed | None:
-    """Refine one range of offsets: by the thresholds, then for every possible lag, then by the stops."""
-    segments, matched, lost = piece.segments, piece.driven.count(True), piece.lost
+def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> MotionLikelihood | None:
+    """Return the likelihood in one range of offsets: by the thresholds, for every possible lag, then by the stops."""
+    segments = piece.segments
     offset_range = _possible(piece.where, inputs.strokes, segments, slack_s=1.0 + (inputs.lag.value_s or MAX_LAG_S))
     crossings = collect_crossings(inputs.strokes, segments)
     if crossings is None:
@@ -209,7 +182,7 @@ def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> _Weigh
         own = PRIORS.crossing_temper * total.log_weight + part.log_weight - total.log_weight
         for lag_s, log_weight in zip(inputs.lag.grid_s, inputs.lag.log_weight, strict=True):
             gaussian = Gaussian(
-                part.mean - (lag_s - assumed_s) * later, part.covariance, own + float(log_weight) - lost
+                part.mean - (lag_s - assumed_s) * later, part.covariance, own + float(log_weight) - piece.lost
             )
             mixture.append(gaussian if prior is None else _with_prior(gaussian, prior, crossings.middle_s))
             late.append(late_s)
@@ -217,8 +190,17 @@ def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> _Weigh
     likeliest = int(np.argmax([total.log_weight for total in totals]))
     scatter = scatter_c(crossings, inputs.signals, clock=totals[likeliest], lag_s=assumed_s, gaps=inputs.gaps)
     late_weight = softmax([part.log_weight for part in delays[likeliest].values()])
-    return _Weighed(
-        mixture, crossings.middle_s, matched, len(paired), scatter, float(late_weight @ list(delays[likeliest]))
+    return MotionLikelihood(
+        mixture=tuple(mixture),
+        middle_s=crossings.middle_s,
+        lag=inputs.lag,
+        strokes=len(inputs.strokes),
+        matched=piece.driven.count(True),
+        stops=len(paired),
+        ranges=(piece.where,),
+        swapped=False,
+        scatter_c=scatter,
+        late_s=float(late_weight @ list(delays[likeliest])),
     )
 
 

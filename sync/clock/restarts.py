@@ -72,7 +72,7 @@ def weigh_restarts(angles: StickAngles, reading: LogReading, *, prior: Gaussian 
             found.append((likelihood, hypothesis, weight))
     if not found:
         return WeighedRestarts(None, reading)
-    likelihood, chosen, _ = max(found, key=lambda item: item[2] + max(b.log_weight for b in item[0].mixture))
+    likelihood, chosen, _ = max(found, key=lambda item: item[2] + item[0].weight)
     mixture = [
         replace(gaussian, log_weight=gaussian.log_weight + weight).moved(likelihood.middle_s - other.middle_s)
         for other, _, weight in found

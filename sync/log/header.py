@@ -74,9 +74,8 @@ def without_arrows(lines: list[str], repairs: list[Repair]) -> list[str]:
     stamped = sum(one is not None for one in found)
     if stamped <= len(lines) // 2:
         return lines
-    repairs.append(
-        Repair("arrival", stamped, f"{stamped} lines begin with the time at which a serial monitor got them")
-    )
+    text = f"{stamped} lines begin with the time at which a serial monitor got them"
+    repairs.append(Repair("arrival", stamped, text))
     counts = Counter(one for line in lines for one in _DELIMITERS if one in line)
     delimiter = max(_DELIMITERS, key=lambda one: counts[one])
     made = []

@@ -39,33 +39,21 @@ without noise that follows its spring. Half and twice change no reading of damag
 def clean_channel(time_s: Floats, temp_c: Floats, *, name: str) -> tuple[Floats, list[Repair]]:
     """Return a column (n,) with spikes and stuck readings set to NaN, and the list of these repairs."""
     repairs: list[Repair] = []
-    clean = temp_c.copy()
-    missing = int(np.count_nonzero(~np.isfinite(clean)))
+    clean = np.where(np.isfinite(temp_c), temp_c, np.nan)
+    missing = int(np.count_nonzero(np.isnan(clean)))
     if missing:
-        clean[~np.isfinite(clean)] = np.nan
         repairs.append(Repair("not_a_number", missing, f"{name}: {counted(missing, 'field')} without a number"))
-    wild = np.isfinite(clean) & ~np.isfinite(in_range(clean))
-    clean[wild] = np.nan
-    spike = spikes(time_s, clean)
-    clean[spike] = np.nan
-    total = int(np.count_nonzero(wild | spike))
-    if total:
-        worst = int(np.flatnonzero(wild | spike)[0])
-        repairs.append(
-            Repair(
-                "spike",
-                total,
-                f"{name}: {counted(total, 'spike')} taken out, the first {temp_c[worst]:g} °C at {time_s[worst]:g} s",
-            )
-        )
-    stuck = _stuck(time_s, clean)
+    clean = in_range(clean)
+    clean[spikes(time_s, clean)] = np.nan
+    spike = np.flatnonzero(np.isfinite(temp_c) & np.isnan(clean))
+    if len(spike):
+        first = f"the first {temp_c[spike[0]]:g} °C at {time_s[spike[0]]:g} s"
+        repairs.append(Repair("spike", len(spike), f"{name}: {counted(len(spike), 'spike')} taken out, {first}"))
+    stuck = np.flatnonzero(_stuck(time_s, clean))
     clean[stuck] = np.nan
-    if stuck.any():
-        first = int(np.flatnonzero(stuck)[0])
-        count = int(np.count_nonzero(stuck))
-        repairs.append(
-            Repair("stuck", count, f"{name}: {count} readings stood still, the first at {time_s[first]:g} s; taken out")
-        )
+    if len(stuck):
+        text = f"{name}: {len(stuck)} readings stood still, the first at {time_s[stuck[0]]:g} s; taken out"
+        repairs.append(Repair("stuck", len(stuck), text))
     return clean, repairs
 
 

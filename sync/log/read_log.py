@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -181,20 +182,14 @@ def _distinct(
         return ordered, numbers, texts
     group, first = np.cumsum(~same) - 1, np.flatnonzero(~same)
     if count > _COARSE_SHARE * len(same):
-        repairs.append(
-            Repair("coarse_stamp", count, f"{count} timestamps repeat (coarse clock); rows spread evenly between them")
-        )
+        text = f"{count} timestamps repeat (coarse clock); rows spread evenly between them"
+        repairs.append(Repair("coarse_stamp", count, text))
         return _spread(ordered, group, first), numbers, texts
     line = int(ordered.row[np.flatnonzero(same)[0]]) + first_line
-    repairs.append(
-        Repair(
-            "repeated_stamp",
-            count,
-            f"{counted(count, 'row')} with the timestamp of another, the first on line {line}; replaced by their mean",
-        )
-    )
+    text = f"{counted(count, 'row')} with the timestamp of another, the first on line {line}; replaced by their mean"
+    repairs.append(Repair("repeated_stamp", count, text))
     averaged = {name: np.asarray(_known(values).groupby(group).mean(), np.float64) for name, values in numbers.items()}
-    kept = OrderedTimestamps(ordered.row[first], ordered.time_s[first], ordered.block[first], ordered.repairs)
+    kept = replace(ordered, row=ordered.row[first], time_s=ordered.time_s[first], block=ordered.block[first])
     return kept, averaged, {name: values[first] for name, values in texts.items()}
 
 
@@ -230,8 +225,7 @@ def _spread(ordered: OrderedTimestamps, group: Ints, first: Ints) -> OrderedTime
         step[[0, -1]] = np.minimum(step[[0, -1]], inner)
         begin[0] += width[0] - step[0] * size[0]
     rank = np.arange(len(group)) - first[group]
-    time_s = begin[group] + step[group] * rank
-    return OrderedTimestamps(ordered.row, time_s, ordered.block, ordered.repairs)
+    return replace(ordered, time_s=begin[group] + step[group] * rank)
 
 
 def _no_switches(table: LogTable, *, path: Path, repairs: list[Repair]) -> list[str]:
@@ -281,15 +275,8 @@ def _read_switches(numbers: Mapping[str, Floats], repairs: list[Repair]) -> dict
 
 def _gaps(time_s: Floats) -> list[Repair]:
     step = np.diff(time_s)
-    long = step > longest_gap_s(time_s)
-    if not long.any():
+    long = np.flatnonzero(step > longest_gap_s(time_s))
+    if not len(long):
         return []
-    first = int(np.flatnonzero(long)[0])
-    return [
-        Repair(
-            "gap",
-            int(np.count_nonzero(long)),
-            f"{counted(int(np.count_nonzero(long)), 'gap')} without rows, the longest {step.max():.4g} s, "
-            f"the first at {time_s[first]:g} s",
-        )
-    ]
+    text = f"without rows, the longest {step.max():.4g} s, the first at {time_s[long[0]]:g} s"
+    return [Repair("gap", len(long), f"{counted(len(long), 'gap')} {text}")]

@@ -14,16 +14,10 @@ from torsight.core.words.shown import Shown
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """One kind of repair, counted.
+    """One kind of repair: its short name, the number of rows or fields, and a sentence for the user.
 
-    Attributes
-    ----------
-    kind : str
-        Short name: ``spike``, ``stuck``, ``repeated_stamp``, ``reordered``, ``restart``, ...
-    count : int
-        Number of rows or fields that were repaired.
-    text : str
-        Sentence for the user: the finding, the repair, and the location of the first one.
+    The names are ``spike``, ``stuck``, ``repeated_stamp``, ``reordered``, ``restart``, ...; the sentence gives the
+    finding, the repair, and the location of the first one.
     """
 
     kind: str
@@ -39,15 +33,9 @@ class Repair:
 class Restart:
     """A restart of the logging clock, after which the timestamps were shifted to continue those before.
 
-    Attributes
-    ----------
-    index : int
-        First row of the log after the restart.
-    shift_s : float
-        Shift of the timestamps from there on, s.
-    gap_s, gap_sigma_s : float
-        Time between the rows before and after the restart, and its standard deviation (infinite where the log does not
-        determine it: the gap is then one usual step).
+    ``index`` is the first row of the log after the restart, ``shift_s`` the shift of the timestamps from there on.
+    ``gap_s`` is the time between the rows before and after the restart, with its standard deviation: infinite where the
+    log does not determine the gap, which is then one usual step.
     """
 
     index: int

@@ -56,9 +56,8 @@ def order_timestamps(timestamp_s: Floats, *, first_line: int) -> OrderedTimestam
     lost = len(timestamp_s) - len(row)
     if lost:
         line = int(np.flatnonzero(~np.isfinite(timestamp_s))[0]) + first_line
-        repairs.append(
-            Repair("no_stamp", lost, f"{counted(lost, 'row')} without a timestamp dropped, the first on line {line}")
-        )
+        text = f"{counted(lost, 'row')} without a timestamp dropped, the first on line {line}"
+        repairs.append(Repair("no_stamp", lost, text))
     if not len(row):
         return OrderedTimestamps(row, np.empty(0), row, tuple(repairs))
     time_s = timestamp_s[row].copy()

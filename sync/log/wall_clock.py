@@ -80,13 +80,7 @@ class RunningTimestamps:
         self._days = 0
 
     def seconds(self, text: str) -> float:
-        """Return the seconds of the next timestamp.
-
-        Raises
-        ------
-        ValueError
-            When the text is no timestamp.
-        """
+        """Return the seconds of the next timestamp; ValueError where the text is none."""
         try:
             return float(text) * self._factor
         except ValueError:
@@ -258,11 +252,8 @@ def _seconds_of_day(fields: pd.DataFrame) -> Floats:
     import pandas as pd
 
     zero, none = pd.Series("0", fields.index, dtype="string"), pd.Series(pd.NA, fields.index, dtype="string")
-    hours, minutes, seconds = (
-        _numbers(fields.get("hour", zero)),
-        _numbers(fields["minute"]),
-        _numbers(fields.get("second", zero).fillna("0")),
-    )
+    hours, minutes = _numbers(fields.get("hour", zero)), _numbers(fields["minute"])
+    seconds = _numbers(fields.get("second", zero).fillna("0"))
     fraction = _numbers("0." + fields.get("fraction", zero).astype("string").fillna("0"))
     half = fields.get("half", none).astype("string").str.lower()
     hours = np.where(half.notna().to_numpy(), hours % 12 + 12.0 * (half == "p").fillna(value=False).to_numpy(), hours)

@@ -94,8 +94,8 @@ def test_one_rate_takes_up_a_clock_offset_and_a_lag_and_two_rates_show_both(tmp_
     """On ramps of one slope a time shift is a shift of temperature, which the transformation temperatures take up."""
     slow = check_log(write_log(tmp_path / "slow.csv", four((0.2,) * 4), length_s=2500.0, step_s=0.5))
     both = check_log(write_log(tmp_path / "both.csv", four((0.2, 0.2, 0.6, 0.6)), length_s=1800.0, step_s=0.5))
-    told_slow = check_programme(slow, reference_spec(), where="slow")[1]["discovery"]
-    told_both = check_programme(both, reference_spec(), where="both")[1]["discovery"]
+    told_slow = check_programme(slow.reading, reference_spec(), where="slow")[1]["discovery"]
+    told_both = check_programme(both.reading, reference_spec(), where="both")[1]["discovery"]
     assert "clock_offset" in told_slow["hidden"]
     assert {"clock_offset", "sensor_lag"} <= set(told_both["visible"])
     for name in ("clock_offset", "sensor_lag"):
@@ -109,7 +109,7 @@ def test_what_every_fit_has_takes_up_its_share_of_an_effect(tmp_path: Path, monk
     log = check_log(write_log(tmp_path / "log.csv", four((1.0,) * 4), length_s=560.0, step_s=1.0))
 
     def left_deg() -> dict[str, float]:
-        return check_programme(log, reference_spec(), where="log")[1]["discovery"]["left_deg"]
+        return check_programme(log.reading, reference_spec(), where="log")[1]["discovery"]["left_deg"]
 
     beside = left_deg()
     # Two stay: of what is always fitted, they alone start at a value that changes the model.
@@ -193,7 +193,7 @@ def test_what_a_new_folder_lacks_is_told_at_once(tmp_path: Path, capsys: pytest.
 
 def test_a_programme_that_never_moves_anything_is_to_be_done_again(tmp_path: Path) -> None:
     check = check_log(write_log(tmp_path / "temps.csv", four((0.5,) * 4, peaks=(44.0,) * 4), length_s=500.0))
-    findings, _ = check_programme(check, reference_spec(), where="temps.csv")
+    findings, _ = check_programme(check.reading, reference_spec(), where="temps.csv")
     assert verdict(findings) == "do again"
     assert exit_code(findings) == 4
     assert "47.6 °C" in ordered(findings)[0].text

@@ -119,11 +119,5 @@ def _put(name: str, *, exit_code: int, **content: Any) -> None:
 
 def _error_content(error: TorsightError) -> dict[str, Any]:
     value = None if error.value is None else str(error.value)
-    return {
-        "message": str(error),
-        "what": error.what,
-        "where": error.where,
-        "value": value,
-        "limit": error.limit,
-        "do": error.do,
-    }
+    parts = {"what": error.what, "where": error.where, "value": value, "limit": error.limit, "do": error.do}
+    return {"message": str(error), **parts}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -26,25 +26,10 @@ from torsight.core.files.storage import json_text, read_json, write_table
 from torsight.core.progress import Progress, silent
 
 RESULT_COLUMNS: Final = (
-    "name",
-    "status",
-    "message",
-    "frames",
-    "valid_share",
-    "angle_min_deg",
-    "angle_max_deg",
-    "angle_sigma_deg",
-    "offset_s",
-    "tau_c_mnm",
-    "tau_c_lo_mnm",
-    "tau_c_hi_mnm",
-    "verdict",
-    "effects",
-    "rmse_before_deg",
-    "rmse_after_deg",
-    "noise_floor_deg",
-    "folder",
-)
+    "name", "status", "message", "frames", "valid_share", "angle_min_deg", "angle_max_deg", "angle_sigma_deg",
+    "offset_s", "tau_c_mnm", "tau_c_lo_mnm", "tau_c_hi_mnm", "verdict", "effects", "rmse_before_deg",
+    "rmse_after_deg", "noise_floor_deg", "folder",
+)  # fmt: skip
 """Columns of ``results.csv`` and ``results.parquet``, one row per experiment."""
 
 
@@ -64,7 +49,7 @@ def find_experiments(sources: Iterable[str]) -> list[Path]:
     for source in sources:
         path = Path(source)
         if path.is_dir():
-            files = [item for item in path.rglob("*.toml") if item.stem == "experiment" or "experiment" in item.stem]
+            files = list(path.rglob("*experiment*.toml"))
         elif path.exists():
             files = [path]
         else:
@@ -81,13 +66,11 @@ def tasks(experiments: Sequence[Path], out: Path, *, limit_s: float | None = Non
     """Return one task per experiment, with short, readable and unique names."""
     stems = [_name(path) for path in experiments]
     alone = {stem for stem in stems if stems.count(stem) == 1}
-    numbered = {stem: _numbered(stem, alone) for stem in stems}
-    names = [stem if stem in alone else next(numbered[stem]) for stem in stems]
+    names: list[str] = []
+    for stem in stems:
+        numbered = (f"{stem}-{number}" for number in itertools.count(1))
+        names.append(stem if stem in alone else next(name for name in numbered if name not in alone.union(names)))
     return [Task(name, path, out / name, limit_s) for name, path in zip(names, experiments, strict=True)]
-
-
-def _numbered(stem: str, taken: Container[str]) -> Iterator[str]:
-    return (name for name in (f"{stem}-{number}" for number in itertools.count(1)) if name not in taken)
 
 
 def _name(path: Path) -> str:
@@ -172,13 +155,12 @@ def run_campaign(
 def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:
     """Write the table of results as CSV and Parquet."""
     text = ("name", "status", "message", "verdict", "effects", "folder")
-    columns = {name: [row.get(name, "" if name in text else np.nan) for row in rows] for name in RESULT_COLUMNS}
-    numbers = {
-        name: values if name in text else np.array([np.nan if v is None else v for v in values], dtype=float)
-        for name, values in columns.items()
+    columns = {
+        name: [row.get(name, "") for row in rows] if name in text else np.array([row.get(name) for row in rows], float)
+        for name in RESULT_COLUMNS
     }
-    write_table(out / "results.csv", numbers)
-    write_table(out / "results.parquet", numbers)
+    write_table(out / "results.csv", columns)
+    write_table(out / "results.parquet", columns)
     failed = [row for row in rows if row["status"] == "failed"]
     if failed and len(failed) == len(rows):
         raise NoResultError(

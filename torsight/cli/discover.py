@@ -152,12 +152,11 @@ def _actuator_of(record: Path) -> tuple[str, str] | None:
     if not path.is_file():
         return None
     content = read_json(path)
-    configuration, inputs = content.get("configuration"), content.get("inputs")
-    table = configuration.get("actuator") if isinstance(configuration, dict) else None
-    name = table.get("file") if isinstance(table, dict) else None
-    if not isinstance(name, str) or not isinstance(inputs, dict) or not isinstance(inputs.get(name), str):
+    try:
+        name = content["configuration"]["actuator"]["file"]
+        return str(name), str(content["inputs"][name])
+    except (KeyError, TypeError):
         return None
-    return name, inputs[name]
 
 
 def explain_together(merged: Sequence[Path], actuator: Path, *, out: Path, seed: int = 0, progress: Progress) -> None:

@@ -21,8 +21,6 @@ from torsight.core.optics.camera import read_camera
 from torsight.core.words.wording import estimate
 
 if TYPE_CHECKING:
-    from torsight.actuator.spec import ActuatorSpec
-    from torsight.viewer.live.measure.model_watch import ModelWatch
     from torsight.viewer.live.record import Outcome
     from torsight.viewer.live.screen import Feed
 
@@ -75,6 +73,7 @@ def live(
     from torsight.viewer.live.frames.sources import film_of, open_pictures
     from torsight.viewer.live.live_session import Session
     from torsight.viewer.live.measure.growing_log import WatchedLog
+    from torsight.viewer.live.measure.model_watch import ModelWatch
     from torsight.viewer.live.record import write_experiment
     from torsight.viewer.live.screen import Feed
     from torsight.viewer.program import chosen_port
@@ -92,7 +91,8 @@ def live(
     stop = threading.Event()
     # After Ctrl-C and other requests to end, the record is completed.
     ended = handled(asks(), lambda *_: stop.set())
-    with ended, _model(spec) as model, contextlib.closing(Feed(ports[0])) as feed:
+    model = contextlib.nullcontext() if spec is None else contextlib.closing(ModelWatch(spec))
+    with ended, model as watch, contextlib.closing(Feed(ports[0])) as feed:
         session = Session(
             pictures,
             WatchedLog(temperature, offset_s, chosen_columns(**named)),
@@ -100,7 +100,7 @@ def live(
             hints=hints,
             camera=lens,
             feed=feed,
-            model=model,
+            model=watch,
             say=say,
         )
         write_experiment(folder, film=film_of(pictures), actuator=actuator, offset_s=offset_s, **named)
@@ -112,18 +112,6 @@ def live(
         say(line)
     files = [folder / name for name in FILES]
     return Answer(read_json(folder / "live.json"), files=[path for path in files if path.exists()])
-
-
-@contextlib.contextmanager
-def _model(spec: ActuatorSpec | None) -> Iterator[ModelWatch | None]:
-    """Run the plain model beside the record, where the actuator's values are given; it ends with the block."""
-    if spec is None:
-        yield None
-        return
-    from torsight.viewer.live.measure.model_watch import ModelWatch
-
-    with contextlib.closing(ModelWatch(spec)) as watch:
-        yield watch
 
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:

@@ -17,27 +17,9 @@ from torsight.core.errors import ConfigError, InputError, TorsightError, refused
 from torsight.core.lazy import collect_seldom
 
 COMMANDS: Final = (
-    "init",
-    "doctor",
-    "demo",
-    "run",
-    "markers",
-    "track",
-    "sync",
-    "fit",
-    "discover",
-    "missing",
-    "simulate",
-    "predict",
-    "characterise",
-    "paper",
-    "calibrate",
-    "board",
-    "render",
-    "live",
-    "view",
-    "batch",
-)
+    "init", "doctor", "demo", "run", "markers", "track", "sync", "fit", "discover", "missing", "simulate",
+    "predict", "characterise", "paper", "calibrate", "board", "render", "live", "view", "batch",
+)  # fmt: skip
 """Commands in the order of the help; each is the function of its name in ``torsight/cli/<name>.py``."""
 
 

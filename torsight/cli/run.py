@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -293,12 +294,10 @@ class _State:
         self.same = False
         self.finished: list[str] = []
         if resume and self._path.exists():
-            try:
+            with contextlib.suppress(ValueError, KeyError, TypeError, OSError):
                 earlier = json.loads(self._path.read_text(encoding="utf-8"))
                 self.same = earlier["key"] == self._key
                 self.finished = list(earlier["finished"]) if self.same else []
-            except (ValueError, KeyError, TypeError, OSError):
-                self.finished = []
         self._write()
 
     def finish(self, stage: str) -> None:

@@ -122,7 +122,7 @@ def sync_to_folder(
     Raises ConfigError for an unknown key or a value out of range; InputError when a file cannot be used, or film and
     log do not overlap; NoResultError when the offset is not given and cannot be found.
     """
-    from sync import find_clock, merge, read_temperature_log
+    from sync import film_light_events, find_clock, merge, read_temperature_log
     from sync.log.timestamps import longest_gap_s
     from sync.merge.merged_table import require_overlap, sync_content
     from sync.merge.slow_motion import slow_motion_text
@@ -142,7 +142,10 @@ def sync_to_folder(
     with only_writer(out):
         light = known.events
         if known.led is not None:
-            light = _led_changes(known.led, film, timestamps, fps, out=out, progress=progress)
+            if film is None:
+                raise ConfigError("an LED needs its film", where="--led", do="name the film with --film")
+            light = film_light_events(film, known.led, fps=fps, timestamps=timestamps, progress=progress)
+            write_table(out / "led_events.csv", {"time_s": light.time_s, "on": light.goes_on})
         slow = slow_motion_text(
             float(np.ptp(angles.time_s)), float(np.ptp(reading.log.time_s)), rate_fps=timing(angles.time_s).rate_fps
         )
@@ -166,25 +169,6 @@ def sync_to_folder(
         write_json(out / "sync.json", sync_content(clock, reading, merged, max_gap_s=max_gap_s))
     progress("one clock", steps, steps)
     return merged
-
-
-def _led_changes(
-    place: tuple[float, float],
-    film: str | Path | None,
-    timestamps: Path | None,
-    fps: float | None,
-    *,
-    out: Path,
-    progress: Progress,
-) -> LightEvents:
-    """Return the instants at which the LED at a position in the film changed, and write them to a table."""
-    from sync import film_light_events
-
-    if film is None:
-        raise ConfigError("an LED needs its film", where="--led", do="name the film with --film")
-    light = film_light_events(film, place, fps=fps, timestamps=timestamps, progress=progress)
-    write_table(out / "led_events.csv", {"time_s": light.time_s, "on": light.goes_on})
-    return light
 
 
 def read_settings(table: Mapping[str, Any]) -> Settings:

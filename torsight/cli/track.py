@@ -210,11 +210,8 @@ def _write_nothing(out: Path, source: Source, why: str) -> None:
 
     time_s = read_timestamps(source).time_s
     count = len(time_s)
-    tracks, unknown, never = (
-        MarkerTracks.unseen(time_s, source.size_px),
-        np.full(count, np.nan),
-        np.zeros(count, np.bool_),
-    )
+    tracks = MarkerTracks.unseen(time_s, source.size_px)
+    unknown, never = np.full(count, np.nan), np.zeros(count, np.bool_)
     write_table(out / "markers.csv", marker_columns(tracks))
     write_angles(out / "angle.csv", StickAngles(tracks.frame, time_s, unknown, unknown, never, ~never))
     frames = {"total": count, "with_angle": 0, "without_angle": count}

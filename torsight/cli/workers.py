@@ -64,7 +64,8 @@ def _for(parent: int, do: Callable[[Task], Row], task: Task) -> Row:
 def _end_with(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(0.2)
-    end_all()
+    for process in tuple(running):
+        end(process)
     os._exit(1)
 
 
@@ -119,12 +120,6 @@ def run_limited(experiment: Path, *, out: Path, limit_s: float) -> None:
     if child.returncode != 0:
         # Without a message, the end of the traceback is the most informative part.
         raise NoResultError(_message(answer) or f"ended with {child.returncode}: {errors.strip()[-300:]}")
-
-
-def end_all() -> None:
-    """End every run that this process has started."""
-    for process in tuple(running):
-        end(process)
 
 
 def end(process: int) -> None:

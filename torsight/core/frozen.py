@@ -95,10 +95,7 @@ class Columns(Frozen):
     A column may be given as anything that numpy converts to an array: a list, a column of a data frame, an array of
     another type. The annotation of its field (``Floats``, ``Flags``, ``Ints``) is its type afterwards.
 
-    Raises
-    ------
-    InputError
-        When a column is not numeric, or has another length than the times.
+    Raises InputError when a column is not numeric, or has another length than the times.
     """
 
     __slots__ = ()

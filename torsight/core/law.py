@@ -46,29 +46,16 @@ class Kernel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Law:
-    """A law that a model may lack: its port, its driver and its prior.
+    """A law that a model may lack: its port, its driver, the spring (``a``, ``b``, ``both`` or empty) and its prior.
 
-    Attributes
-    ----------
-    id : str
-        Identifier, unique among laws and effects of a problem; prefix of the names of its parameters.
-    port, driver, spring : str
-        Port at which the law acts, its variable, and the spring (``a``, ``b``, ``both``; empty where there is none).
-    unit : str
-        Unit of the law's values.
-    title : str
-        A few plain words (``"friction over the angle"``).
-    nodes : (k,) float64
-        Values of the driver, increasing.
-    scale : float
-        A size of the law that matters, in ``unit``: sets the steps of derivatives, and the middle of the tried sizes.
-    kernels : tuple of Kernel
-        The bank of its prior.
-    time_like : bool
-        True where the driver only counts time or cycles: such a law shows when something changed, not why, and does not
-        hold for later times. The drift of a clock over time is its own cause, and no such law.
-    covered : (float, float)
-        Range of the driver that the record covers; beyond it a law has its prior.
+    The ``id``, unique among laws and effects of a problem, begins the names of its parameters; ``unit`` is that of its
+    values, ``title`` a few plain words (``"friction over the angle"``). ``nodes`` (k,) are increasing values of the
+    driver, ``scale`` is a size of the law that matters, in ``unit``: it sets the steps of derivatives, and the middle
+    of the tried sizes. ``kernels`` are the bank of the prior, which a law has beyond ``covered``, the range of the
+    driver that the record covers.
+
+    ``time_like``: the driver only counts time or cycles; such a law shows when something changed, not why, and does not
+    hold for later times. The drift of a clock over time is its own cause, and no such law.
     """
 
     id: str
@@ -133,22 +120,9 @@ def _names(law: str, count: int) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawForm:
-    """A law in terms of parameters: its values on the nodes are ``basis @ parameters``.
+    """A law in terms of parameters: its values on the nodes (k,) are ``basis`` (k, r) @ parameters, in its unit.
 
-    Attributes
-    ----------
-    id : str
-        Identifier of the law.
-    nodes : (k,) float64
-        Values of the driver, increasing.
-    basis : (k, r) float64
-        Values on the nodes per parameter, in ``unit``.
-    unit : str
-        Unit of the law's values.
-    scale : float
-        A size of the law that matters, in ``unit``.
-    prior : bool
-        Whether the parameters have a standard normal prior; without one they are the values on the nodes.
+    With a ``prior`` the parameters are standard normal; without one they are the values on the nodes.
     """
 
     id: str

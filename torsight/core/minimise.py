@@ -23,13 +23,12 @@ def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple
     return found.x, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), 2.0 * float(found.cost)
 
 
-def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats, error: Floats | None = None) -> Floats:
+def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats) -> Floats:
     """Return the Jacobian (m, p) of residuals (m,) at values (p,) by one-sided differences.
 
-    ``error`` (m,) are the residuals at the values, if known. With steps of a millionth of a value the second derivative
-    contributes no more than rounding.
+    With steps of a millionth of a value the second derivative contributes no more than rounding.
     """
-    error = residuals(values) if error is None else error
+    error = residuals(values)
     columns = []
     for index, value in enumerate(values):
         step = np.zeros_like(values)

@@ -84,11 +84,9 @@ class TemperatureLog(Columns, Shown):
         return self.temp_a_c if spring == "a" else self.temp_b_c
 
     def _columns(self) -> dict[str, Any]:
-        """Return the columns of ``TEMPS.csv``."""
         return {"time_s": self.time_s, **_temperature_columns(self)}
 
     def _draw(self, axes: Any) -> None:
-        """Draw both temperatures against time."""
         draw_series(axes, self.time_s, {"A": self.temp_a_c, "B": self.temp_b_c}, label="temperature, °C")
 
 
@@ -142,7 +140,6 @@ class ClockMap(Shown):
         }
 
     def _columns(self) -> dict[str, Any]:
-        """Return offset and drift, one row each."""
         lows, highs = zip(self.offset_ci95_s, self.drift_ci95_ppm, strict=True)
         return {
             "name": ["offset_s", "drift_ppm"],
@@ -226,7 +223,6 @@ class SyncedTable(Columns, Shown):
         return replace(self, **kept, extra=extra)
 
     def _columns(self) -> dict[str, Any]:
-        """Return the columns of ``merged.csv``."""
         return merged_columns(self)
 
     def _draw(self, axes: Any) -> None:

@@ -90,7 +90,6 @@ class MarkerTracks(Shown):
         }
 
     def _columns(self) -> dict[str, Any]:
-        """Return the columns of ``markers.csv``."""
         return marker_columns(self)
 
     def _draw(self, axes: Any) -> None:
@@ -145,11 +144,9 @@ class StickAngles(Columns, Shown):
         }
 
     def _columns(self) -> dict[str, Any]:
-        """Return the columns of ``angle.csv``."""
         return angle_columns(self)
 
     def _draw(self, axes: Any) -> None:
-        """Draw the angle against time."""
         draw_series(axes, self.time_s, {"angle": self.angle_rad / DEG}, label="angle, °")
 
 

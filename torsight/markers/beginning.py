@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from torsight.core.errors import NoResultError, TorsightError
 from torsight.core.files.small_pictures import encoded, shrunk
+from torsight.core.files.storage import plain
 from torsight.core.tracks import MARKERS, USUAL_SHARE, MarkerTracks
 from torsight.core.units import DEG, Floats, Ints
 from torsight.core.words.wording import counted, listed
@@ -48,48 +48,14 @@ class Beginning:
             yield frame
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """Result of following picked points through the first seconds.
-
-    It holds the shown frames (k,) among all that were followed, with their times and as JPEG; the points in them (k, 4,
-    2) and the angle (k,), NaN where not seen or not known; the number of followed frames, and the number of frames in
-    which each point (4,) was seen; a summary in one sentence, and warnings.
-    """
-
-    frame: Ints
-    time_s: Floats
-    pictures: tuple[bytes, ...]
-    position_px: Floats
-    angle_deg: Floats
-    count: int
-    seen: Ints
-    verdict: str
-    warnings: tuple[str, ...]
-
-    def to_page(self) -> dict[str, Any]:
-        """Return the content for the page, without the pictures; None for NaN."""
-        return {
-            "frames": [
-                {
-                    "frame": int(frame),
-                    "time_s": float(time_s),
-                    "points": {name: _known(point) for name, point in zip(MARKERS, points, strict=True)},
-                    "angle_deg": None if np.isnan(angle) else float(angle),
-                }
-                for frame, time_s, points, angle in zip(
-                    self.frame, self.time_s, self.position_px, self.angle_deg, strict=True
-                )
-            ],
-            "count": self.count,
-            "seen": {name: int(count) for name, count in zip(MARKERS, self.seen, strict=True)},
-            "verdict": self.verdict,
-            "warnings": list(self.warnings),
-        }
-
-
-def follow_beginning(source: FrameSource, hints: MarkerHints, *, seconds: float) -> Followed:
+def follow_beginning(
+    source: FrameSource, hints: MarkerHints, *, seconds: float
+) -> tuple[dict[str, Any], tuple[bytes, ...]]:
     """Follow picked markers through the first seconds of a film, as ``torsight track`` would.
+
+    First the content for the page: of each shown frame its number, time, points and angle, None where not seen or not
+    known; the number of followed frames, and in how many each point was seen; a summary in one sentence, and warnings.
+    Then the shown frames as JPEG.
 
     Raises ConfigError or NoResultError when the tracker cannot start from them.
     """
@@ -114,17 +80,27 @@ def follow_beginning(source: FrameSource, hints: MarkerHints, *, seconds: float)
     ]
     if unseen:
         warnings.insert(0, f"Of {counted(count, 'frame')} a marker was not seen: {listed(unseen)}.")
-    return Followed(
-        frame=tracks.frame[shown],
-        time_s=tracks.time_s[shown],
-        pictures=_pictures(part, shown),
-        position_px=np.where(tracks.valid[shown, :, None], tracks.position_px[shown], np.nan),
-        angle_deg=angles.angle_rad[shown] / DEG,
-        count=count,
-        seen=seen,
-        verdict=_verdict(int(angles.valid.sum()), tracks, which_moves(part, hints)),
-        warnings=tuple(warnings),
+    content: dict[str, Any] = plain(
+        {
+            "frames": [
+                {
+                    "frame": tracks.frame[k],
+                    "time_s": tracks.time_s[k],
+                    "points": {
+                        name: point if good else None
+                        for name, point, good in zip(MARKERS, tracks.position_px[k], tracks.valid[k], strict=True)
+                    },
+                    "angle_deg": angles.angle_rad[k] / DEG,
+                }
+                for k in shown
+            ],
+            "count": count,
+            "seen": dict(zip(MARKERS, seen, strict=True)),
+            "verdict": _verdict(int(angles.valid.sum()), tracks, which_moves(part, hints)),
+            "warnings": warnings,
+        }
     )
+    return content, _pictures(part, shown)
 
 
 def _verdict(known: int, tracks: MarkerTracks, moving: int | None) -> str:
@@ -189,10 +165,6 @@ def _pictures(source: Beginning, shown: Ints) -> tuple[bytes, ...]:
     wanted, empty = set(shown.tolist()), np.zeros(source.size_px[::-1], np.uint8)
     lumas = (empty if frame.luma is None else frame.luma for frame in source if frame.index in wanted)
     return tuple(encoded(shrunk(luma, SHOWN_PX), ".jpg", quality=85) for luma in lumas)
-
-
-def _known(point: Floats) -> list[float] | None:
-    return None if np.isnan(point).any() else [float(point[0]), float(point[1])]
 
 
 def seconds_of(seconds: Any) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -26,21 +25,13 @@ SNAPS: Final = "dot"
 """The kind of marker whose position is the centre of a dot; other kinds are followed where they were picked."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Position of a pick in the first frame, y down, with the dot's radius; None for a point without a dot."""
-
-    x_px: float
-    y_px: float
-    radius_px: float | None
-
-
 def place(
     luma: NDArray[np.uint8], x_px: float, y_px: float, *, kind: str, others: Mapping[str, tuple[float, float]]
-) -> Place:
-    """Return the position of a pick in the first frame (h, w): the centre of the nearest dot, or the pick itself.
+) -> dict[str, float | None]:
+    """Return ``x``, ``y`` and ``radius`` of a pick in the first frame (h, w), px: of the nearest dot, or as picked.
 
-    Only markers of the ``kind`` dot are moved to a centre; ``others`` are the earlier picks, by the markers' names.
+    Only markers of the ``kind`` dot are moved to a centre; the radius is None for a point without a dot. ``others`` are
+    the earlier picks, by the markers' names.
     """
     from tracker.detect.dots import dot_near
     from tracker.detect.given_positions import SNAP_PX
@@ -54,7 +45,7 @@ def place(
             limit=f"0 to {width - 1} and 0 to {height - 1}",
             do="pick a point in the picture",
         )
-    found = Place(x_px, y_px, None)
+    radius_px = None
     if kind == SNAPS:
         dot = dot_near(luma, x_px, y_px, reach_px=SNAP_PX)
         if dot is None:
@@ -64,17 +55,17 @@ def place(
                 limit=f"a dot within {SNAP_PX:g} px",
                 do="pick its middle, or choose another kind of marker for this stick",
             )
-        found = Place(dot.x_px, dot.y_px, dot.radius_px)
-    apart_px = max(APART_PX, 0.5 * (found.radius_px or 0.0))
+        x_px, y_px, radius_px = dot.x_px, dot.y_px, dot.radius_px
+    apart_px = max(APART_PX, 0.5 * (radius_px or 0.0))
     for name, (x, y) in others.items():
-        if math.hypot(found.x_px - x, found.y_px - y) < apart_px:
+        if math.hypot(x_px - x, y_px - y) < apart_px:
             raise ConfigError(
                 f"this is the point of the {name.replace('_', ' ')} marker",
                 value=where,
                 limit="four different points",
                 do="pick another one",
             )
-    return found
+    return {"x": x_px, "y": y_px, "radius": radius_px}
 
 
 def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:

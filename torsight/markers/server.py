@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from torsight.core.errors import ConfigError, NoResultError, TorsightError, reason_of, refused_by_system
 from torsight.core.files.paths import LOOPBACK
-from torsight.markers.session import Session, require_saved
+from torsight.markers.session import Session
 
 PAGE: Final = Path(__file__).parent / "page.html"
 _BEAT_S: Final = 0.5
@@ -103,7 +103,13 @@ def pick(server: Server, session: Session, *, patience_s: float, tell: Callable[
         thread.join()
     if server.failed is not None:
         raise server.failed
-    return require_saved(session)
+    if session.saved is None:
+        raise NoResultError(
+            "the page was closed before the markers were saved",
+            where=str(session.out),
+            do="run the command again and press Save on the page",
+        )
+    return session.saved
 
 
 def _wait(server: Server, *, patience_s: float) -> None:

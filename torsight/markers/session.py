@@ -16,7 +16,7 @@ from torsight.core.files.small_pictures import encoded
 from torsight.core.tracks import MARKERS
 from torsight.core.units import Floats
 from torsight.core.words.colours import BASE_COLOUR, MOVING_COLOUR, hex_of
-from torsight.markers.beginning import Beginning, Followed, follow_beginning, name_sticks, seconds_of
+from torsight.markers.beginning import Beginning, follow_beginning, name_sticks, seconds_of
 from torsight.markers.picks import PICKED, SNAPS, content_of, hints_of, place, read_earlier, write_markers
 from tracker.detect.marker_file import STICKS
 
@@ -37,11 +37,10 @@ class Session:
         self.saved: dict[str, Any] | None = None
         self.first, self.index = first_picture(source)
         self._earlier, self._remark = read_earlier(out)
-        self._followed: Followed | None = None
+        self._pictures: tuple[bytes, ...] = ()
         # Checks run the tracker over the one source: one at a time.
         self._busy = threading.Lock()
-        seen, self._found = find_markers(source, self.first)
-        self._seen = seen
+        self._seen, self._found = find_markers(source, self.first)
 
     def state(self) -> dict[str, Any]:
         """Return the initial state of the page."""
@@ -93,21 +92,19 @@ class Session:
         if not isinstance(x, (int, float)) or not isinstance(y, (int, float)):
             raise ConfigError("a point is two numbers", value=f"{x!r}, {y!r}")
         others = {str(name): (float(at[0]), float(at[1])) for name, at in dict(asked.get("others") or {}).items()}
-        found = place(self.first, float(x), float(y), kind=str(asked.get("kind")), others=others)
-        return {"x": found.x_px, "y": found.y_px, "radius": found.radius_px}
+        return place(self.first, float(x), float(y), kind=str(asked.get("kind")), others=others)
 
     def check(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Follow the picks through the first seconds and return the result."""
         content = content_of(asked, {})
         with self._busy:
             hints = hints_of(content, self.source)
-            self._followed = follow_beginning(self.source, hints, seconds=seconds_of(asked.get("seconds")))
-        return self._followed.to_page()
+            found, self._pictures = follow_beginning(self.source, hints, seconds=seconds_of(asked.get("seconds")))
+        return found
 
     def picture(self, number: int) -> bytes | None:
         """Return a frame of the last check by its number, None where there is none."""
-        pictures = () if self._followed is None else self._followed.pictures
-        return pictures[number] if 0 <= number < len(pictures) else None
+        return self._pictures[number] if number < len(self._pictures) else None
 
     def first_png(self) -> bytes:
         """Return the first frame as a PNG, with every pixel unchanged."""
@@ -150,14 +147,3 @@ def find_markers(source: Source, first: NDArray[np.uint8]) -> tuple[Sighting, Fl
             seen = look(first, taken=(start.choice.taken.base, start.choice.taken.moving))
     named = None if seen.sticks_px is None else name_sticks(source, seen.sticks_px, seconds=NAMING_S)
     return seen, named
-
-
-def require_saved(session: Session) -> dict[str, Any]:
-    """Return the saved content; a page that was closed before saving gives an error."""
-    if session.saved is None:
-        raise NoResultError(
-            "the page was closed before the markers were saved",
-            where=str(session.out),
-            do="run the command again and press Save on the page",
-        )
-    return session.saved

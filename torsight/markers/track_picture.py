@@ -59,14 +59,8 @@ def write_track_picture(path: Path, source: Source, result: TrackResult, angles:
     rows = (len(shown) + 2) // 3
     wide, high = 3 * _PANEL_PX + 40, MARGIN_PX + rows * (tall + MARGIN_PX) + _PLOT_PX + 90
     sheet = Sheet(wide, high)
-    known = int(angles.valid.sum())
-    sheet.text(
-        f"{Path(source.name).name}: {known} of {counted(len(angles), 'frame')} have an angle",
-        12,
-        26,
-        size=17,
-        bold=True,
-    )
+    known = f"{int(angles.valid.sum())} of {counted(len(angles), 'frame')} have an angle"
+    sheet.text(f"{Path(source.name).name}: {known}", 12, 26, size=17, bold=True)
     lumas = source.pictures([one.index for one in shown])
     for number, one in enumerate(shown):
         row, column = divmod(number, 3)

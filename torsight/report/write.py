@@ -273,8 +273,8 @@ def _residual(curves: pd.DataFrame, floor_deg: float | None) -> dict[str, list[F
     return {
         "hero": [evidence.before_and_after(curves, floor_deg)],
         "residual": [residuals.residual_left(curves, floor_deg)],
-        "against": [*against, residuals.by_direction(curves)],
-        "cycles": [residuals.by_half_cycle(curves)],
+        "against": [*against, residuals.by_group(curves, "direction", width=370.0, height=240.0)],
+        "cycles": [residuals.by_group(curves, "half_cycle", width=860.0, height=200.0)],
     }
 
 

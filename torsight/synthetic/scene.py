@@ -203,12 +203,8 @@ SECTIONS: Final[Mapping[str, type[Any]]] = {
 def read_scene(path: AnyPath) -> Scene:
     """Read ``SCENE.toml``; absent keys have the values of the reference rig and the default film.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown key (the nearest known one is named), or a value of the wrong kind or out of range.
-    InputError
-        When the file cannot be read.
+    Raises ConfigError for an unknown key (the nearest known one is named), or a value of the wrong kind or out of
+    range; InputError when the file cannot be read.
     """
     path = Path(path)
     return scene_from(read_toml(path, kind="scene"), where=str(path))

@@ -88,10 +88,8 @@ def span_s(results: RunResults) -> tuple[float, float]:
 
 def summary_document(results: RunResults) -> str:
     """Return the summary in Markdown."""
-    lines = [f"### {results.folder.resolve().name}", ""]
     discovery = results.discovery
-    if discovery is not None:
-        lines[0] = f"### {verdict_sentence(discovery)}"
+    title = results.folder.resolve().name if discovery is None else verdict_sentence(discovery)
     rows = []
     if discovery is not None:
         before, after = held_out_errors(discovery)
@@ -103,12 +101,11 @@ def summary_document(results: RunResults) -> str:
     if friction is not None:
         rows.append(("Friction torque", estimate(friction)))
     for effect in (discovery or {}).get("effects") or []:
-        title = str(effect.get("title") or effect_name(str(effect["id"])))
-        values = effect_values(effect)
-        rows.append((capital(title), values))
+        named = str(effect.get("title") or effect_name(str(effect["id"])))
+        rows.append((capital(named), effect_values(effect)))
     rows += [("Law", str(law["sentence"])) for law in (discovery or {}).get("laws") or [] if law.get("sentence")]
     rows += _motion(results)
-    return "\n".join([*lines, *(f"- **{name}** {words}" for name, words in rows), ""])
+    return "\n".join([f"### {title}", "", *(f"- **{name}** {words}" for name, words in rows), ""])
 
 
 def _motion(results: RunResults) -> list[tuple[str, str]]:

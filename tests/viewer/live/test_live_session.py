@@ -260,14 +260,14 @@ def test_viewers_are_served_on_this_computer_only(feed: Feed) -> None:
 def test_a_hung_screen_holds_nothing_up_and_catches_up_when_it_goes_on(feed: Feed) -> None:
     luma = np.zeros((240, 320), np.uint8)
     drawn = overlay(np.full((4, 2), np.nan), float("nan"), scale=1.0)
-    os.kill(feed.process_id, signal.SIGSTOP)
+    os.kill(feed._process.pid, signal.SIGSTOP)
     try:
         for k in range(3 * MOST_WAITING):
             feed.put("picture", k / 30.0, k, luma, drawn)
         # What is in the pipe and in the thread's hands is not in the queue any more.
         assert MOST_WAITING <= feed.left_out < 3 * MOST_WAITING - MOST_WAITING + 5
     finally:
-        os.kill(feed.process_id, signal.SIGCONT)
+        os.kill(feed._process.pid, signal.SIGCONT)
     end = time.monotonic() + 30.0
     while feed.waiting and time.monotonic() < end:
         time.sleep(0.05)
@@ -276,7 +276,7 @@ def test_a_hung_screen_holds_nothing_up_and_catches_up_when_it_goes_on(feed: Fee
 
 
 def test_a_screen_whose_process_is_killed_holds_nothing_up(feed: Feed) -> None:
-    os.kill(feed.process_id, signal.SIGKILL)
+    os.kill(feed._process.pid, signal.SIGKILL)
     while feed.running:
         time.sleep(0.01)
     for k in range(2 * MOST_WAITING):

@@ -29,7 +29,7 @@ from torsight.core.files.storage import CSV_SUFFIXES, PARQUET_SUFFIXES, read_tom
 from torsight.core.files.tables import read_angles
 from torsight.core.optics.camera import Camera, read_camera, require_second
 from torsight.core.progress import Progress, silent
-from torsight.core.records import ClockMap, TemperatureLog
+from torsight.core.records import TemperatureLog
 from torsight.core.tracks import USUAL_SHARE, StickAngles
 from torsight.core.units import DEG, PPM, Floats
 from torsight.core.words.wording import number
@@ -140,7 +140,7 @@ def examine(inputs: Inputs, *, progress: Progress = silent) -> tuple[list[Findin
     if inputs.log is not None:
         content["log"] = log.content
     if spec is not None and log.reading is not None:
-        more, programme = check_programme(log, spec, where=str(inputs.log), progress=progress)
+        more, programme = check_programme(log.reading, spec, where=str(inputs.log), progress=progress)
         findings += more
         content["programme"] = programme
     angles = _read(findings, "angle", inputs.angle, read_angles)
@@ -271,12 +271,9 @@ def predict_clock(
 ) -> tuple[list[Finding], dict[str, Any]]:
     """Return the expected intervals of offset and drift, as findings and as figures.
 
-    ``sync`` is run on ``angles``, or on a synthetic film (the model's angles for this log, with the camera's noise at
-    the film's rate), so that heating rates, the log's noise and step, the sensor's lag and a shared event have the same
-    effect as in a run.
-
-    ``settings`` is the table ``[sync]`` of the experiment. Without ``angles`` a film of the model's angles is
-    simulated, with the properties of ``filming``.
+    ``sync`` is run on ``angles``, or on a film of the model's angles for this log that is simulated with the properties
+    of ``filming``, so that heating rates, the log's noise and step, the sensor's lag and a shared event have the same
+    effect as in a run. ``settings`` is the table ``[sync]`` of the experiment.
     """
     offset_s, drift_ppm = settings.get("offset_s"), settings.get("drift_ppm")
     if offset_s is not None:
@@ -301,17 +298,12 @@ def predict_clock(
         return [refusal("clock", error)], {}
     half_s, half_ppm = (float(np.ptp(ends)) / 2.0 for ends in (clock.within_s, clock.drift_ci95_ppm))
     figures = {"offset_ci95_s": half_s, "drift_ci95_ppm": half_ppm, "method": clock.method}
-    return [_said(clock, half_s, half_ppm)], figures
-
-
-def _said(clock: ClockMap, half_s: float, half_ppm: float) -> Finding:
-    """Return the finding on a clock whose intervals have these half-widths, s and ppm."""
     text = (
         f"the offset between film and log would be known to ±{number(half_s, 2)} s, their drift to "
         f"±{number(half_ppm, 2)} ppm (95 %), from {clock.method.partition(':')[0]}."
     )
     wide = 2.0 * half_s > WIDE_S
-    return Finding("clock", "limits" if wide else "fine", text, ADVICE if wide else "")
+    return [Finding("clock", "limits" if wide else "fine", text, ADVICE if wide else "")], figures
 
 
 def made_up_film(drive: Drive, spec: ActuatorSpec, filming: Filming) -> StickAngles:

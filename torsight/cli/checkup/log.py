@@ -45,12 +45,12 @@ def check_log(
     """Check a log alone: rate, gaps, repairs, ranges, noise."""
     check = LogCheck()
     try:
-        check.reading = read_temperature_log(path, columns=columns, units=units)
+        reading = check.reading = read_temperature_log(path, columns=columns, units=units)
     except TorsightError as error:
         check.findings.append(refusal("log", error))
         return check
-    log = check.reading.log
-    check.findings += [Finding("log", "note", f"{note}.") for note in check.reading.notes]
+    log = reading.log
+    check.findings += [Finding("log", "note", f"{note}.") for note in reading.notes]
     step = np.diff(log.time_s)
     usual = usual_step(log.time_s)
     check.duration_s = float(log.time_s[-1] - log.time_s[0] + usual)
@@ -69,17 +69,15 @@ def check_log(
         "interval_s": {"median": usual, "max": float(step.max())},
         "ranges": ranges,
         "heating_switches": log.heat_a is not None and log.heat_b is not None,
-        "repairs": [repair.to_json() for repair in check.reading.repairs],
-        "restarts": len(check.reading.restarts),
+        "repairs": [repair.to_json() for repair in reading.repairs],
+        "restarts": len(reading.restarts),
     }
-    _look_at_rows(check, usual)
-    _look_at_pulses(check, check.reading)
+    _look_at_rows(check, reading, usual)
+    _look_at_pulses(check, reading)
     return check
 
 
-def _look_at_rows(check: LogCheck, usual_s: float) -> None:
-    reading = check.reading
-    assert reading is not None  # noqa: S101 - for the type checker
+def _look_at_rows(check: LogCheck, reading: LogReading, usual_s: float) -> None:
     for repair in reading.repairs:
         level = "note" if repair.kind not in ("gap", "stuck", "restart") else "limits"
         check.findings.append(Finding("log", level, repair.text.rstrip(".") + "."))
@@ -107,10 +105,9 @@ def _look_at_pulses(check: LogCheck, reading: LogReading) -> None:
 
 
 def check_programme(
-    check: LogCheck, spec: ActuatorSpec, *, where: str, progress: Progress = silent
+    reading: LogReading, spec: ActuatorSpec, *, where: str, progress: Progress = silent
 ) -> tuple[list[Finding], dict[str, Any]]:
     """Check the actuator's response to the log: full heatings, rates, holds, and what discovery can find."""
-    reading = check.reading
     limits = limits_of(spec)
     if limits is None:
         text = "by these values the actuator never moves: friction holds it, or nothing can be recovered."
@@ -121,8 +118,6 @@ def check_programme(
         "fully_cooled_at_c": limits.cooled_c,
         "range_deg": limits.range_deg,
     }
-    if reading is None:
-        return [], content
     try:
         drive = driven_by(reading, spec, limits, where=where)
     except TorsightError as error:

@@ -13,15 +13,8 @@ from torsight.core.errors import ConfigError
 from torsight.core.files.paths import named_from, require_ordinary, unreadable
 
 _PACKAGES: Final = (
-    "torsight",
-    "opencv-contrib-python-headless",
-    "numpy",
-    "scipy",
-    "pandas",
-    "numba",
-    "av",
-    "rerun-sdk",
-)
+    "torsight", "opencv-contrib-python-headless", "numpy", "scipy", "pandas", "numba", "av", "rerun-sdk",
+)  # fmt: skip
 
 
 def file_hash(path: Path) -> str:

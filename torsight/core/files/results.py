@@ -100,7 +100,6 @@ class RunResults(Frozen, Shown):
         return {"time_s": []} if table is None else {str(name): table[name].to_numpy() for name in table.columns}
 
     def _draw(self, axes: Any) -> None:
-        """Draw the measured angle and the angles of the models, if any."""
         draw_models(axes, self._columns())
 
 
@@ -114,10 +113,7 @@ def column(table: pd.DataFrame, name: str) -> Floats:
 def read_results(folder: AnyPath) -> RunResults:
     """Read the results of a run in ``folder``.
 
-    Raises
-    ------
-    InputError
-        When the folder is missing, holds none of the files, or one of them is damaged.
+    Raises InputError when the folder is missing, holds none of the files, or one of them is damaged.
     """
     folder = Path(folder)
     if not folder.is_dir():

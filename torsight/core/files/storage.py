@@ -289,26 +289,22 @@ def write_table(path: Path, columns: Mapping[str, Any], *, clock: str = "time_s"
             table.to_csv(temporary, index=False, float_format="%.10g", lineterminator="\n")
 
 
-def _plain_numbers(data: Mapping[str, Any]) -> bool:
+def _plain_numbers(data: Mapping[str, NDArray[Any]]) -> bool:
     """Return whether columns can be written without pandas, whose import takes as long as tracking a short film."""
     names_are_plain = all(not set(name) & set(',"\r\n') for name in data)
-    arrays = [np.asarray(values) for values in data.values()]
-    same = len({array.shape for array in arrays}) == 1
-    return names_are_plain and same and all(array.ndim == 1 and array.dtype.kind in "iuf" for array in arrays)
+    same = len({array.shape for array in data.values()}) == 1
+    return names_are_plain and same and all(array.ndim == 1 and array.dtype.kind in "iuf" for array in data.values())
 
 
-def _write_numbers(file: TextIO, data: Mapping[str, Any], *, clock: str) -> None:
+def _write_numbers(file: TextIO, data: Mapping[str, NDArray[Any]], *, clock: str) -> None:
     """Write numeric columns as CSV, in blocks of rows."""
     file.write(",".join(data) + "\n")
-    arrays = [np.asarray(values) for values in data.values()]
-    formats = {kind: "%.10g" if kind == "f" else "%d" for kind in "iuf"}
-    row = ",".join(
-        _clock_format(array) if name == clock and array.dtype.kind == "f" else formats[array.dtype.kind]
-        for name, array in zip(data, arrays, strict=True)
-    )
-    row += "\n"
-    for first in range(0, len(arrays[0]), _CSV_BLOCK):
-        block = zip(*(array[first : first + _CSV_BLOCK].tolist() for array in arrays), strict=True)
+    formats = {name: "%.10g" if array.dtype.kind == "f" else "%d" for name, array in data.items()}
+    if formats.get(clock) == "%.10g":
+        formats[clock] = _clock_format(data[clock])
+    row = ",".join(formats.values()) + "\n"
+    for first in range(0, len(next(iter(data.values()))), _CSV_BLOCK):
+        block = zip(*(array[first : first + _CSV_BLOCK].tolist() for array in data.values()), strict=True)
         file.write("".join([row % values for values in block]).replace("nan", ""))
 
 
@@ -328,7 +324,7 @@ def _clock_format(time: NDArray[Any]) -> str:
     return f"%.{max(digits, 10)}g" if digits <= sys.float_info.dig else "%r"
 
 
-def _column(values: Any) -> Any:
+def _column(values: Any) -> NDArray[Any]:
     array = np.asarray(values)
     return array.astype(np.int8) if array.dtype == np.bool_ else array
 

@@ -75,10 +75,7 @@ def switches_and_extra(
 def read_angles(path: AnyPath) -> StickAngles:
     """Read ``angle.csv``; unknown columns are kept in ``extra``.
 
-    Raises
-    ------
-    InputError
-        When a column is missing, frames or times do not increase, or a standard deviation is negative.
+    Raises InputError when a column is missing, frames or times do not increase, or a standard deviation is negative.
     """
     path = Path(path)
     table = read_table(path, required=_ANGLE)
@@ -160,10 +157,7 @@ def read_merged(path: AnyPath) -> SyncedTable:
 
     Unknown columns are kept in ``extra``.
 
-    Raises
-    ------
-    InputError
-        When a column is missing, the times do not increase, or ``sync.json`` lacks the offset's interval.
+    Raises InputError when a column is missing, the times do not increase, or ``sync.json`` lacks the offset's interval.
     """
     path = Path(path)
     frame = read_table(path, required=_MERGED)

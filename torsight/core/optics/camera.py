@@ -36,16 +36,8 @@ class Intrinsics:
 class Pose:
     """Pose of the rotation axis in OpenCV's convention: the transform from world to camera coordinates.
 
-    The world's z axis is the rotation axis and points towards the camera.
-
-    Attributes
-    ----------
-    rvec : (3,) float64
-        Rotation vector, rad.
-    tvec_mm : (3,) float64
-        Position of the world's origin in camera coordinates, mm.
-    base_z_mm, moving_z_mm : float
-        Heights of the planes in which the two sticks' markers lie.
+    The world's z axis is the rotation axis and points towards the camera. Rotation vector (3,), rad, and position (3,)
+    of the world's origin in camera coordinates; heights of the planes in which the two sticks' markers lie.
     """
 
     rvec: Floats
@@ -104,12 +96,8 @@ class Camera(Frozen):
 def read_camera(path: AnyPath) -> Camera:
     """Read ``CAMERA.toml``.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown or missing key, or a value of the wrong kind or out of range.
-    InputError
-        When the file cannot be read.
+    Raises ConfigError for an unknown or missing key, or a value of the wrong kind or out of range; InputError when the
+    file cannot be read.
     """
     path = Path(path)
     content = read_toml(path, kind="camera")

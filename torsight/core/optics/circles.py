@@ -254,7 +254,7 @@ class Circles:
         """
         values = self.values if values is None else values
         angle = self._best_angle(values, self._first_angle(values) if near_rad is None else near_rad)
-        information, chi_squared = self._weighed(values, angle)
+        _, information, chi_squared = self._normal_equation(values, angle)
         known = information > 0.0
         with np.errstate(divide="ignore"):
             variance = np.where(known, 1.0 / information, np.nan)
@@ -312,25 +312,21 @@ class Circles:
     def _best_angle(self, values: Floats, angle: Floats) -> Floats:
         """Return the least-squares θ (n,), from a guess near it."""
         for _ in range(_ANGLE_STEPS):
-            gradient, information = np.zeros((2, len(angle)))
-            points, ways = _on_circles(self.frame, values, angle)
-            for sight in self.sights:
-                error, slope = (part.reshape(-1, 4) for part in sight.error(points, ways))
-                pull = applied(sight.precision, slope)
-                gradient += np.sum(pull * error, axis=1)
-                information += np.sum(pull * slope, axis=1)
+            gradient, information, _ = self._normal_equation(values, angle)
             angle = angle - gradient / np.where(information > 0.0, information, 1.0)
         return angle
 
-    def _weighed(self, values: Floats, angle: Floats) -> tuple[Floats, Floats]:
-        """Return the Fisher information about θ (n,) at given values of θ, and the misfit χ² (n,)."""
+    def _normal_equation(self, values: Floats, angle: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the gradient of χ² / 2 by θ (n,) at given θ, the Fisher information about θ, and the misfit χ²."""
+        gradient, information, chi_squared = np.zeros((3, len(angle)))
         points, ways = _on_circles(self.frame, values, angle)
-        information, chi_squared = np.zeros((2, len(angle)))
         for sight in self.sights:
             error, slope = (part.reshape(-1, 4) for part in sight.error(points, ways))
-            information += np.sum(applied(sight.precision, slope) * slope, axis=1)
+            pull = applied(sight.precision, slope)
+            gradient += np.sum(pull * error, axis=1)
+            information += np.sum(pull * slope, axis=1)
             chi_squared += np.sum(applied(sight.precision, error) * error, axis=1)
-        return information, chi_squared
+        return gradient, information, chi_squared
 
 
 def _on_circles(frame: Floats, values: Floats, angle: Floats) -> tuple[Floats, Floats]:

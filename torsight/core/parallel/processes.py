@@ -23,7 +23,7 @@ from types import FunctionType, ModuleType
 from typing import Any, Final, NamedTuple, TypeVar
 
 from torsight.core.parallel import threads
-from torsight.core.parallel.threads import Event, end_with, in_parallel
+from torsight.core.parallel.threads import end_with, in_parallel
 from torsight.core.progress import Progress, silent
 
 _T = TypeVar("_T")
@@ -43,7 +43,7 @@ def in_copies(
     context = multiprocessing.get_context("fork")
     over = context.Event()
     here = _within(known)
-    begin = (_Copy(function, work, {id(one): place for place, one in enumerate(here)}), over)
+    begin = (_Copy(function, work, {id(one): place for place, one in enumerate(here)}), over.is_set)
     found: list[_R] = []
     progress(step, 0, len(work))
     with ProcessPoolExecutor(threads.WORKERS, mp_context=context, initializer=_begin, initargs=begin) as pool:
@@ -93,7 +93,7 @@ _COPY: Final[list[_Copy]] = []
 """The work of this process, if it is a copy."""
 
 
-def _begin(copy: _Copy, over: Event) -> None:
+def _begin(copy: _Copy, over: Callable[[], bool]) -> None:
     """Initialise a copy, which ends together with its parent process."""
     # Objects from before the fork persist: a garbage collection among them would also copy them page by page.
     gc.freeze()

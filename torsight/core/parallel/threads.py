@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextvars import ContextVar
-from typing import Final, Protocol, TypeVar
+from typing import Final, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -94,7 +94,7 @@ def in_parallel(
     progress(step, 0, len(work))
     over = threading.Event()
 
-    with ThreadPoolExecutor(WORKERS, initializer=end_with, initargs=(over,)) as pool:
+    with ThreadPoolExecutor(WORKERS, initializer=end_with, initargs=(over.is_set,)) as pool:
         try:
             for result in pool.map(function, work):
                 found.append(result)
@@ -104,28 +104,17 @@ def in_parallel(
     return found
 
 
-class Event(Protocol):
-    """An event that is set once, as those of ``threading`` and ``multiprocessing``."""
-
-    def is_set(self) -> bool:
-        """Return whether the event is set."""
+_THREAD: Final = threading.local()
+"""In a worker thread ``over``, which returns whether nobody waits for its result any more."""
 
 
-class _Thread(threading.local):
-    """State of a worker thread: an event that is set when nobody waits for its result."""
-
-    over: Event | None = None
-
-
-_THREAD: Final = _Thread()
-
-
-def end_with(over: Event) -> None:
-    """Set the event after which nobody waits for the work of this thread."""
+def end_with(over: Callable[[], bool]) -> None:
+    """Set the function that returns whether nobody waits for the work of this thread any more."""
     _THREAD.over = over
 
 
 def go_on() -> None:
     """Raise CancelledError if nobody waits for this thread's work; long computations call this at every step."""
-    if _THREAD.over is not None and _THREAD.over.is_set():
+    over = getattr(_THREAD, "over", None)
+    if over is not None and over():
         raise CancelledError

@@ -79,25 +79,16 @@ def candidates(discovery: Mapping[str, Any]) -> Figure | None:
         x_names=[(float(value), str(value)) for value in (0, 25, 50, 75, 100)],
         y_names=list(zip(map(float, places), words, strict=True)),
     )
-    for place, (name, gain) in zip(places, ranked, strict=True):
-        share = 100.0 * max(gain, 0.0) / best
+    shares = [100.0 * max(gain, 0.0) / best for _, gain in ranked]
+    for place, (name, gain), share in zip(places, ranked, shares, strict=True):
         kind = "after" if name in named else ("rival" if name in rivals else "quiet")
         plot.box((0.0, share), (place - _NARROW / 2.0, place + _NARROW / 2.0), kind, tip=f"gain {gain:.4g}")
         plot.note(share, place, f"{share:.1f} %".replace("100.0", "100"))
-    data: dict[str, list[Any]] = {
-        "effect": [name for name, _ in ranked],
-        "gain": [gain for _, gain in ranked],
-        "percent": [100.0 * max(gain, 0.0) / best for _, gain in ranked],
-    }
+    effects, explained = map(list, zip(*ranked, strict=True))
+    data: dict[str, list[Any]] = {"effect": effects, "gain": explained, "percent": shares}
     caption = "Each fitted together with all parameters of the model. " + _far(ranked, named)
-    return Figure(
-        "candidates",
-        "What else could explain it",
-        caption.strip(),
-        (plot,),
-        "What every candidate explains alone",
-        data=data,
-    )
+    title, shown = "What else could explain it", "What every candidate explains alone"
+    return Figure("candidates", title, caption.strip(), (plot,), shown, data=data)
 
 
 def _far(ranked: list[tuple[str, float]], named: set[str]) -> str:

@@ -80,14 +80,9 @@ def angle_over_time(curves: pd.DataFrame, *, source: str) -> Figure:
     plot = Panel(Axis.along(TIME, time_s), Axis.around(ANGLE, angle, plain, extended), height=330)
     shade_held_out(plot, curves)
     models(plot, time_s, angle, plain, extended, ordered=True)
-    return Figure(
-        "angle_time",
-        "Angle against time",
-        "Positive is counter-clockwise as the film shows it.",
-        (plot,),
-        "Angle against time, measured and modelled",
-        source,
-    )
+    caption = "Positive is counter-clockwise as the film shows it."
+    words = "Angle against time, measured and modelled"
+    return Figure("angle_time", "Angle against time", caption, (plot,), words, source)
 
 
 def models(plot: Panel, x: Floats, angle: Floats, plain: Floats, extended: Floats, *, ordered: bool) -> None:
@@ -120,14 +115,9 @@ def temperature_panel(table: pd.DataFrame, along: Axis, *, height: float, source
 def temperatures_over_time(table: pd.DataFrame, *, source: str) -> Figure:
     """Draw both springs' temperatures against time (the paper's figure 16)."""
     plot = temperature_panel(table, Axis.along(TIME, column(table, "time_s")), height=240)
-    return Figure(
-        "temperatures",
-        "Temperatures against time",
-        "Where one spring is heated, check how much the other one warms up.",
-        (plot,),
-        "Temperatures of both springs against time",
-        source,
-    )
+    caption = "Where one spring is heated, check how much the other one warms up."
+    words = "Temperatures of both springs against time"
+    return Figure("temperatures", "Temperatures against time", caption, (plot,), words, source)
 
 
 def angle_over_temperature(curves: pd.DataFrame, spring: str, *, source: str) -> Figure | None:
@@ -145,11 +135,6 @@ def angle_over_temperature(curves: pd.DataFrame, spring: str, *, source: str) ->
         height=330,
     )
     models(plot, temp_c, angle, plain, extended, ordered=False)
-    return Figure(
-        f"angle_temperature_{spring}",
-        f"While spring {spring.upper()} is driven",
-        "",
-        (plot,),
-        f"Angle against the temperature of spring {spring.upper()}",
-        source,
-    )
+    title = f"While spring {spring.upper()} is driven"
+    words = f"Angle against the temperature of spring {spring.upper()}"
+    return Figure(f"angle_temperature_{spring}", title, "", (plot,), words, source)

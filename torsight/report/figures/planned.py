@@ -14,12 +14,11 @@ from torsight.report.figures.motion import ANGLE, TIME, Figure, temperature_pane
 from torsight.report.plots.panels import Axis, Panel
 
 _SOURCE: Final = "next_experiment.csv"
-_OWN: Final = {"time_s", "temp_a_c", "temp_b_c", "heat_a", "heat_b"}
 
 
 def programme(table: pd.DataFrame) -> Figure | None:
     """Draw the programme's temperatures, the rivals' angles, and the differences of the rivals from the first one."""
-    rivals = [name for name in table.columns if name.endswith("_deg") and name not in _OWN]
+    rivals = [name for name in table.columns if name.endswith("_deg")]
     if len(table) < 2 or not rivals:
         return None
     time_s = column(table, "time_s")

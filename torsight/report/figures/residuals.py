@@ -175,19 +175,11 @@ def bin_means(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return (edges[:-1] + edges[1:]) / 2.0, mean
 
 
-def by_direction(curves: pd.DataFrame) -> Figure | None:
-    """Draw the root mean square of both residuals while heating, cooling and at rest."""
-    return _by_group(curves, "direction", "By direction", "direction", width=370.0, height=240.0)
-
-
-def by_half_cycle(curves: pd.DataFrame) -> Figure | None:
-    """Draw the root mean square of both residuals in every half-cycle; held-out half-cycles are shaded."""
-    return _by_group(curves, "half_cycle", "By half-cycle", "half-cycle", width=860.0, height=200.0)
-
-
-def _by_group(curves: pd.DataFrame, by: str, title: str, words: str, *, width: float, height: float) -> Figure | None:
+def by_group(curves: pd.DataFrame, by: str, *, width: float, height: float) -> Figure | None:
+    """Draw the rms of both residuals by ``direction`` or by ``half_cycle``; held-out half-cycles are shaded."""
     if by not in curves.columns:
         return None
+    words = by.replace("_", "-")
     keys = list(dict.fromkeys(curves[by].dropna().tolist()))
     names = [str(int(key) + 1) if by == "half_cycle" else str(key) for key in keys]
     before, after = column(curves, "residual_before_deg"), column(curves, "residual_after_deg")
@@ -198,12 +190,9 @@ def _by_group(curves: pd.DataFrame, by: str, title: str, words: str, *, width: f
     if not np.isfinite(levels).any():
         return None
     plot = pairs_of_bars(words, "rms residual (°)", names, levels, unseen=unseen, width=width, height=height)
-    data: dict[str, list[Any]] = {
-        by: names,
-        "before_deg": [level[0] for level in levels],
-        "after_deg": [level[1] for level in levels],
-    }
-    return Figure(f"residual_{by}", title, "", (plot,), data=data)
+    before_deg, after_deg = map(list, zip(*levels, strict=True))
+    data: dict[str, list[Any]] = {by: names, "before_deg": before_deg, "after_deg": after_deg}
+    return Figure(f"residual_{by}", f"By {words}", "", (plot,), data=data)
 
 
 def pairs_of_bars(

@@ -37,8 +37,8 @@ from torsight.core.words.colours import LIGHT
 from torsight.report.plots.panels import Band, Box, Line, Mark, Note, Panel, Points, Ribbon, Rule, style_of, thin_points
 
 _FOCUS: Final = f":focus-visible {{ outline: 3px solid {LIGHT['held']}; }}"
-"""The fonts of the page's style sheet, because a plot has a separate style sheet."""
 _FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif'
+"""Outline and fonts of the page's style sheet, because a plot has a separate style sheet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +181,11 @@ def _column(values: Any) -> Any:
     return values
 
 
+def _stroke(kind: str) -> dict[str, Any]:
+    style = style_of(kind)
+    return {"line_color": style.colour, "line_width": style.width, "line_dash": list(style.dash)}
+
+
 def _draw(plot: Plot, panel: Panel, alike: Sequence[Any]) -> _Drawn:
     """Draw marks that one renderer can draw together."""
     mark = alike[0]
@@ -214,17 +219,8 @@ def _draw(plot: Plot, panel: Panel, alike: Sequence[Any]) -> _Drawn:
 
 
 def _draw_lines(plot: Plot, panel: Panel, alike: Sequence[Line]) -> _Drawn:
-    """Draw curves of one kind."""
     mark = alike[0]
-    style = style_of(mark.kind)
-    look: dict[str, Any] = {
-        "line_color": style.colour,
-        "line_width": style.width,
-        "line_dash": list(style.dash),
-        "line_alpha": style.opacity,
-        "line_cap": "round",
-        "line_join": "round",
-    }
+    look = {**_stroke(mark.kind), "line_alpha": style_of(mark.kind).opacity, "line_cap": "round", "line_join": "round"}
     lines = [line.thinned(panel) for line in alike if len(line.x)]
     if not lines:
         return []
@@ -233,12 +229,11 @@ def _draw_lines(plot: Plot, panel: Panel, alike: Sequence[Line]) -> _Drawn:
         x, y = (np.concatenate([np.append(line[k], np.nan) for line in lines]) for k in (0, 1))
         plot.add_glyph(_source(x=x, y=y), glyphs.Line(x="x", y="y", **look))
         return []
-    drawn = plot.add_glyph(_source(x=lines[0][0], y=lines[0][1]), glyphs.Line(x="x", y="y", **look), name=mark.label)
-    return [(_CURVE, drawn)]
+    x, y = lines[0]
+    return [(_CURVE, plot.add_glyph(_source(x=x, y=y), glyphs.Line(x="x", y="y", **look), name=mark.label))]
 
 
 def _draw_points(plot: Plot, panel: Panel, alike: Sequence[Points]) -> _Drawn:
-    """Draw points of one kind."""
     mark = alike[0]
     style = style_of(mark.kind)
     pixel = (abs(panel.x.high - panel.x.low) / panel.width, abs(panel.y.high - panel.y.low) / panel.height)
@@ -265,11 +260,9 @@ def _draw_boxes(plot: Plot, alike: Sequence[Box]) -> _Drawn:
 
 
 def _draw_rules(plot: Plot, alike: Sequence[Rule]) -> _Drawn:
-    """Draw straight lines over the whole panel."""
     mark = alike[0]
-    style = style_of(mark.kind)
     source = _source(at=[one.value for one in alike], tip=[one.tip for one in alike])
-    look: dict[str, Any] = {"line_color": style.colour, "line_width": style.width, "line_dash": list(style.dash)}
+    look = _stroke(mark.kind)
     span = glyphs.VSpan(x="at", **look) if mark.upright else glyphs.HSpan(y="at", **look)
     drawn = plot.add_glyph(source, span)
     return [(_TIP, drawn)] if any(one.tip for one in alike) else []

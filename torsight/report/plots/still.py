@@ -152,7 +152,6 @@ def _legend_rows(panel: Panel, width: float) -> list[list[tuple[Any, str]]]:
 
 
 def _draw_mark(axes: Axes, panel: Panel, mark: Mark) -> None:
-    """Draw one mark of any type."""
     if isinstance(mark, Note):
         words, place = _plain(mark.words), (mark.x, mark.y)
         look: dict[str, Any] = {"va": "center", "color": LIGHT["muted"]}
@@ -215,11 +214,11 @@ def _dashes(dash: tuple[int, ...]) -> Any:
 
 def _handle(mark: Any) -> Any:
     """Return the symbol before a label of the legend."""
+    style = style_of(mark.kind)
     if isinstance(mark, (Band, Box, Ribbon)):
-        style = style_of(mark.kind)
         return Patch(facecolor=style.colour, alpha=style.opacity, linewidth=0.0)
     if isinstance(mark, Points):
-        return Line2D([], [], linestyle="none", marker="o", markersize=5.0, color=style_of(mark.kind).colour)
+        return Line2D([], [], linestyle="none", marker="o", markersize=5.0, color=style.colour)
     if isinstance(mark, Rule):
         return _line(Line(np.empty(0), np.empty(0), mark.kind), [], [])
     return _line(mark, [], [])

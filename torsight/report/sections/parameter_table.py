@@ -100,7 +100,7 @@ def parameter_table(results: RunResults) -> dict[str, Any]:
     known = priors(results)
     own = {
         name: value
-        for effect in (results.discovery or {}).get("effects") or []
+        for effect in discovery.get("effects") or []
         for name, value in (effect.get("parameters") or {}).items()
     }
     # A law is shown as a curve: its coefficients on functions of its own mean nothing beside it.

@@ -72,12 +72,10 @@ class Studio:
 
     def poses(self, speed_rad: float) -> int:
         """Return the number of poses that represent the stick's path of ``speed_rad`` while the shutter is open."""
-        reach_px = abs(speed_rad) * self._scene.sticks.length_mm * self._px_per_mm()
-        return int(min(max(math.ceil(reach_px / _BLUR_STEP_PX), 1), _MOST_POSES))
-
-    def _px_per_mm(self) -> float:
         jacobian = self._view.jacobian(np.array([0.0, 0.0, self._scene.camera.moving_z_mm]))
-        return float(np.sqrt(abs(np.linalg.det(jacobian))))
+        px_per_mm = float(np.sqrt(abs(np.linalg.det(jacobian))))
+        reach_px = abs(speed_rad) * self._scene.sticks.length_mm * px_per_mm
+        return int(min(max(math.ceil(reach_px / _BLUR_STEP_PX), 1), _MOST_POSES))
 
     def _set(self, shift_px: Floats) -> NDArray[np.float32]:
         """Return the background with the base stick, which is drawn only once for a camera that does not shake."""

@@ -96,10 +96,7 @@ class Session:
     def run(self, stop: threading.Event) -> Outcome:
         """Measure until the source ends or ``stop`` is set, then complete the record.
 
-        Raises
-        ------
-        TorsightError
-            An error of the source, the log or the disk; the record up to then is kept.
+        An error of the source, the log or the disk is raised; the record up to then is kept.
         """
         warm_up()
         if self._feed is not None:

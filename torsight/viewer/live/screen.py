@@ -125,11 +125,6 @@ class Feed:
         return self._process.is_alive() and self._thread.is_alive()
 
     @property
-    def process_id(self) -> int:
-        """Process id of the viewer's side."""
-        return int(self._process.pid or 0)
-
-    @property
     def waiting(self) -> int:
         """Number of entries that wait to be shown."""
         return len(self._waiting)

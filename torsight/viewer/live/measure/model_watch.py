@@ -41,7 +41,6 @@ class Thinned:
     """Means over fixed time steps of values that arrive one by one."""
 
     def __init__(self, width: int) -> None:
-        self._width = width
         self._step: int | None = None
         self._sum = np.zeros(width)
         self._count = np.zeros(width)
@@ -64,9 +63,8 @@ class Thinned:
         if self._step is None or not self._count.any():
             return
         self._time_s.append((self._step + 0.5) * STEP_S)
-        for place in range(self._width):
-            known = self._count[place] > 0
-            self._values[place].append(self._sum[place] / self._count[place] if known else math.nan)
+        for column, total, count in zip(self._values, self._sum, self._count, strict=True):
+            column.append(total / count if count else math.nan)
         self._sum[:] = self._count[:] = 0.0
 
     def __len__(self) -> int:

@@ -131,18 +131,12 @@ class LiveTracker:
         return self._follower is not None
 
     def step(self, frame: Picture) -> Seen:
-        """Process the next frame.
-
-        Raises
-        ------
-        ConfigError, NoResultError
-            When given markers are not found.
-        """
-        if self._follower is None and not self._start(frame):
-            return _nothing()
+        """Process the next frame; ConfigError or NoResultError when given markers are not found."""
+        if self._follower is None:
+            self._start(frame)
         follower = self._follower
         if follower is None:
-            return _nothing()
+            return Seen(np.full((4, 2), np.nan), np.full((4, 2, 2), np.nan), math.nan, math.nan, None)
         knew = follower.moving
         picture = Frame(frame.index, frame.time_s, frame.luma, damaged=frame.damaged or frame.dropped)
         row = follower.step(picture)
@@ -167,9 +161,10 @@ class LiveTracker:
         angle, sigma, position_mm = self._angle.step(frame.time_s, position, covariance)
         return Seen(position, covariance, angle, sigma, position_mm)
 
-    def _start(self, frame: Picture) -> bool:
+    def _start(self, frame: Picture) -> None:
+        """Begin to follow the markers, if a search is due and finds them."""
         if frame.luma is None or frame.damaged or frame.time_s - self._looked_s < _LOOK_EVERY_S:
-            return False
+            return
         first_look = self._looked_s == -math.inf
         self._looked_s = frame.time_s
         height, width = frame.luma.shape
@@ -181,7 +176,7 @@ class LiveTracker:
                 raise
             if first_look:
                 self._tell(frame.time_s, frame.index, "lost", f"{error.what}; looking on")
-            return False
+            return
         self._follower = start.follower()
         self._began, self._order, self._exchanged = frame.index, _SAME, [False, False]
         self._mends.clear()
@@ -189,7 +184,6 @@ class LiveTracker:
             self.which, self.undecided = WhichMarkers(frame.luma), True
         words = "found the four markers" + ("" if start.moving is not None else "; which stick moves is not known yet")
         self._tell(frame.time_s, frame.index, "found", words)
-        return True
 
     def _ordered(self, rows: int) -> list[int]:
         """Return the indices of the followed markers in the order of ``MARKERS``; ``rows`` have the previous order."""
@@ -317,10 +311,6 @@ class LiveTracker:
             self._follower, self._lost_since_s, self.undecided = None, None, False
             self._still.clear()
             self._away[:], self._reported[:] = 0, False
-
-
-def _nothing() -> Seen:
-    return Seen(np.full((4, 2), np.nan), np.full((4, 2, 2), np.nan), math.nan, math.nan, None)
 
 
 def warm_up() -> None:
