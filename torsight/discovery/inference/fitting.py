@@ -314,8 +314,12 @@ class Fitter:
         while True:
             start = np.log(np.maximum(found.solution.x[own], least))
             simplex = np.vstack([start, start + np.log(2.0) * np.eye(len(own))])
-            options = {"maxfev": _TRIALS, "xatol": _FINEST, "fatol": WORTH, "initial_simplex": simplex}
-            best = minimize(cost, start, method="Nelder-Mead", options=options)
+            best = minimize(
+                cost,
+                start,
+                method="Nelder-Mead",
+                options={"maxfev": _TRIALS, "xatol": _FINEST, "fatol": WORTH, "initial_simplex": simplex},
+            )
             values = dict(zip(found.values, at(best.x).tolist(), strict=True))
             again = self.fit(found.effects, [values], max_iterations=20, keep=1)
             gained = found.cost - again.cost
