@@ -283,6 +283,19 @@ def test_the_last_digit_is_that_of_the_readings_short_noisy_or_with_lines_betwee
     assert last_digit(wire_c + 0.1 * rng.standard_normal(rows)) == 0.0
 
 
+def test_changes_that_are_alike_on_a_ramp_are_no_last_digit_and_a_slow_log_keeps_no_peaks_of_little_noise():
+    rng, time_s = np.random.default_rng(8), np.arange(0.0, 800.0, 0.4)
+    course_c = np.minimum(78.3, 22.0 + 0.4 * time_s)
+    read_c = course_c + 0.004 * rng.standard_normal(len(time_s))
+    assert last_digit(read_c) == 0.0
+    # On a table four times as fast as the log.
+    table_s = np.arange(0.0, time_s[-1], 0.1)
+    found = condition(table_s, np.interp(table_s, time_s, read_c))
+    held = table_s > 150.0
+    assert found.temp_c[held].max() < 78.3 + 0.004
+    assert found.sigma_c[held].max() < 0.004
+
+
 @pytest.mark.parametrize("noise_share", [0.0, 0.2, 1.0])
 def test_a_held_top_is_known_as_well_as_its_last_digit_lets_it(noise_share: float) -> None:
     # Without noise of their own all readings of a level are off by one rounding.

@@ -76,11 +76,11 @@ def _between_readings(readings: Readings, wanted_s: Floats) -> Conditioned:
     """Return the temperature at the wanted times (m,) from readings (n,) that are far apart."""
     time_s, temp_c = readings.time_s, readings.temp_c
     known_c, slope_c_s, left_over, evidence = readings.smooth(0.0)
-    if readings.noise_c > NEGLIGIBLE_C:
+    if readings.are_clean:
+        known_c, left_over = temp_c, np.full(len(temp_c), readings.noise_c)
+    else:
         noise_c = readings.noise_c * math.sqrt(readings.alike)
         level_holds(time_s, temp_c, noise_c, value=known_c, rate=slope_c_s, left_over=left_over)
-    else:
-        known_c, left_over = temp_c, np.full(len(temp_c), readings.noise_c)
     peaks_c = ripple_peaks(time_s, temp_c, known_c, readings.digit_noise_c, readings.alike)
     known = readings.with_corners(known_c, left_over, wanted_s)
     return replace(known, peaks_c=np.interp(wanted_s, time_s, peaks_c), log_evidence=evidence)

@@ -21,6 +21,9 @@ FINEST_C: Final = 1e-4
 """A tick: readings that differ by less count as equal; no thermometer has a finer last digit."""
 _BESIDE: Final = 3.0
 """Number of ticks that count as a given multiple of a step: the nearest one and its two neighbours."""
+_AROUND: Final = 10.0
+"""Ticks around a multiple within which the changes of a log without a last digit are evenly spread: noise of 0.001 °C,
+which does not matter, spreads them that far."""
 _FREQUENT: Final = 256
 """Number of most frequent changes among which the last digit is searched: enough for noise of up to fifty digits."""
 _SURE: Final = math.log(1000.0 * _FREQUENT)
@@ -102,7 +105,9 @@ def last_digit(temp_c: Floats) -> float:
 
     Not all changes need be multiples: some readings may be interpolated, or several instruments combined. By chance a
     share c = 3/q of n changes lies within one tick of a multiple of a step of q ticks. If s is the share that does, the
-    evidence of the step is n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))); the last digit is the step with the most.
+    evidence of the step is n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))); the last digit is the step with the most. The
+    changes of a ramp are alike without a last digit, too, to their noise: it must also be evident among the changes
+    within ten ticks of a multiple alone.
     """
     ticks = np.rint(np.abs(np.diff(temp_c)) / FINEST_C)
     sizes, times = np.unique(ticks[ticks > 0.0], return_counts=True)
@@ -110,12 +115,18 @@ def last_digit(temp_c: Floats) -> float:
     steps = steps[steps > _BESIDE]
     if not len(steps):
         return 0.0
-    multiple = np.abs(sizes - steps[:, None] * np.rint(sizes / steps[:, None])) <= 1.0
-    chance = _BESIDE / steps
-    share = np.maximum(multiple @ times / np.sum(times), chance)
-    evidence = np.sum(times) * (rel_entr(share, chance) + rel_entr(1.0 - share, 1.0 - chance))
-    best = int(np.argmax(evidence))
-    return float(steps[best]) * FINEST_C if evidence[best] > _SURE else 0.0
+    off = np.abs(sizes - steps[:, None] * np.rint(sizes / steps[:, None]))
+    chance, count = _BESIDE / steps, times.astype(np.float64)
+    best = int(np.argmax(_evidence((off <= 1.0) @ count, count.sum(), chance)))
+    on, near = (float((off[best] <= reach) @ count) for reach in (1.0, _AROUND))
+    sure = _evidence(on, near, max(chance[best], _BESIDE / (2.0 * _AROUND + 1.0))) > _SURE
+    return float(steps[best]) * FINEST_C if sure else 0.0
+
+
+def _evidence(count: Floats | float, whole: float, chance: Floats | float) -> Floats:
+    """Return the evidence, log units, that a count out of a whole is more than the share that it is by chance."""
+    share = np.maximum(count / whole, chance)
+    return np.asarray(whole * (rel_entr(share, chance) + rel_entr(1.0 - share, 1.0 - chance)))
 
 
 def is_stepped(temp_c: Floats, digit_c: float) -> bool:
