@@ -26,7 +26,7 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
 
     The stepping is exact for steps of any length over which temperatures rise or fall: rows only have to sample the
     residual. One row is kept for every 5° of angle and every 1 °C (2 °C of the passive spring), every half minute,
-    where the driven temperature turns by more than noise, at changes of the half-cycle, and around the ends of
+    where the driven temperature turns, stops or goes on, at changes of the half-cycle, and around the ends of
     heatings, where an incomplete transformation ends: all rows within two seconds, one every 1.5 s within fifteen. The
     end of a heating is where the driven temperature turns down, where it is highest, and (behind a slow sensor, before
     both) where the angle stops. The same rows are kept where the angle comes to rest or leaves it: steps that contain
@@ -51,7 +51,7 @@ def kept_rows(drive: Drive, way: Floats, at_rest: Flags) -> Ints:
 
 
 def _standstills(active: Floats, drive: Drive) -> Ints:
-    """Return the rows at which the driven temperature stops, by a hold or a dip, and those at which it goes on.
+    """Return the rows at which the driven temperature turns, stops (by a hold or a dip) or goes on.
 
     A transformation only advances: between two rows a dip would hide how far it has come, and how long it stood. The
     temperature stands where it advances beyond all earlier ones by no more than negligible noise a second.
