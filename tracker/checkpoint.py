@@ -23,7 +23,7 @@ from torsight.core.errors import OutputError, reason_of
 from torsight.core.files.storage import json_text, write_text
 from tracker.rows import ROW
 
-VERSION: Final = 14
+VERSION: Final = 15
 """Incremented when the state of the follower changes its meaning: older checkpoints are then not resumed."""
 EVERY_S: Final = 2.0
 """Least time between two checkpoints: a kill costs as much, and to write one takes milliseconds."""

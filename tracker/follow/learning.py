@@ -16,7 +16,7 @@ from torsight.core.compiled import compiled, copy_to, inlined, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
-from tracker.appearance.motion_blur import is_sharp, learn_shutter
+from tracker.appearance.motion_blur import SHARES, is_due, is_sharp, learn_exposure, smear_misfits
 from tracker.follow.camera_state import (
     TURN_RAD,
     at,
@@ -107,11 +107,14 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
         rig.anchored = not base_goes_along(scene, base, base + 1)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
+    misfits = np.empty(len(SHARES))
     for index in range(len(scene.markers)):
-        reading = scene.readings[index]
-        path = (reading.path[0], reading.path[1])
-        if reading.state == SEEN and math.hypot(path[0], path[1]) > SHARP_PX:
-            learn_shutter(rig, scene.markers[index].shape, luma, (reading.x, reading.y), path)
+        reading, shape = scene.readings[index], scene.markers[index].shape
+        place, path = (reading.x, reading.y), (reading.path[0], reading.path[1])
+        length = math.hypot(path[0], path[1])
+        fast = reading.state == SEEN and length > SHARP_PX and is_due(rig.exposure)
+        if fast and smear_misfits(luma, place, shape, path, misfits):
+            learn_exposure(rig.exposure, misfits, length / (2.0 * shape.radius))
     for stick in range(len(scene.sticks)):
         _note_stick(scene, stick)
     if with_base:
@@ -164,7 +167,7 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
         return
     marker.light += RATE * (reading.light - marker.light)
     marker.step += RATE * (abs(reading.step) - marker.step)
-    if is_sharp(rig, math.hypot(reading.path[0], reading.path[1])):
+    if is_sharp(rig.exposure, math.hypot(reading.path[0], reading.path[1])):
         learn_look(marker, scene.looks[index][2], reading)
     take(marker, time_s, reading, rig.shift)
 

@@ -68,9 +68,6 @@ _FEW: Final = 0.005
 _BLUR: Final = 0.5
 """Blur of the picture before it is sampled, in steps of the grid: linear interpolation between blurred pixels hardly
 depends on where between them a sample lies."""
-SHARES: Final = np.sqrt((2.0 * np.arange(21) + 1.0) ** 2 - 1.0) / 41.0
-"""Exposures that are compared, as shares of the frame interval: 1, 3, … 41 of 41 instants evenly spread over it have
-the variance of these."""
 _LINEAR_PX2: Final = 1.0 / 6.0
 """Variance of the kernel of linear interpolation: mean of f (1 − f) over all positions f between two pixels."""
 
@@ -194,20 +191,8 @@ class Patch:
             return np.zeros_like(self._middle)
         # As many points as these have the variance of the whole exposure.
         instants = share * (np.arange(count) - 0.5 * (count - 1)) / math.sqrt(count**2 - 1)
-        return np.asarray(np.mean([self._at(motion, instant) for instant in instants], axis=0) - self._middle)
-
-    def smears(self, motion: Floats) -> Floats:
-        """Return what motion blur by each of ``SHARES`` of a motion (3, 3) adds, on the whole grid (m, side²)."""
-        half = len(SHARES) - 1
-        if not motion.any():
-            return np.zeros((half + 1, len(self._middle)))
-        seen = np.stack([self._at(motion, instant / (2 * half + 1)) for instant in range(-half, half + 1)])
-        total = np.cumsum(np.vstack([seen[half], seen[half + 1 :] + seen[:half][::-1]]), axis=0)
-        return np.asarray(total / (2.0 * np.arange(half + 1)[:, None] + 1.0) - self._middle)
-
-    def _at(self, motion: Floats, instant: float) -> Floats:
-        """Return the brightness (side²,) that the whole grid shows at an instant of a motion (3, 3)."""
-        return self._look(*project(carried(-instant * motion), self._grid))
+        seen = [self._look(*project(carried(-instant * motion), self._grid)) for instant in instants]
+        return np.asarray(np.mean(seen, axis=0) - self._middle)
 
     def misfits(self, fit: Fit, added: Floats) -> Floats:
         """Return the rms residuals (m,), over the gain, of a fit to the template with each of ``added`` (m, side²)."""
