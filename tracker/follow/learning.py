@@ -37,9 +37,6 @@ from tracker.rows import SEEN
 _CHANGE_PX: Final = 1.0 / PHASES
 """Change of the rim's position above which the template is rendered again: smaller ones are followed to first order, as
 are positions between those of cached models."""
-_ROWS: Final = 16
-"""Step between the rows from which the picture's brightness is computed: as accurate as all rows, in an eighth of the
-time."""
 SIZES: Final = (0.7, 1.4)
 """Range of a marker's size over its first one: that of a stick in a plane seen at up to 45 degrees from its normal."""
 
@@ -198,17 +195,6 @@ def _note_stick(scene: Scene, stick: int) -> None:
     if rig.moving >= 0 and circles_off(scene, off):
         rig.offset_known = 1
         rig.offset[0], rig.offset[1] = middle_of(off[:, 0]) - dx, middle_of(off[:, 1]) - dy
-
-
-@shared
-def brightness(luma: Luma) -> float:
-    """Return the mean grey level of a picture, from some of its rows."""
-    total, count = 0, 0
-    for y in range(0, luma.shape[0], _ROWS):
-        for x in range(luma.shape[1]):
-            total += luma[y, x]
-        count += luma.shape[1]
-    return total / count
 
 
 @shared

@@ -18,7 +18,7 @@ from tracker.follow.camera_state import SHAKE_PX, circle_misfit, circle_sigma_px
 from tracker.follow.judgement import further, rigid_misfit
 from tracker.follow.learning import SIZES
 from tracker.follow.motion_model import jump_px
-from tracker.follow.redetect import SELDOM, Prediction
+from tracker.follow.redetect import SELDOM, Prediction, direction
 from tracker.follow.rotation_axis import STANDS_PX, learn_axis, turned
 from tracker.follow.state import STICK
 from tracker.innovation import passes
@@ -230,10 +230,13 @@ class TextureStick(Kept):
         own["length"] = np.hypot(*(0.5 * (jacobian(one.warp) + jacobian(two.warp)) @ self._offset))
         return own
 
+    def _turn_between(self, one: Fit, two: Fit) -> float:
+        """Return the rotation of the line through both points, rad."""
+        return direction(place(one.warp), place(two.warp)) - math.atan2(*self._offset[::-1])
+
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
         """Give patches whose own rotation is not observable that of the line through both points."""
-        one, two = (np.array(place(fit.warp)) for fit in fits if fit is not None)
-        turn = math.atan2(*(two - one)[::-1]) - math.atan2(*self._offset[::-1])
+        turn = self._turn_between(*(fit for fit in fits if fit is not None))
         return [
             replace(fit, warp=similarity(*place(fit.warp), turn_rad=turn))
             if fit is not None and math.isinf(track.patch.turn_doubt)
@@ -243,8 +246,7 @@ class TextureStick(Kept):
 
     def _turns_along(self, one: Fit, two: Fit) -> bool:
         """Return whether both patches are rotated as much as the line through both points."""
-        a, b = np.array(place(one.warp)), np.array(place(two.warp))
-        turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])
+        turn = self._turn_between(one, two)
         return all(
             math.isinf(track.patch.turn_doubt) or turned(turn_of(fit.warp), turn) < _OWN_TURN_RAD
             for track, fit in zip(self._tracks, (one, two), strict=True)
