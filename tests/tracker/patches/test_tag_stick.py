@@ -48,7 +48,7 @@ def errors_deg(made: FlatFilm, path: Path, hints: dict, **codec) -> tuple[np.nda
 
 
 def tag_on_pixels(side_px: float, turn_deg: float, shift_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Picture of a tag behind a lens that blurs by half a pixel, its pixels integrated from 12 × 12 points; its warp."""
+    """Picture of a tag, blurred by half a pixel and then integrated over each pixel from 12 × 12 points; its warp."""
     modules, size, fine = np.pad(bits_of(FAMILY, 0), 1, constant_values=True), 48, 12
     middle = 0.5 * (size - 1) + shift_px
     y, x = np.mgrid[: size * fine, : size * fine].astype(float) / fine + (0.5 / fine - 0.5)
