@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
+from tracker.innovation import SIGMAS
 from tracker.patches.ink import Doubt, Ink
 from tracker.patches.warps import jacobian, project, similarity
 
@@ -46,10 +47,6 @@ _MOVED: Final = 2
 cent of the motion."""
 _STOP_PX: Final = 0.01
 """Step of a point at the patch's rim below which the fit stops: a tenth of a reading's noise in an ordinary film."""
-_LEAST_SPREAD: Final = 1.0
-"""Standard deviation, grey levels, below which a patch shows nothing: that by rounding alone is a third of it."""
-_FARTHEST: Final = 0.7
-"""Largest step over the half width: beyond it, the picture there is unknown to the template."""
 _ROUNDED: Final = 1.0 / 12.0
 """Variance by the rounding of brightness: a lower bound for every picture, also that of the template."""
 _TUKEY: Final = 4.685
@@ -264,7 +261,8 @@ class Patch:
         left = seen[self.index] - found[_GAIN] * usual - self._basis @ found
         delta = found[self._first :] / found[_GAIN]
         delta = delta if answer is None else answer @ delta
-        if abs(found[_GAIN]) * self.spread < _LEAST_SPREAD or not np.abs(delta).max() < _FARTHEST * self.half_px:
+        # The rounding alone has as much contrast; beyond half its width the picture is unknown to the template.
+        if abs(found[_GAIN]) * self.spread < SIGMAS * math.sqrt(_ROUNDED) or not np.abs(delta).max() < self.half_px:
             return None
         after = warp @ np.linalg.inv(np.eye(3) + np.tensordot(delta, self.generators, 1))
         after /= after[2, 2]

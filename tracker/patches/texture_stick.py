@@ -32,8 +32,6 @@ _ALIKE: Final = 0.7
 """Smallest correlation with texture: half of its variance is explained. Paper next to it or a mere edge stays below."""
 _FADED: Final = (0.4, 2.5)
 """Range of the contrast over the mean of the last frames: outside it the texture is not the same."""
-_FLAT: Final = 0.5
-"""Smallest ratio of a patch's shorter to its longer axis: below it the texture is not the same."""
 _RIM_PX: Final = 0.02
 """Standard deviation of the rim of a patch at rest by its own size or turn, px: that of its place at H.264 CRF 20."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
@@ -140,7 +138,8 @@ class TextureStick(Kept):
             return "hidden"
         # In the picture of a camera that comes nearer the whole stick is larger.
         size = size_of(fit.warp) * float(np.hypot(*self._offset)) / self.length_px
-        if not SIZES[0] < size < SIZES[1] or flatness_of(fit.warp) < _FLAT:
+        # Within these sizes the shorter axis of a circle's image is no less than half of the longer one.
+        if not SIZES[0] < size < SIZES[1] or flatness_of(fit.warp) < SIZES[0] / SIZES[1]:
             return "lost"
         return "hidden" if fit.kept < KEPT else ""
 
