@@ -23,7 +23,7 @@ from torsight.core.errors import OutputError, reason_of
 from torsight.core.files.storage import json_text, write_text
 from tracker.rows import ROW
 
-VERSION: Final = 14
+VERSION: Final = 15
 """Incremented when the state of the follower changes its meaning: older checkpoints are then not resumed."""
 EVERY_S: Final = 2.0
 """Least time between two checkpoints: a kill costs as much, and to write one takes milliseconds."""
@@ -103,7 +103,7 @@ class RowStore:
         self._last_s = time.monotonic()
         self._block = np.zeros(_BLOCK, ROW)
         self._filled = 0
-        self._kept: list[NDArray[np.void]] = []
+        self._kept = [np.zeros(0, ROW)]
         self.saved = 0
 
     def resume(self) -> dict[str, Any] | None:
@@ -118,7 +118,7 @@ class RowStore:
             return None
         if content.get("key") != self._key or len(rows) != content["rows"]:
             return None
-        self.saved = len(rows)
+        self.saved, self._kept = len(rows), [rows]
         os.truncate(self._rows_path, self.saved * ROW.itemsize)
         return state
 
@@ -156,16 +156,14 @@ class RowStore:
     def rows(self) -> NDArray[np.void]:
         """Return all rows in the order of the frames."""
         self._empty()
-        if self._folder is None:
-            return np.concatenate(self._kept) if self._kept else np.zeros(0, ROW)
-        return np.fromfile(self._rows_path, ROW, count=self.saved)
+        return np.concatenate(self._kept)
 
     def _empty(self, *, sync: bool = False) -> None:
         part = self._block[: self._filled].copy()
         self._filled = 0
         self.saved += len(part)
+        self._kept.append(part)
         if self._folder is None:
-            self._kept.append(part)
             return
         try:
             with self._rows_path.open("ab") as file:

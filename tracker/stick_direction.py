@@ -22,3 +22,9 @@ def stick_direction(inner: Points, outer: Points) -> tuple[Floats, Floats]:
 def square(upper: Floats) -> Floats:
     """Return covariances (…, 2, 2) from their elements xx, xy, yy (…, 3), as stored in readings and rows."""
     return np.stack([upper[..., [0, 1]], upper[..., [1, 2]]], axis=-2)
+
+
+def turned_by(points: Floats, angle_rad: Floats) -> Floats:
+    """Return points (…, 2) turned about the origin from x towards y, each by its angle (…)."""
+    cos, sin, x, y = np.cos(angle_rad), np.sin(angle_rad), points[..., 0], points[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)

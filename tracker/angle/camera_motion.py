@@ -10,7 +10,7 @@ its own noise nothing is subtracted: that would only add the base's noise to the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ from tracker.angle.length_noise import LEAST_FRAMES, LengthWitness, by_direction
 from tracker.angle.reference_direction import SIDE, steady_direction, steps_of_mean
 from tracker.follow.camera_state import SHAKE_PX
 from tracker.innovation import SIGMAS
+from tracker.stick_direction import turned_by
 
 _MOVED: Final = 1.5
 """Smallest motion (rms over the film) that is removed, over the noise of one frame."""
@@ -55,19 +56,6 @@ class Unmoved(NamedTuple):
     turn_rad2: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shift:
-    """Shift ``step`` (n, 2) of the picture in every frame from its place at the start.
-
-    The shift is interpolated where the base is not seen. ``variance`` (n,) is the larger of the variances of its
-    coordinates; ``loose`` (n,) is the same where the base is not seen, and zero elsewhere.
-    """
-
-    step: Floats
-    variance: Floats
-    loose: Floats
-
-
 def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel_aspect: float = 1.0) -> Unmoved:
     """Return the tracks as a fixed camera would have seen them.
 
@@ -77,30 +65,25 @@ def unmoved(tracks: MarkerTracks, intrinsics: Intrinsics | None = None, *, pixel
     flat, covariance, pixel = flattened(tracks, intrinsics, pixel_aspect)
     flat, size_variance = as_far(flat, covariance, pixel=pixel)
     hidden = np.asarray(np.isnan(flat[:, :2, 0]).all(axis=1))
-    nothing = np.zeros(len(tracks))
-    if size_variance.any():
-        tracks = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect))
-    shift = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
-    if shift is None:
-        shift = Shift(np.zeros((len(tracks), 2)), nothing, nothing)
-        if not size_variance.any():
-            return Unmoved(tracks, tracks, nothing, nothing)
-    flat = flat - shift.step[:, None]
-    seen = _seen(flat)
-    alone = (seen[:, 2] != seen[:, 3]) * shift.loose / pixel**2
+    step, variance = picture_shift(flat[:, :2], covariance[:, :2], pixel=pixel)
+    if not (size_variance.any() or step.any()):
+        return Unmoved(tracks, tracks, variance, variance)
+    flat = flat - step[:, None]
+    seen, loose = _seen(flat), np.where(hidden, variance, 0.0)
+    alone = (seen[:, 2] != seen[:, 3]) * loose / pixel**2
     spread = tracks.covariance_px2.copy()
     spread[:, 2:] += alone[:, None, None, None] * np.eye(2)
     still = replace(tracks, position_px=_in_picture(flat, intrinsics, pixel_aspect), covariance_px2=spread)
     turned, turn_rad2 = upright(flat, covariance, pixel=pixel)
     away2 = np.sum(np.square(flat - np.nanmedian(_middle(flat[:, :2]), axis=0)), axis=-1)
-    off = shift.loose[:, None] + (turn_rad2 + size_variance)[:, None] * away2
+    off = loose[:, None] + (turn_rad2 + size_variance)[:, None] * away2
     shared_px2 = np.where(hidden[:, None], off, 0.0) / pixel**2
     paths = replace(
         still,
         position_px=_in_picture(turned, intrinsics, pixel_aspect),
         covariance_px2=tracks.covariance_px2 + shared_px2[..., None, None] * np.eye(2),
     )
-    return Unmoved(still, paths, shift.variance / pixel**2, turn_rad2)
+    return Unmoved(still, paths, variance / pixel**2, turn_rad2)
 
 
 def flattened(tracks: MarkerTracks, intrinsics: Intrinsics | None, pixel_aspect: float) -> tuple[Floats, Floats, float]:
@@ -166,16 +149,19 @@ def _lengths(position: Floats, covariance: Floats, first: int) -> LengthWitness:
     return witness(stick, moves=np.ones(len(position), np.bool_), turns=first > 0)
 
 
-def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Shift | None:
-    """Return the shift of the base stick from its place at the start; None where that is no more than noise.
+def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> tuple[Floats, Floats]:
+    """Return the shift (n, 2) of the base stick from its place at the start, and the larger variance (n,) of x and y.
+
+    Both are interpolated where the base is not seen, and zero in a film in which the shift is no more than noise.
+
 
     A moving camera shifts both markers (n, 2, 2), NaN where not seen; a marker that moves alone was misread.
     ``covariance`` (n, 2, 2, 2) is that of the fits, ``pixel`` the size of a pixel in the unit of the positions.
     """
     place = _middle(base)
-    known = np.isfinite(place[:, 0])
+    known, nothing = np.isfinite(place[:, 0]), (np.zeros_like(place), np.zeros(len(place)))
     if not known.any():
-        return None
+        return nothing
     noise = _noise(base, covariance) * max(_lengths(base, covariance, 0).scale, 1.0) ** 2
     start = np.median(place[known][: max(1, round(_START * known.sum()))], axis=0)
     step, variance = np.zeros_like(place), np.zeros(len(place))
@@ -187,8 +173,8 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> Sh
     # One misread marker moves the middle by half as much as the offset: a quarter of the offset's variance.
     usual = np.maximum(np.median(noise[known], axis=0), 0.25 * np.var(offset[_seen(offset)], axis=0))
     if not (np.var(step[known], axis=0) > np.maximum(_MOVED**2 * usual, (_FELT_PX * pixel) ** 2)).any():
-        return None
-    return Shift(step, variance, np.where(known, 0.0, variance))
+        return nothing
+    return step, variance
 
 
 def bumps(base_px: Floats) -> list[tuple[int, float]]:
@@ -224,9 +210,7 @@ def upright(position: Floats, covariance: Floats, *, pixel: float = 1.0) -> tupl
     if not np.var(turn[known]) > max(_MOVED**2 * float(np.median(noise[known])), felt):
         return position, nothing
     pivot = np.median(position[known, :2].mean(axis=1), axis=0)
-    cos, sin = np.cos(turn), np.sin(turn)
-    back = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
-    return np.asarray((position - pivot) @ back + pivot), variance
+    return pivot + turned_by(position - pivot, -turn[:, None]), variance
 
 
 def _seen(points: Floats) -> Flags:

@@ -26,9 +26,6 @@ LEAST_FRAMES: Final = 30
 _FEW_FRAMES: Final = 8
 """Frames in motion, or at rest, from which at least an upper bound of their errors is estimated."""
 _CLIP: Final = 4.0
-_ALONG_ROWS_PX: Final = 0.065
-"""Error by sampling of an edge that lies along the pixel rows, where all of the edge has the same error: 0.06 px
-measured for sharp tags of 36 and 62 px, in the few frames of a turn in which they lie so."""
 _STILL_FRAMES: Final = 11
 _STILL_PX: Final = 0.2
 """A stick rests while its markers keep within ``_STILL_PX`` over ``_STILL_FRAMES``."""
@@ -73,12 +70,12 @@ def in_motion(position_px: Floats) -> Flags:
     return np.asarray(around[_EDGE_FRAMES : _EDGE_FRAMES + n] > 0.0)
 
 
-def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True, pixel: float = 0.0) -> LengthWitness:
+def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True) -> LengthWitness:
     """Compare the scatter of a stick's length over the film with that predicted by its markers' covariances.
 
     ``stick`` are its inner and outer marker in one plane, any unit, NaN where not known; ``moves`` (n,) is as in
-    :func:`in_motion`, and ``pixel`` the size of a pixel in that unit. ``turns`` is false for the base: a rolling camera
-    turns it in the picture without a change of its length, so no dependence of the length on the direction is fitted.
+    :func:`in_motion`. ``turns`` is false for the base: a rolling camera turns it in the picture without a change of its
+    length, so no dependence of the length on the direction is fitted.
     """
     (inner, inner_covariance), (outer, outer_covariance) = stick
     offset = outer - inner
@@ -111,7 +108,7 @@ def witness(stick: Sequence[Points], *, moves: Flags, turns: bool = True, pixel:
     # Neither frames at rest alone nor a few frames show how large an error may be.
     told = [spread for kind, spread in zip(kinds, spreads, strict=True) if kind.sum() >= _FEW_FRAMES]
     noise = float(np.sqrt(np.median(variance[known])))
-    outlier[known] = np.abs(left) > max(8.0 * max(told), 6.0 * noise, _ALONG_ROWS_PX * pixel)
+    outlier[known] = np.abs(left) > max(8.0 * max(told), 6.0 * noise)
     scale, still = _scales(left**2 / variance[known], use, moves[known])
     return LengthWitness(float(np.mean(length[known][use])), residual, scale, still, outlier)
 

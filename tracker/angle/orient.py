@@ -17,8 +17,8 @@ from torsight.core.series import bridged, known_median
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Flags, Floats
 from tracker.angle.camera_motion import flattened, unmoved
-from tracker.angle.length_noise import in_motion
-from tracker.angle.plane import Orientation, from_plane, joined_errors, scaled, stick_errors, stick_witness, variance_by
+from tracker.angle.length_noise import in_motion, witness
+from tracker.angle.plane import Orientation, from_plane, joined_errors, scaled, stick_errors, variance_by
 from tracker.angle.row_time import Readout
 from tracker.angle.tilt.estimate import fit_tilt
 from tracker.angle.tilt.models import KNOWN, Tilt
@@ -130,7 +130,7 @@ class _Seen:
         else:
             still, paths, *_ = unmoved(tracks, intrinsics, pixel_aspect=pixel_aspect)
         flat, readout = _in_half_widths(still, pixel_aspect, intrinsics), Readout.of(tracks)
-        scale = stick_witness(flat[2:], in_motion(still.position_px[:, 2:])).scale
+        scale = witness(flat[2:], moves=in_motion(still.position_px[:, 2:])).scale
         inner, outer = (scaled(points, scale) for points in _in_half_widths(paths, pixel_aspect, intrinsics)[2:])
         tilt = fit_tilt(inner, outer, readout, half_px=0.5 * still.size_px[0])
         places, slopes = _from_above(flat, tilt.values, readout)
@@ -197,7 +197,7 @@ def read_at_once(plane: list[Points], readout: Readout, moves: Flags) -> tuple[l
         return plane, Rolling(np.zeros(len(readout.time_s)), readout.report(np.zeros(2), np.zeros(2), shown=0.0))
     half = usual * 0.5 * readout.size_px[0]
     flat = [(points / half, covariance / half**2) for points, covariance in plane]
-    scale = stick_witness(flat[2:], moves).scale
+    scale = witness(flat[2:], moves=moves).scale
     inner, outer = (scaled(points, scale) for points in flat[2:])
     tilt = fit_tilt(inner, outer, readout, half_px=0.5 * readout.size_px[0], known=True)
     moving = readout.at_timestamps([plane[2][0], plane[3][0]], tilt.values[5:])

@@ -145,8 +145,8 @@ class Moving:
 def stick_errors(tracks: MarkerTracks, plane: list[Points], *, across: float = 1.0) -> StickErrors:
     """Return the errors that the sticks' lengths show in planes across the axis; ``across`` as in `from_plane`."""
     base_moves, moves = in_motion(tracks.position_px[:, :2]), in_motion(tracks.position_px[:, 2:])
-    base = stick_witness(plane[:2], base_moves, seen_px=tracks.position_px[:, :2])
-    moving = stick_witness(plane[2:], moves, seen_px=tracks.position_px[:, 2:])
+    base = witness(plane[:2], moves=base_moves)
+    moving = witness(plane[2:], moves=moves)
     # The codec freezes the base's noise longest: its hidden error is inferred from the moving stick at rest.
     hidden = _FROZEN * moving.still
     of_base = np.where(base_moves, max(base.scale, moving.scale), max(base.still, hidden))
@@ -258,18 +258,6 @@ def variance_by(angle: Callable[[Floats], Floats], values: Floats, covariance: F
     # Slopes are per standard deviation, so that the values may have different units.
     correlation = covariance[np.ix_(known, known)] / np.outer(sigma, sigma)
     return np.asarray(np.einsum("ni,ij,nj->n", slopes, correlation, slopes))
-
-
-def stick_witness(stick: list[Points], moves: Flags, *, seen_px: Floats | None = None) -> LengthWitness:
-    """Return the statistics of a stick's length, from its inner and outer marker in a plane.
-
-    ``seen_px`` (n, 2, 2) are the positions of both markers in the picture, for the size of a pixel in that plane.
-    """
-    inner, outer = stick
-    offset_px = np.empty((0, 2)) if seen_px is None else seen_px[:, 1] - seen_px[:, 0]
-    long_px = known_median(np.hypot(*offset_px.T))
-    pixel = known_median(np.hypot(*(outer[0] - inner[0]).T)) / long_px if long_px > 0.0 else 0.0
-    return witness(stick, moves=moves, pixel=pixel)
 
 
 def scaled(points: Points, scale: float | Floats) -> Points:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Final
 
 import numpy as np
 
-from torsight.core.series import BY_CHANCE, bridged, robust_sigma
+from torsight.core.series import BY_CHANCE, bridged, robust_sigma, runs
 from torsight.core.units import Floats
 
 SIDE: Final = 8
@@ -30,9 +29,11 @@ def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, 
     if not known.any():
         return np.full_like(angle_rad, np.nan), np.full_like(angle_rad, np.nan)
     noise = float(np.median(variance_rad2[known]))
+    # Noise that never changes (a codec repeats a still picture) does not average out.
+    changing = min(noise, 0.5 * float(np.mean(np.diff(angle_rad[known]) ** 2))) if known.sum() > 1 else noise
     smooth = np.full_like(angle_rad, np.nan)
     variance = np.full_like(angle_rad, np.nan)
-    for first, last in _segments(angle_rad, noise):
+    for first, last in _segments(angle_rad, noise - changing + changing / SIDE):
         part = slice(first, last)
         seen = known[part]
         half, drift, shaking, apparent = _character(angle_rad[part][seen], noise)
@@ -41,41 +42,27 @@ def steady_direction(angle_rad: Floats, variance_rad2: Floats) -> tuple[Floats, 
         share = shaking / (shaking + noise)
         kept = np.where(seen, share * (angle_rad[part] - mean), 0.0)
         smooth[part] = mean + np.nan_to_num(kept)
-        # Noise that never changes (a codec repeats a still picture) does not average out.
         hidden = max(0.0, noise - apparent)
         averaged = apparent / np.maximum(count, 1.0) * 2.0
         variance[part] = hidden + averaged + drift * half / 6.0 + np.where(seen, share * noise, away)
     return smooth, np.minimum(variance, np.where(known, np.maximum(variance_rad2, 1e-18), np.inf))
 
 
-def _segments(angle_rad: Floats, noise: float) -> list[tuple[int, int]]:
-    """Return the stretches (first, stop) between bumps, at which the direction changes permanently."""
+def _segments(angle_rad: Floats, variance: float) -> list[tuple[int, int]]:
+    """Return the stretches (first, stop) between bumps, at which the direction changes permanently.
+
+    A gap that holds a bump belongs to neither side. ``variance`` is that of a mean over ``SIDE`` frames.
+    """
     known = np.flatnonzero(np.isfinite(angle_rad))
-    values = angle_rad[known]
-    cuts = [0]
+    values, parts, first = angle_rad[known], list[tuple[int, int]](), 0
     if len(values) > 4 * SIDE:
         jump = np.abs(steps_of_mean(values, SIDE))
-        at = 0
-        limit = BY_CHANCE * max(np.sqrt(2.0 * max(noise, 1e-18) / SIDE), robust_sigma(jump))
-        while at < len(jump):
-            if jump[at] > limit:
-                stop = min(len(jump), at + 2 * SIDE)
-                best = at + int(np.argmax(jump[at:stop]))
-                cuts.append(best + SIDE)
-                at = best + 2 * SIDE
-            else:
-                at += 1
-    edges = [0 if cut == 0 else int(known[min(cut, len(known) - 1)]) for cut in cuts] + [len(angle_rad)]
-    # A gap that holds the bump belongs to neither side.
-    parts: list[tuple[int, int]] = []
-    for first, last in itertools.pairwise(edges):
-        stop = last
-        if last < len(angle_rad):
-            inside = known[known < last]
-            stop = int(inside[-1]) + 1 if len(inside) else last
-        if stop > first:
-            parts.append((first, stop))
-    return parts
+        limit = BY_CHANCE * max(np.sqrt(2.0 * max(variance, 1e-18)), robust_sigma(jump))
+        for begin, end in runs(jump > limit):
+            bump = begin + int(np.argmax(jump[begin:end])) + SIDE
+            parts.append((first, int(known[bump - 1]) + 1))
+            first = int(known[bump])
+    return [*parts, (first, len(angle_rad))]
 
 
 def steps_of_mean(values: Floats, side: int) -> Floats:

@@ -24,6 +24,7 @@ from torsight.core.parameter import REACH
 from torsight.core.tracks import MarkerTracks
 from torsight.core.units import Floats
 from tracker.innovation import SIGMAS
+from tracker.stick_direction import turned_by
 
 Complex = NDArray[np.complex128]
 
@@ -101,7 +102,7 @@ class Readout:
         rate, change = self.turning(direction, share, np.array(arms))
         back = -rate * delay_s + 0.5 * change[:, None] * delay_s**2
         centre = np.array([middle.real, middle.imag])
-        return [centre + _turned(part - centre, angle) for part, angle in zip(points, back.T, strict=True)]
+        return [centre + turned_by(part - centre, angle) for part, angle in zip(points, back.T, strict=True)]
 
     def report(self, shares: Floats, sigmas: Floats, *, shown: float) -> dict[str, Any]:
         """Return the entry of ``track.json``: ``shown``, from 0 to 1, is how clearly the film shows a read-out."""
@@ -147,10 +148,3 @@ def circles(points: Floats, direction_rad: Floats) -> tuple[Complex, Complex]:
     normal = np.array([[2 * n, turned, turned], [np.conj(turned), n, 0.0], [np.conj(turned), 0.0, n]])
     right = np.concatenate([[place.sum()], np.conj(unit) @ place])
     return np.asarray(np.linalg.pinv(normal, hermitian=True) @ right), normal
-
-
-def _turned(points: Floats, angle_rad: Floats) -> Floats:
-    """Return points (n, 2), each rotated counter-clockwise by its angle (n,)."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    x, y = points.T
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)

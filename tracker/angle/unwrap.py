@@ -56,7 +56,8 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
         else:
             before = runs[number - 1][-1]
             ahead = _speed_ahead(time_s, runs, locals_, number)
-            behind = _speed_behind(time_s, whole, known[: int(np.searchsorted(known, before)) + 1])
+            seen = known[: int(np.searchsorted(known, before)) + 1]
+            behind = _speed_at(time_s[seen], whole[seen], -1)
             turns, clear = _turns(
                 gap_s=gaps_s[number - 1],
                 step_rad=float(local[0] - whole[before]),
@@ -65,7 +66,7 @@ def unwrap(time_s: Floats, angle_rad: Floats) -> tuple[Floats, Flags]:
                 most_rad=most_rad[gaps[number - 1]],
             )
             if not clear:
-                turns, clear = _same_range(whole[known[: np.searchsorted(known, before) + 1]], local, turns)
+                turns, clear = _same_range(whole[seen], local, turns)
             local = local + 2.0 * np.pi * turns
             sure = sure and clear
             certain[before + 1 : run[0]] = sure
@@ -134,36 +135,26 @@ def _off(time_s: Floats, angle_rad: Floats, frames: int, side: int) -> Floats:
     return np.asarray(angle_rad[after] - angle_rad[index] - mean * (time_s[after] - time_s[index]))
 
 
-def _speed_behind(time_s: Floats, whole: Floats, known: Ints) -> float | None:
-    """Return the speed before a gap, from the angles in the frames ``known`` (k,) up to it."""
-    first = int(np.searchsorted(known, np.searchsorted(time_s, time_s[known[-1]] - _SIDE_S)))
-    # Two frames at least, however rare the frames are.
-    index = known[max(min(first, len(known) - 2), 0) :]
-    return _slope(time_s[index], whole[index])
-
-
 def _speed_ahead(time_s: Floats, runs: list[Ints], angles: list[Floats], number: int) -> float | None:
     """Return the speed after a gap; runs that follow each other closely are joined."""
-    times: list[float] = []
-    values: list[float] = []
+    times, values = time_s[runs[number]], angles[number]
     step_s = float(np.median(np.diff(time_s)))
-    until_s = time_s[runs[number][0]] + _SIDE_S
-    for run, angle in zip(runs[number:], angles[number:], strict=True):
-        shift = 0.0
-        if times:
-            if time_s[run[0]] - times[-1] > 4.0 * step_s:
-                break
-            speed = 0.0 if len(values) < 2 else (values[-1] - values[-2]) / (times[-1] - times[-2])
-            expected = values[-1] + speed * (time_s[run[0]] - times[-1])
-            shift = 2.0 * np.pi * np.round((expected - angle[0]) / (2.0 * np.pi))
-        early = time_s[run] <= until_s
-        # Two frames at least, however rare the frames are.
-        early[: max(0, 2 - len(times))] = True
-        times += list(time_s[run][early])
-        values += list(angle[early] + shift)
-        if not early.all():
+    for run, angle in zip(runs[number + 1 :], angles[number + 1 :], strict=True):
+        if times[-1] - times[0] > _SIDE_S or time_s[run[0]] - times[-1] > 4.0 * step_s:
             break
-    return _slope(np.array(times), np.array(values))
+        speed = 0.0 if len(values) < 2 else (values[-1] - values[-2]) / (times[-1] - times[-2])
+        expected = values[-1] + speed * (time_s[run[0]] - times[-1])
+        shift = math.tau * np.round((expected - angle[0]) / math.tau)
+        times, values = np.append(times, time_s[run]), np.append(values, angle + shift)
+    return _speed_at(times, values, 0)
+
+
+def _speed_at(time_s: Floats, angle_rad: Floats, end: int) -> float | None:
+    """Return the speed at the first (``end`` 0) or last (−1) of some frames; None where there is but one."""
+    near = np.abs(time_s - time_s[end]) <= _SIDE_S
+    # Two frames at least, however rare the frames are.
+    near[[0, min(1, len(near) - 1)] if end == 0 else slice(-2, None)] = True
+    return _slope(time_s[near], angle_rad[near])
 
 
 def _slope(time_s: Floats, angle_rad: Floats) -> float | None:

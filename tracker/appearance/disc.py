@@ -111,6 +111,9 @@ def smeared_point(
         return inside, along_x, along_y
     # Positions further away than this do not show the dot, whatever its stretch.
     reach = (shape.radius + _RIM_PX + _RIM * shape.edge) / (1.0 - math.hypot(shape.stretch[0], shape.stretch[1]))
+    # So wide apart the positions have the variance of the whole path.
+    wide = count / math.sqrt(count * count - 1.0)
+    smear_x, smear_y = wide * smear_x, wide * smear_y
     length = math.hypot(smear_x, smear_y)
     across, along = (x * smear_y - y * smear_x) / length, (x * smear_x + y * smear_y) / length
     if abs(across) >= reach:
@@ -129,7 +132,7 @@ def smeared_point(
 @lending
 def smear_count(length: float, edge: float) -> int:
     """Return the number of positions at which a dot is rendered for motion blur of a length."""
-    return 1 if length < 0.5 else max(3, math.ceil(length / max(1.0, edge)))
+    return 1 if length == 0.0 else max(3, math.ceil(length / max(1.0, edge)))
 
 
 @compiled

@@ -88,49 +88,24 @@ def fit_dot(
     window must not pass; with ``ellipse`` the stretch is fitted, too. None where the fit diverges, or the window leaves
     the picture.
     """
-    start = np.array([x_px, y_px, radius_px, max(EDGE_PX, 0.05 * radius_px), 0.0, 0.0])
-    # First with a wide window, which contains the rim even from a poor start; then with the right one.
-    found = _fitted(luma, start, 4, min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5)), radius_px)
-    for _ in range(2):
-        if found is None:
+    values = np.array([x_px, y_px, radius_px, max(EDGE_PX, 0.05 * radius_px), 0.0, 0.0])
+    # First with a wide window, which contains the rim even from a poor start; then twice with the right one.
+    window_px, free = min(1.25 * radius_px + 1.5, max(room_px, radius_px + 1.5)), 4
+    for _ in range(3):
+        window = _cut(luma, values[0], values[1], window_px)
+        if not window.size:
             return None
-        window_px = window_for(found.values[2], found.values[3], room_px)
-        found = _fitted(luma, found.values, 6 if ellipse else 4, window_px, radius_px)
-    if found is None:
+        pixels = window.shape[1]
+        spread = max(float(np.sum((window[2] - window[2].mean()) ** 2)), 1e-12 * pixels)
+        light, step, square = settle(window, values, np.zeros(1, SHAPE)[0], free, radius_px, spread)
+        if not math.isfinite(square):
+            return None
+        window_px, free = window_for(values[2], values[3], room_px), 6 if ellipse else 4
+    if light <= 0 or step * (1.0 if light_dot else -1.0) <= 0:
         return None
-    x, y, radius, edge, across, diagonal = found.values.tolist()
-    if found.light <= 0 or found.step * (1.0 if light_dot else -1.0) <= 0:
-        return None
-    window_px, residual = window_for(radius, edge, room_px), math.sqrt(found.square / found.pixels)
-    contrast = found.step / max(found.light, 1.0)
-    return Dot(x, y, radius, edge, (across, diagonal), contrast, window_px, found.light, residual, found.explained)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """A dot fitted in a window: its ``values`` x, y, radius, edge and stretch (6,), and the quality of the fit.
-
-    ``light`` and ``step`` are grey levels, ``square`` is the sum of squared residuals of ``pixels`` pixels,
-    ``explained`` the share of the window's variance that the dot explains.
-    """
-
-    values: Floats
-    light: float
-    step: float
-    square: float
-    pixels: int
-    explained: float
-
-
-def _fitted(luma: NDArray[np.uint8], start: Floats, free: int, window_px: float, radius_px: float) -> _Fit | None:
-    """Fit the first ``free`` values in one window; None where the fit fails, or the window leaves the picture."""
-    window = _cut(luma, start[0], start[1], window_px)
-    if not window.size:
-        return None
-    pixels, values = window.shape[1], start.copy()
-    spread = max(float(np.sum((window[2] - window[2].mean()) ** 2)), 1e-12 * pixels)
-    light, step, square = settle(window, values, np.zeros(1, SHAPE)[0], free, radius_px, spread)
-    return _Fit(values, light, step, square, pixels, 1.0 - square / spread) if math.isfinite(square) else None
+    x, y, radius, edge, *stretch = values.tolist()
+    contrast, residual = step / max(light, 1.0), math.sqrt(square / pixels)
+    return Dot(x, y, radius, edge, (*stretch,), contrast, window_px, light, residual, 1.0 - square / spread)
 
 
 @compiled

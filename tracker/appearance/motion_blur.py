@@ -1,8 +1,4 @@
-"""Exposure as a share of the frame interval, learned from the motion blur of fast markers (compiled).
-
-``rig`` is the record that holds the estimate ``shutter_share``, the ``shutter_cost`` of every share in ``SHARES`` (a
-mean with a total weight ``shutter_looks``), and ``fast``, the number of fast readings.
-"""
+"""Exposure as a share of the frame interval, learned from the motion blur of fast markers of any kind (compiled)."""
 
 from __future__ import annotations
 
@@ -15,6 +11,7 @@ from torsight.core.compiled import compiled, internal, lending, shared
 from torsight.core.units import Floats
 from tracker.appearance.disc import Record, fill_beside, smear_count, smeared_point, window_pixels
 from tracker.appearance.lucas_kanade import (
+    RATE,
     SHARP_PX,
     Luma,
     Point,
@@ -26,17 +23,16 @@ from tracker.appearance.lucas_kanade import (
     take_values,
 )
 
-SHARES: Final = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
-"""Shares of the frame interval that are tried."""
-_RATE: Final = 0.15
-"""Weight of a new comparison at full weight in the running mean. Motion blur widens a dot by the square of its length,
-so a path shorter than the dot's diameter has the square of their ratio as its weight: many slow readings, which carry
-little information, do not outweigh a fast one."""
+SHARES: Final = np.array([0.0, 0.075, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05])
+"""Shares of the frame interval that are tried; the shortest blurs a marker that moves by 25 px per frame by two."""
+EXPOSURE: Final = np.dtype([("share", "f8"), ("misfit", "f8", (len(SHARES),)), ("looks", "f8"), ("fast", "i8")])
+"""What is known of the exposure: its share, the logarithm of the residual at each of ``SHARES`` above the smallest (a
+mean of the total weight ``looks``), and the number of fast readings."""
 CLEAR: Final = 0.15
 """Difference in the logarithm of the residual by which motion blur has to fit better than none: compression softens
-moving dots, which looks a little like motion blur."""
+moving markers, which looks a little like motion blur."""
 LEARNED: Final = 12
-"""Fast readings after which the exposure counts as known: by then the first comparison has a weight below 0.15."""
+"""Fast readings after which the exposure counts as known: by then the first comparison has a tenth of the weight."""
 _SLACK_UNKNOWN: Final = 0.1
 _SLACK_KNOWN: Final = 0.015
 """Allowance for motion blur before and after the exposure is known: share of the brightness step, per root of the
@@ -46,62 +42,65 @@ length."""
 
 
 @lending
-def shutter_known(rig: Record) -> bool:
-    """Return whether there were enough fast readings for the exposure to be known."""
-    return bool(rig.fast >= LEARNED)
-
-
-@lending
-def is_sharp(rig: Record, length: float) -> bool:
+def is_sharp(exposure: Record, length: float) -> bool:
     """Return whether a marker that moves by ``length`` px per frame is known to be sharp enough to show its shape."""
-    return length < SHARP_PX or (shutter_known(rig) and rig.shutter_share * length < SHARP_PX)
+    return length < SHARP_PX or (exposure.fast >= LEARNED and exposure.share * length < SHARP_PX)
 
 
 @shared
-def smear_slack(rig: Record, length: float) -> float:
+def smear_slack(exposure: Record, length: float) -> float:
     """Return the residual allowed for motion blur, as a share of the brightness step."""
     if length < 0.5:
         return 0.0
-    return (_SLACK_KNOWN if shutter_known(rig) else _SLACK_UNKNOWN) * math.sqrt(length)
+    return (_SLACK_KNOWN if exposure.fast >= LEARNED else _SLACK_UNKNOWN) * math.sqrt(length)
 
 
-@internal
-def learn_shutter(rig: Record, shape: Record, luma: Luma, place: Point, path: Point) -> None:
-    """Count a fast reading, and at intervals update the exposure by the fits of motion blurs of several lengths.
+@compiled
+def is_due(exposure: Record) -> bool:
+    """Count a fast reading; return whether motion blurs of several lengths are compared in it.
 
     A comparison costs as much as several frames, and the exposure seldom changes: the intervals grow with the number of
     readings, from one once it is known.
     """
-    rig.fast += 1
-    every = 1 + rig.fast // (2 * LEARNED)
-    costs = np.empty(len(SHARES))
-    if rig.fast % every or not smear_misfits(luma, place, shape, path, SHARES, costs):
-        return
-    costs = np.log(costs + 1e-3)
-    look = min(1.0, (path[0] ** 2 + path[1] ** 2) / (2.0 * shape.radius) ** 2)
-    rig.shutter_looks += look * (1.0 - _RATE * rig.shutter_looks)
-    lowest = costs[least(costs)]
-    for i in range(len(costs)):
-        rig.shutter_cost[i] += look / rig.shutter_looks * (min(costs[i] - lowest, 2.0) - rig.shutter_cost[i])
-    rig.shutter_share = best_share(rig.shutter_cost)
+    exposure.fast += 1
+    return bool(exposure.fast % (1 + exposure.fast // LEARNED) == 0)
+
+
+@compiled
+def learn_exposure(exposure: Record, misfits: Floats, motion: float) -> None:
+    """Update the exposure by the residuals that motion blurs by each of ``SHARES`` leave.
+
+    ``motion`` is that per frame, over the marker's width. Motion blur widens a marker by the square of its length, so a
+    path shorter than the marker has the square of their ratio as its weight: many slow readings, which carry little
+    information, do not outweigh a fast one.
+    """
+    look = min(1.0, motion**2)
+    exposure.looks += look * (1.0 - RATE * exposure.looks)
+    # A residual of a thousandth of the step is that of the model itself.
+    lowest = misfits[least(misfits)] + 1e-3
+    for i in range(len(misfits)):
+        off = min(math.log((misfits[i] + 1e-3) / lowest), 2.0)
+        exposure.misfit[i] += look / exposure.looks * (off - exposure.misfit[i])
+    exposure.share = best_share(exposure.misfit)
 
 
 @shared
-def best_share(cost: Floats) -> float:
-    """Return the share of least cost, interpolated between those tried; 0 where no motion blur is clearly better."""
-    at = least(cost)
-    if cost[0] - cost[at] < CLEAR:
-        return 0.0
-    if at == len(SHARES) - 1:
-        return float(SHARES[at])
-    bend = cost[at - 1] - 2.0 * cost[at] + cost[at + 1]
-    off = 0.0 if bend <= 0.0 else 0.5 * (cost[at - 1] - cost[at + 1]) / bend
-    return float(SHARES[at] + max(-0.5, min(0.5, off)) * (SHARES[1] - SHARES[0]))
+def best_share(misfit: Floats) -> float:
+    """Return the share of least misfit, on the parabola through three shares; 0 where no blur is clearly better."""
+    at = min(max(least(misfit), 1), len(SHARES) - 2)
+    before, middle, after, first = SHARES[at - 1], SHARES[at], SHARES[at + 1], misfit[at - 1]
+    rise = (misfit[at] - first) / (middle - before)
+    bend = ((misfit[at + 1] - first) / (after - before) - rise) / (after - middle)
+    best = after if rise < 0.0 else before
+    if bend > 0.0:
+        best = min(max(0.5 * (before + middle - rise / bend), before), after)
+    lowest = first + (best - before) * (rise + bend * (best - middle))
+    return best if misfit[0] - lowest >= CLEAR else 0.0
 
 
-def shutter_limits(cost: Floats) -> tuple[float, float]:
+def share_limits(misfit: Floats) -> tuple[float, float]:
     """Return bounds of the exposure's share: the shares nearest to the best one that fit worse by ``CLEAR``."""
-    at, refused = int(np.argmin(cost)), np.flatnonzero(cost - cost.min() >= CLEAR)
+    at, refused = int(np.argmin(misfit)), np.flatnonzero(misfit - misfit.min() >= CLEAR)
     below, above = refused[refused < at], refused[refused > at]
     low = float(SHARES[below[-1]]) if len(below) else 0.0
     # No exposure is longer than a frame; a larger share is tried only to interpolate around 0.9.
@@ -122,8 +121,8 @@ def residual_share(rows: Floats, values: Floats) -> float:
 
 
 @compiled
-def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: Floats, out: Floats) -> bool:
-    """Compute the residual over the brightness step for motion blur along several shares of a path.
+def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, out: Floats) -> bool:
+    """Compute a dot's residual over the brightness step for motion blur along each of ``SHARES`` of a path.
 
     Return False where there is no result. Window and columns are the same for all shares, and the shape is taken as
     known: a stretched dot looks much like a short blur. The stick's own edges are modelled by ramps with the variance
@@ -139,14 +138,14 @@ def smear_misfits(luma: Luma, place: Point, shape: Record, path: Point, shares: 
     cx, cy = math.floor(x_px + 0.5), math.floor(y_px + 0.5)
     if not take_values(luma, cx, cy, pixels, math.ceil(radius), values):
         return False
-    for k in range(len(shares)):
-        smear_x, smear_y = shares[k] * path_x, shares[k] * path_y
+    for k in range(len(SHARES)):
+        smear_x, smear_y = SHARES[k] * path_x, SHARES[k] * path_y
         count = smear_count(math.hypot(smear_x, smear_y), shape.edge)
         for i in range(n):
             x, y = pixels[0, i] - (x_px - cx), pixels[1, i] - (y_px - cy)
             d, along_x, along_y = smeared_point(x, y, shape, smear_x, smear_y, count)
             rows[0, i], rows[1, i], rows[2, i], rows[3, i] = 1.0, d, -along_x, -along_y
-        ramp = math.sqrt(1.0 + 12.0 * shape.edge**2 + (shares[k] * length) ** 2)
+        ramp = math.sqrt(1.0 + 12.0 * shape.edge**2 + (SHARES[k] * length) ** 2)
         columns = fill_beside(rows, 4, pixels, x_px - cx, y_px - cy, shape, (path_x, path_y), ramp)
         out[k] = residual_share(rows[:columns], values)
         if out[k] < 0.0:

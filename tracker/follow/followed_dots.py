@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from torsight.core.units import Floats
 from tracker.appearance.lucas_kanade import READING, Point
-from tracker.appearance.motion_blur import shutter_limits
+from tracker.appearance.motion_blur import share_limits
 from tracker.checkpoint import Kept
 from tracker.follow.frame_step import DONE, START, advance
 from tracker.follow.learning import skip
@@ -69,8 +69,8 @@ class DotState(Kept):
     @property
     def shutter(self) -> tuple[float | None, tuple[float, float]]:
         """Exposure as a share of the frame interval, None where no motion blur is certain, and its bounds."""
-        rig = self.scene.rig[0]
-        return min(float(rig["shutter_share"]), 1.0) or None, shutter_limits(rig["shutter_cost"])
+        exposure = self.scene.rig[0]["exposure"]
+        return min(float(exposure["share"]), 1.0) or None, share_limits(exposure["misfit"])
 
     @property
     def starts_rad(self) -> list[float]:

@@ -16,7 +16,7 @@ from torsight.core.compiled import compiled, copy_to, inlined, internal, lending
 from torsight.core.units import Floats
 from tracker.appearance.disc import MOST_STRETCH, Record
 from tracker.appearance.lucas_kanade import PHASES, RATE, SHARP_PX, Luma
-from tracker.appearance.motion_blur import is_sharp, learn_shutter
+from tracker.appearance.motion_blur import SHARES, is_due, is_sharp, learn_exposure, smear_misfits
 from tracker.follow.camera_state import (
     TURN_RAD,
     at,
@@ -37,9 +37,6 @@ from tracker.rows import SEEN
 _CHANGE_PX: Final = 1.0 / PHASES
 """Change of the rim's position above which the template is rendered again: smaller ones are followed to first order, as
 are positions between those of cached models."""
-_ROWS: Final = 16
-"""Step between the rows from which the picture's brightness is computed: as accurate as all rows, in an eighth of the
-time."""
 SIZES: Final = (0.7, 1.4)
 """Range of a marker's size over its first one: that of a stick in a plane seen at up to 45 degrees from its normal."""
 
@@ -107,11 +104,14 @@ def note(scene: Scene, luma: Luma, time_s: float) -> None:
         rig.anchored = not base_goes_along(scene, base, base + 1)
     for index in range(len(scene.markers)):
         _note_marker(scene, index, time_s)
+    misfits = np.empty(len(SHARES))
     for index in range(len(scene.markers)):
-        reading = scene.readings[index]
-        path = (reading.path[0], reading.path[1])
-        if reading.state == SEEN and math.hypot(path[0], path[1]) > SHARP_PX:
-            learn_shutter(rig, scene.markers[index].shape, luma, (reading.x, reading.y), path)
+        reading, shape = scene.readings[index], scene.markers[index].shape
+        place, path = (reading.x, reading.y), (reading.path[0], reading.path[1])
+        length = math.hypot(path[0], path[1])
+        fast = reading.state == SEEN and length > SHARP_PX and is_due(rig.exposure)
+        if fast and smear_misfits(luma, place, shape, path, misfits):
+            learn_exposure(rig.exposure, misfits, length / (2.0 * shape.radius))
     for stick in range(len(scene.sticks)):
         _note_stick(scene, stick)
     if with_base:
@@ -164,7 +164,7 @@ def _note_marker(scene: Scene, index: int, time_s: float) -> None:
         return
     marker.light += RATE * (reading.light - marker.light)
     marker.step += RATE * (abs(reading.step) - marker.step)
-    if is_sharp(rig, math.hypot(reading.path[0], reading.path[1])):
+    if is_sharp(rig.exposure, math.hypot(reading.path[0], reading.path[1])):
         learn_look(marker, scene.looks[index][2], reading)
     take(marker, time_s, reading, rig.shift)
 
@@ -195,17 +195,6 @@ def _note_stick(scene: Scene, stick: int) -> None:
     if rig.moving >= 0 and circles_off(scene, off):
         rig.offset_known = 1
         rig.offset[0], rig.offset[1] = middle_of(off[:, 0]) - dx, middle_of(off[:, 1]) - dy
-
-
-@shared
-def brightness(luma: Luma) -> float:
-    """Return the mean grey level of a picture, from some of its rows."""
-    total, count = 0, 0
-    for y in range(0, luma.shape[0], _ROWS):
-        for x in range(luma.shape[1]):
-            total += luma[y, x]
-        count += luma.shape[1]
-    return total / count
 
 
 @shared

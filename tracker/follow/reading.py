@@ -80,10 +80,10 @@ def read_at(scene: Scene, luma: Luma, index: int, place: Point, slack: float, ou
     """Read a marker near a position, and return its state; the limits get ``slack`` or that of its speed."""
     marker, path, rig = scene.markers[index], scene.readings[index].path, scene.rig[0]
     _lay_across(scene, index)
-    smear = (rig.shutter_share * path[0], rig.shutter_share * path[1])
+    smear = (rig.exposure.share * path[0], rig.exposure.share * path[1])
     if not read_dot(luma, place[0], place[1], marker, scene.looks[index], smear, out):
         return OUTSIDE
-    loose = max(slack, smear_slack(rig, math.hypot(path[0], path[1])))
+    loose = max(slack, smear_slack(rig.exposure, math.hypot(path[0], path[1])))
     return SEEN if fits(marker, out, loose) else HIDDEN
 
 
@@ -117,7 +117,7 @@ def glance_at(
             x, y = tried[d, k].real, tried[d, k].imag
             if math.isnan(x) or not read_dot(luma, x, y, markers[d], own, (0.0, 0.0), out[d]):
                 continue
-            slack = smear_slack(rig, abs(tried[d, k] - last[d]))
+            slack = smear_slack(rig.exposure, abs(tried[d, k] - last[d]))
             if fits(markers[d], out[d], slack) and _is_near(markers[d], out[d], x, y):
                 out[d].state = SEEN
                 break

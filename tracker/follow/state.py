@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tracker.appearance.disc import SHAPE
 from tracker.appearance.lucas_kanade import Look, unused_look
-from tracker.appearance.motion_blur import SHARES
+from tracker.appearance.motion_blur import EXPOSURE
 from tracker.follow.rotation_axis import AXIS
 
 KEPT: Final = 2
@@ -69,10 +69,7 @@ RIG: Final = np.dtype(
         ("anchored", "i8"),
         ("offset", "f8", (2,)),
         ("offset_known", "i8"),
-        ("shutter_share", "f8"),
-        ("shutter_cost", "f8", (len(SHARES),)),
-        ("shutter_looks", "f8"),
-        ("fast", "i8"),
+        ("exposure", EXPOSURE),
     ]
 )
 """Both sticks and the camera. moving: index of the stick that moves, −1 while it is not known. above: votes that the
@@ -81,7 +78,7 @@ measured in this frame; unknown: frames since it was last measured. last: the ba
 step: their motion when they were last seen; off: running means of the squared errors of predicting them at rest, and
 going on by the same step. zero: the base's markers at the start. anchor: while the moving stick is not seen (anchored),
 the shift when it was last seen. offset: displacement of the moving stick's circles from where the base's shift puts
-them, px. The rest is for :mod:`tracker.appearance.motion_blur`."""
+them, px. exposure: that of the pictures."""
 
 
 class Scene(NamedTuple):

@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
+from tracker.innovation import SIGMAS
 from tracker.patches.ink import Doubt, Ink
-from tracker.patches.warps import carried, jacobian, project, similarity
+from tracker.patches.warps import jacobian, project, similarity
 
 Look = Callable[[Floats, Floats], Floats]
 """Brightness of a template at offsets x, y (n,) from its middle, y down."""
@@ -46,10 +47,6 @@ _MOVED: Final = 2
 cent of the motion."""
 _STOP_PX: Final = 0.01
 """Step of a point at the patch's rim below which the fit stops: a tenth of a reading's noise in an ordinary film."""
-_LEAST_SPREAD: Final = 1.0
-"""Standard deviation, grey levels, below which a patch shows nothing: that by rounding alone is a third of it."""
-_FARTHEST: Final = 0.7
-"""Largest step over the half width: beyond it, the picture there is unknown to the template."""
 _ROUNDED: Final = 1.0 / 12.0
 """Variance by the rounding of brightness: a lower bound for every picture, also that of the template."""
 _TUKEY: Final = 4.685
@@ -66,13 +63,14 @@ an occluder; 1.5 and 2.5 do the same."""
 _FEW: Final = 0.005
 """Share of points without weight that noise alone makes, and that does not matter."""
 _BLUR: Final = 0.5
-"""Blur of the picture before it is sampled, in steps of the grid: linear interpolation between blurred pixels hardly
-depends on where between them a sample lies."""
-SHARES: Final = np.sqrt((2.0 * np.arange(21) + 1.0) ** 2 - 1.0) / 41.0
-"""Exposures that are compared, as shares of the frame interval: 1, 3, … 41 of 41 instants evenly spread over it have
-the variance of these."""
+"""Blur of the picture before it is sampled, in steps of the grid."""
 _LINEAR_PX2: Final = 1.0 / 6.0
 """Variance of the kernel of linear interpolation: mean of f (1 − f) over all positions f between two pixels."""
+_DOUBLED: Final = np.array([[2.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.0, 0.0, 1.0]])
+"""From pixels of a picture to those of one of twice the resolution, in which drawn templates are sampled. The error of
+linear interpolation depends on where between two pixels a sample lies. Along an edge that lies along the pixel rows it
+is the same everywhere, and moves the edge: it turned noiseless tags of 20 to 58 px by up to 0.13 degrees, and between
+half pixels by up to 0.05. A template from the film has errors of its own, of the same kind."""
 
 
 class _Part(NamedTuple):
@@ -109,6 +107,19 @@ class Fit:
     smear: Floats
 
 
+class _Now(NamedTuple):
+    """Fit at one warp: the picture (side²,) on the template's grid, the solution (k,), and the residuals (n,)."""
+
+    seen: Floats
+    found: Floats
+    left: Floats
+
+    @property
+    def gain(self) -> float:
+        """Contrast over the template's."""
+        return float(self.found[_GAIN])
+
+
 class Patch:
     """A template with its derivatives, from its brightness ``look`` at offsets from its middle, px.
 
@@ -137,13 +148,13 @@ class Patch:
         y, x = (axis.ravel() * spacing_px for axis in np.mgrid[-count : count + 1, -count : count + 1].astype(float))
         # From rows and columns of the grid to offsets from the middle.
         self._offsets = np.array([[1.0, 0.0, -count], [0.0, 1.0, -count], [0.0, 0.0, 1.0 / spacing_px]])
-        self._grid = np.stack([x, y])
+        self.grid = np.stack([x, y])
         chosen = np.hypot(x, y) <= half_px if round_ else np.ones(len(x), bool)
-        self._index = np.flatnonzero(chosen)
+        self.index = np.flatnonzero(chosen)
         x, y = x[chosen], y[chosen]
         self.generators = _generators(half_px)[:freedom]
         around = np.exp(0.25j * np.pi * np.arange(8)) if round_ else np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
-        self._rim = half_px * np.stack([around.real, around.imag])
+        self.rim = half_px * np.stack([around.real, around.imag])
         self.soft = soft
         self._other = _OTHER_DRAWN if soft else _OTHER_SEEN
         self._share = self._around(np.ones(len(x))) if soft else None
@@ -163,63 +174,34 @@ class Patch:
         self._along_x, self._along_y = (moved[:, 0] - x * moved[:, 2]).T, (moved[:, 1] - y * moved[:, 2]).T
         self._basis = np.column_stack([*columns, self._columns(slope_x, slope_y)])
         # A codec softens what moves, which would look like a longer exposure.
-        self._blurring = self._basis if soft else np.column_stack([self._basis, softer])
-        self._look = look
-        self._middle = look(*self._grid)
-        self._trusted = np.ones(len(x))
-        self._inverse = np.linalg.pinv(self._basis, rcond=1e-9)
-        plain = self._basis[:, :3]
-        self._plain = np.linalg.pinv(plain)
-        self.mean, self.spread = float(middle.mean()), float((middle - plain @ (self._plain @ middle)).std())
-        self._noise = self._overlap(self._inverse)
+        self.blurring = self._basis if soft else np.column_stack([self._basis, softer])
+        self.look = look
+        self.middle = look(*self.grid)
+        self._weigh(np.ones(len(x)))
+        self.spread = float(self._beside_light(middle, self._trusted).std())
 
     def _weigh(self, weight: Floats) -> None:
         """Set the points' prior weights (n,) for all following fits."""
-        if weight is self._trusted:
-            return
-        root = np.sqrt(weight)[:, None]
-        self._trusted = weight
-        self._inverse = np.linalg.pinv(root * self._basis, rcond=1e-9) * root.T
-        self._plain = np.linalg.pinv(root * self._basis[:, :3]) * root.T
+        self._trusted, self._inverse = weight, self._inverse_for(weight)
         self._noise = self._overlap(self._inverse)
 
-    def moved_px(self, motion: Floats) -> float:
-        """Return the largest coordinate of the rim's motion in the template's plane, px."""
-        return float(np.abs(project(carried(motion), self._rim) - self._rim).max())
+    def _inverse_for(self, weight: Floats) -> Floats:
+        """Return the solution (k, n) of least squares for points of these weights (n,), per unit of brightness."""
+        weighted = weight[:, None] * self._basis
+        normal = weighted.T @ self._basis
+        normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
+        return np.linalg.solve(normal, weighted.T)
 
-    def smear(self, motion: Floats, share: float) -> Floats:
-        """Return what motion blur by a ``share`` of a motion (3, 3) adds to the template, on the grid (side²,)."""
-        count = round(share * self.moved_px(motion) / self.spacing_px) + 1
-        if count == 1:
-            return np.zeros_like(self._middle)
-        # As many points as these have the variance of the whole exposure.
-        instants = share * (np.arange(count) - 0.5 * (count - 1)) / math.sqrt(count**2 - 1)
-        return np.asarray(np.mean([self._at(motion, instant) for instant in instants], axis=0) - self._middle)
-
-    def smears(self, motion: Floats) -> Floats:
-        """Return what motion blur by each of ``SHARES`` of a motion (3, 3) adds, on the whole grid (m, side²)."""
-        half = len(SHARES) - 1
-        if not motion.any():
-            return np.zeros((half + 1, len(self._middle)))
-        seen = np.stack([self._at(motion, instant / (2 * half + 1)) for instant in range(-half, half + 1)])
-        total = np.cumsum(np.vstack([seen[half], seen[half + 1 :] + seen[:half][::-1]]), axis=0)
-        return np.asarray(total / (2.0 * np.arange(half + 1)[:, None] + 1.0) - self._middle)
-
-    def _at(self, motion: Floats, instant: float) -> Floats:
-        """Return the brightness (side²,) that the whole grid shows at an instant of a motion (3, 3)."""
-        return self._look(*project(carried(-instant * motion), self._grid))
-
-    def misfits(self, fit: Fit, added: Floats) -> Floats:
-        """Return the rms residuals (m,), over the gain, of a fit to the template with each of ``added`` (m, side²)."""
-        root = np.sqrt(fit.weight)
-        q = np.linalg.qr(root[:, None] * self._blurring)[0]
-        left = root * (fit.left + fit.smear - added[:, self._index])
-        return np.asarray(np.sqrt(np.sum(np.square(left - (left @ q) @ q.T), axis=1) / fit.weight.sum()))
+    def _beside_light(self, values: Floats, weight: Floats) -> Floats:
+        """Return brightness (n,), times the root of the weights (n,), less the light and its gradient."""
+        root = np.sqrt(weight)
+        light, seen = root[:, None] * self._basis[:, :3], root * values
+        return np.asarray(seen - light @ np.linalg.solve(light.T @ light, light.T @ seen))
 
     @property
     def count(self) -> int:
         """Return the number of points that are compared."""
-        return len(self._index)
+        return len(self.index)
 
     @property
     def turn_doubt(self) -> float:
@@ -229,10 +211,10 @@ class Patch:
 
     def _overlap(self, inverse: Floats) -> Floats:
         """Return the covariance of δ times gain for residuals of variance 1 from white noise in the picture."""
-        kernel_px2 = self.blur_px**2 + _LINEAR_PX2
+        kernel_px2 = self.blur_px**2 + _LINEAR_PX2 / (4.0 if self.soft else 1.0)
         sigma = math.sqrt(kernel_px2) / self.spacing_px
         rows = np.zeros((len(self.generators), self._side * self._side), np.float32)
-        rows[:, self._index] = inverse[self._first :]
+        rows[:, self.index] = inverse[self._first :]
         seen = np.stack(
             [
                 cv2.GaussianBlur(row.reshape(self._side, -1), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
@@ -244,40 +226,50 @@ class Patch:
 
     def _cut(self, luma: NDArray[np.uint8], warp: Floats, *, reach_px: float = 6.0) -> _Part:
         """Return the part of a picture around the patch's expected position, blurred for sampling."""
-        corners = project(warp, self._rim)
+        corners = project(warp, self.rim)
         low, high = corners.min(axis=1) - reach_px, corners.max(axis=1) + reach_px
         half = math.ceil(0.5 * float((high - low).max()))
         middle = np.rint(0.5 * (low + high))
         part = cut_out(luma, int(middle[0]), int(middle[1]), half).astype(np.float32)
         blurred = np.asarray(cv2.GaussianBlur(part, (0, 0), self.blur_px), dtype=np.float32)
+        if self.soft:
+            blurred = cv2.resize(blurred, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_LANCZOS4).astype(np.float32)
         # Limited by both the part and the picture.
         corner = middle - half
         return _Part(blurred, corner, np.maximum(corner, 0.0) - 1.0, np.minimum(middle + half + 1, luma.shape[::-1]))
 
     def _seen(self, part: _Part, warp: Floats) -> Floats:
         """Return the picture's brightness (m,) at all points of the grid, by linear interpolation."""
-        to_part = similarity(*-part.corner) @ warp @ self._offsets
+        to_part = (_DOUBLED if self.soft else np.eye(3)) @ similarity(*-part.corner) @ warp @ self._offsets
         how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         size = (self._side, self._side)
         seen = cv2.warpPerspective(part.values, to_part, size, flags=how, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(seen, dtype=np.float64).ravel()
 
-    def _stepped(self, found: Floats, answer: Floats | None, warp: Floats, part: _Part) -> tuple[Floats, float] | None:
-        """Return the warp after a step, W D⁻¹, and the largest step of a coordinate of the rim, px.
+    def _round(
+        self, part: _Part, warp: Floats, usual: Floats, inverse: Floats, answer: Floats | None
+    ) -> tuple[_Now, Floats, float] | None:
+        """Return the fit at a warp, the warp after a step, W D⁻¹, and the largest step of a coordinate of the rim, px.
 
-        ``answer`` (k, k) is the derivative of δ with respect to the solution over the gain. None for a step without
-        contrast, a too large one, or one that leaves the part.
+        ``usual`` (n,) are the template's usual residuals over the contrast; ``answer`` (k, k) is the derivative of δ
+        with respect to the solution over the contrast. None for a step without contrast, a too large one, or one that
+        leaves the part.
         """
+        seen = self._seen(part, warp)
+        found, by_usual = inverse @ seen[self.index], inverse @ usual
+        found -= found[_GAIN] / (1.0 + by_usual[_GAIN]) * by_usual
+        left = seen[self.index] - found[_GAIN] * usual - self._basis @ found
         delta = found[self._first :] / found[_GAIN]
         delta = delta if answer is None else answer @ delta
-        if abs(found[_GAIN]) * self.spread < _LEAST_SPREAD or not np.abs(delta).max() < _FARTHEST * self.half_px:
+        # The rounding alone has as much contrast; beyond half its width the picture is unknown to the template.
+        if abs(found[_GAIN]) * self.spread < SIGMAS * math.sqrt(_ROUNDED) or not np.abs(delta).max() < self.half_px:
             return None
         after = warp @ np.linalg.inv(np.eye(3) + np.tensordot(delta, self.generators, 1))
         after /= after[2, 2]
-        before, rim = (project(one, self._rim).T for one in (warp, after))
+        before, rim = (project(one, self.rim).T for one in (warp, after))
         if not ((rim >= part.low) & (rim <= part.high)).all():
             return None
-        return after, float(np.abs(rim - before).max())
+        return _Now(seen, found, left), after, float(np.abs(rim - before).max())
 
     def align(
         self,
@@ -290,48 +282,39 @@ class Patch:
         """Return the fit of the patch near a first guess; None where it leaves the picture or does not converge."""
         if not self.in_picture(warp, luma):
             return None
-        if doubt is not None:
+        if doubt is not None and doubt.weight is not self._trusted:
             self._weigh(doubt.weight)
-        part = self._cut(luma, warp)
-        blur, answer = np.zeros(len(self._index)), None
+        part, blur, answer = self._cut(luma, warp), np.zeros(self.count), None
         for turn in range(_ROUNDS):
-            if turn < _MOVED:
-                if smear is not None:
-                    added = smear(warp)
-                    blur, answer = added[self._index], self._answer(self._middle + added, self._inverse)
-                usual = blur if learnt is None else blur + learnt.left
-                by_usual = self._inverse @ usual
-            seen = self._seen(part, warp)
-            values = seen[self._index]
-            found = self._inverse @ values
-            # Corrected for motion blur and the template's usual residuals.
-            found -= found[_GAIN] / (1.0 + by_usual[_GAIN]) * by_usual
-            step = self._stepped(found, answer, warp, part)
+            if turn < _MOVED and smear is not None:
+                added = smear(warp)
+                blur, answer = added[self.index], self._answer(self.middle + added, self._inverse)
+            usual = blur if learnt is None else blur + learnt.left
+            step = self._round(part, warp, usual, self._inverse, answer)
             if step is None:
                 return None
-            warp, moved = step
+            now, warp, moved = step
             if moved < _STOP_PX:
                 break
         if moved > 10.0 * _STOP_PX:
             return None
-        left = values - self._basis @ found - found[_GAIN] * usual
-        all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * len(left)
+        all_known = learnt is not None and np.count_nonzero(learnt.known) > (1.0 - _FEW) * self.count
         # Relative to the scatter of its own residuals, any patch would seem whole, whatever covers it.
-        noise = learnt.noise * abs(float(found[_GAIN])) if learnt and all_known else robust_sigma(left)
+        noise = learnt.noise * abs(now.gain) if learnt and all_known else robust_sigma(now.left)
         # Residuals at edges vary between frames, and occluders are wider: points are judged by their surroundings.
-        weight = self._weights(left, self._limit(found, noise, learnt), np.zeros(len(left), np.bool_))
-        seen_whole = np.count_nonzero(weight) > (1.0 - _FEW) * len(left)
+        weight = self._weights(now, noise, learnt, np.zeros(self.count, np.bool_))
+        seen_whole = np.count_nonzero(weight) > (1.0 - _FEW) * self.count
         if seen_whole and (all_known or learnt is None or not learnt.known.any()):
-            return self._fit(seen, usual, blur, found, warp, self._trusted, self._inverse)
-        return self._align_in_part(part, warp, left, found, learnt, blur, answer)
+            return self._fit(now, warp, usual, blur, self._trusted, self._inverse)
+        return self._align_in_part(part, warp, now, learnt, usual, blur, answer)
 
     def _align_in_part(
         self,
         part: _Part,
         warp: Floats,
-        left: Floats,
-        found: Floats,
+        now: _Now,
         learnt: Ink | None,
+        usual: Floats,
         blur: Floats,
         answer: Floats | None,
     ) -> Fit | None:
@@ -340,49 +323,37 @@ class Patch:
         The narrow limits of learnt ink would reject every point of a slightly misplaced template: they apply only once
         the fit has nearly converged.
         """
-        usual = blur if learnt is None else blur + learnt.left
-        known = np.zeros(len(left), np.bool_) if learnt is None else learnt.known
+        known = np.zeros(self.count, np.bool_) if learnt is None else learnt.known
         near = learnt is None
-        weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
         for _ in range(_ROUNDS):
-            seen = self._seen(part, warp)
-            values = seen[self._index] - found[_GAIN] * usual
-            trust = 1.0 if learnt is None else learnt.trust((values - self._basis @ found) / found[_GAIN], weight)
-            weighted = (trust * weight)[:, None] * self._basis
-            normal = weighted.T @ self._basis
-            normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
+            weight = self._weights(now, robust_sigma(now.left), learnt if near else None, known)
+            trust = 1.0 if learnt is None else learnt.trust(now.left / now.gain, weight)
             try:
-                inverse = np.linalg.solve(normal, weighted.T)
+                inverse = self._inverse_for(trust * weight)
             except np.linalg.LinAlgError:
                 return None
-            found = inverse @ values
-            step = self._stepped(found, answer, warp, part)
+            step = self._round(part, warp, usual, inverse, answer)
             if step is None:
                 return None
-            warp, moved = step
-            left = values - self._basis @ found
+            now, warp, moved = step
             if moved < _STOP_PX and near:
                 break
             near = near or moved < _STOP_PX
-            weight = self._weights(left, self._limit(found, robust_sigma(left), learnt if near else None), known)
-        return self._fit(seen, usual, blur, found, warp, weight, inverse)
+        return self._fit(now, warp, usual, blur, weight, inverse)
 
-    def _limit(self, found: Floats, noise: float, learnt: Ink | None) -> Floats:
-        """Return the residual (n,) above which each point counts as occluded: a narrower one where its ink is known."""
-        gain = abs(float(found[_GAIN]))
+    def _weights(self, now: _Now, noise: float, learnt: Ink | None, alone: Flags) -> Floats:
+        """Return the points' weights (n,) by their residuals, for a drawn template from the mean over surroundings.
+
+        A residual above which a point counts as occluded is smaller where the point's ink is known, ``learnt``. Points
+        marked in ``alone`` (n,) are weighted by their own residual in any case.
+        """
+        gain = abs(now.gain)
         # A codec sends a tag at rest only once: its frames then differ by less than their true errors.
         noise = max(noise, math.sqrt(_ROUNDED))
-        usual = np.full(len(self._index), max(_TUKEY * noise, self._other * self.spread * gain))
-        if learnt is None:
-            return usual
-        return np.where(learnt.known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), usual)
-
-    def _weights(self, left: Floats, limit: Floats, alone: Flags) -> Floats:
-        """Return the points' weights (n,), for a drawn template from the mean over each point's surroundings.
-
-        Points marked in ``alone`` (n,) are weighted by their own residual in any case.
-        """
-        beyond = np.square(left) / limit**2
+        limit = np.full(self.count, max(_TUKEY * noise, self._other * self.spread * gain))
+        if learnt is not None:
+            limit = np.where(learnt.known, _TUKEY * gain * np.sqrt(learnt.variance(noise / gain)), limit)
+        beyond = np.square(now.left / limit)
         if self._share is not None and not alone.all():
             beyond = np.where(alone, beyond, self._around(beyond) / self._share)
         return np.asarray(self._trusted * np.square(np.clip(1.0 - beyond, 0.0, None)))
@@ -390,58 +361,39 @@ class Patch:
     def _around(self, values: Floats) -> Floats:
         """Return the sum (n,) of values (n,) around every point, with Gaussian weights."""
         grid = np.zeros(self._side * self._side, np.float32)
-        grid[self._index] = values
+        grid[self.index] = values
         seen = cv2.GaussianBlur(grid.reshape(self._side, -1), (0, 0), _AROUND, borderType=cv2.BORDER_CONSTANT)
-        return np.asarray(seen.ravel()[self._index], dtype=np.float64)
+        return np.asarray(seen.ravel()[self.index], dtype=np.float64)
 
-    def _fit(
-        self,
-        seen: Floats,
-        usual: Floats,
-        blur: Floats,
-        found: Floats,
-        warp: Floats,
-        weight: Floats,
-        inverse: Floats,
-    ) -> Fit:
-        values, root = seen[self._index] - found[_GAIN] * usual, np.sqrt(weight)
-        left = root * (values - self._basis @ found)
-        plain = root * (values - self._basis[:, :3] @ (self._plain @ values))
-        if inverse is not self._inverse:
-            used = self._basis[:, :3] * root[:, None]
-            plain = root * values - used @ np.linalg.lstsq(used, root * values, rcond=None)[0]
-        gain, total = float(found[_GAIN]), float(weight.sum())
-        variance = max(float(left @ left) / max(total - len(found), 1.0), _ROUNDED)
+    def _fit(self, now: _Now, warp: Floats, usual: Floats, blur: Floats, weight: Floats, inverse: Floats) -> Fit:
+        values, gain = now.seen[self.index] - now.gain * usual, now.gain
+        left, plain = np.sqrt(weight) * now.left, self._beside_light(values, weight)
+        square, total = float(left @ left), max(float(plain @ plain), 1e-12)
+        variance = max(square / max(float(weight.sum()) - len(now.found), 1.0), _ROUNDED)
+        answer = self._answer(now.seen, inverse)
+        noise = self._noise if inverse is self._inverse else self._overlap(inverse)
         return Fit(
             warp=warp,
-            likeness=math.copysign(_likeness(left, plain), gain),
-            inside=_correlation((self._basis @ found)[self._within], values[self._within])
-            if self._within is not None
-            else math.nan,
-            light=float(found[_LIGHT]),
+            likeness=math.copysign(math.sqrt(max(0.0, 1.0 - square / total)), gain),
+            inside=math.nan
+            if self._within is None
+            else _correlation((values - now.left)[self._within], values[self._within]),
+            light=float(now.found[_LIGHT]),
             gain=gain,
             residual=math.sqrt(variance),
             kept=float(np.count_nonzero(weight > 0.0)) / len(weight),
-            covariance=variance * self._spread_of(seen, inverse),
-            left=(values - self._basis @ found) / gain + usual - blur,
+            covariance=variance * answer @ noise @ answer.T,
+            left=now.left / gain + usual - blur,
             weight=weight,
             smear=blur,
         )
-
-    def _spread_of(self, seen: Floats, inverse: Floats) -> Floats:
-        """Return the covariance of δ for residuals of variance 1."""
-        answer = self._answer(seen, inverse)
-        noise = self._noise if inverse is self._inverse else self._overlap(inverse)
-        return np.asarray(answer @ noise @ answer.T, dtype=np.float64)
 
     def _answer(self, seen: Floats, inverse: Floats) -> Floats:
         """Return the derivatives (k, k) of δ with respect to its part of a solution.
 
         A blurred picture changes less with a shift than the template does: the picture's own gradients give the ratio.
         """
-        down, right = (
-            axis.ravel()[self._index] / self.spacing_px for axis in np.gradient(seen.reshape(self._side, -1))
-        )
+        down, right = (axis.ravel()[self.index] / self.spacing_px for axis in np.gradient(seen.reshape(self._side, -1)))
         return np.asarray(np.linalg.pinv(inverse[self._first :] @ self._columns(right, down)), dtype=np.float64)
 
     def _columns(self, slope_x: Floats, slope_y: Floats) -> Floats:
@@ -457,7 +409,7 @@ class Patch:
 
     def in_picture(self, warp: Floats, luma: NDArray[np.uint8]) -> bool:
         """Return whether the whole patch lies in a picture."""
-        corners = project(warp, self._rim)
+        corners = project(warp, self.rim)
         height, width = luma.shape
         return bool(
             np.isfinite(corners).all()
@@ -489,12 +441,6 @@ def _generators(half_px: float) -> Floats:
 def _correlation(one: Floats, other: Floats) -> float:
     a, b = one - one.mean(), other - other.mean()
     return float(a @ b) / math.sqrt(max(float(a @ a) * float(b @ b), 1e-12))
-
-
-def _likeness(left: Floats, plain: Floats) -> float:
-    """Return the multiple correlation from residuals ``left`` of the fit, and ``plain`` without the template (n,)."""
-    total = float(plain @ plain)
-    return 0.0 if total <= 0.0 else math.sqrt(max(0.0, 1.0 - float(left @ left) / total))
 
 
 def cut_out(luma: NDArray[np.uint8], cx: int, cy: int, half: int) -> NDArray[np.uint8]:

@@ -26,8 +26,6 @@ _ALIKE: Final = 0.85
 is covered falls below 0.75."""
 _ITS_BITS: Final = 0.75
 """Smallest correlation of the modules inside the black border (blurred as above: 0.85). Another number has about 0."""
-_STEP: Final = 8.0
-"""Smallest difference of white and black in grey levels: below it H.264 flattens a tag."""
 _GREW: Final = 1.25
 """Change of size above which a tag's template is rendered again."""
 _FINE: Final = 8
@@ -172,7 +170,7 @@ class TagStick(Kept):
             self._found[1].miss()
 
     def _judge(self, fit: Fit) -> str:
-        if fit.gain < _STEP or fit.likeness < _ALIKE or fit.inside < _ITS_BITS:
+        if fit.likeness < _ALIKE or fit.inside < _ITS_BITS:
             return "lost"
         return "hidden" if fit.kept < KEPT else ""
 

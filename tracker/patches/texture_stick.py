@@ -18,7 +18,7 @@ from tracker.follow.camera_state import SHAKE_PX, circle_misfit, circle_sigma_px
 from tracker.follow.judgement import further, rigid_misfit
 from tracker.follow.learning import SIZES
 from tracker.follow.motion_model import jump_px
-from tracker.follow.redetect import SELDOM, Prediction
+from tracker.follow.redetect import SELDOM, Prediction, direction
 from tracker.follow.rotation_axis import STANDS_PX, learn_axis, turned
 from tracker.follow.state import STICK
 from tracker.innovation import passes
@@ -32,8 +32,6 @@ _ALIKE: Final = 0.7
 """Smallest correlation with texture: half of its variance is explained. Paper next to it or a mere edge stays below."""
 _FADED: Final = (0.4, 2.5)
 """Range of the contrast over the mean of the last frames: outside it the texture is not the same."""
-_FLAT: Final = 0.5
-"""Smallest ratio of a patch's shorter to its longer axis: below it the texture is not the same."""
 _RIM_PX: Final = 0.02
 """Standard deviation of the rim of a patch at rest by its own size or turn, px: that of its place at H.264 CRF 20."""
 _OWN_TURN_RAD: Final = math.radians(12.0)
@@ -140,7 +138,8 @@ class TextureStick(Kept):
             return "hidden"
         # In the picture of a camera that comes nearer the whole stick is larger.
         size = size_of(fit.warp) * float(np.hypot(*self._offset)) / self.length_px
-        if not SIZES[0] < size < SIZES[1] or flatness_of(fit.warp) < _FLAT:
+        # Within these sizes the shorter axis of a circle's image is no less than half of the longer one.
+        if not SIZES[0] < size < SIZES[1] or flatness_of(fit.warp) < SIZES[0] / SIZES[1]:
             return "lost"
         return "hidden" if fit.kept < KEPT else ""
 
@@ -230,10 +229,13 @@ class TextureStick(Kept):
         own["length"] = np.hypot(*(0.5 * (jacobian(one.warp) + jacobian(two.warp)) @ self._offset))
         return own
 
+    def _turn_between(self, one: Fit, two: Fit) -> float:
+        """Return the rotation of the line through both points, rad."""
+        return direction(place(one.warp), place(two.warp)) - math.atan2(*self._offset[::-1])
+
     def _turned(self, fits: list[Fit | None]) -> list[Fit | None]:
         """Give patches whose own rotation is not observable that of the line through both points."""
-        one, two = (np.array(place(fit.warp)) for fit in fits if fit is not None)
-        turn = math.atan2(*(two - one)[::-1]) - math.atan2(*self._offset[::-1])
+        turn = self._turn_between(*(fit for fit in fits if fit is not None))
         return [
             replace(fit, warp=similarity(*place(fit.warp), turn_rad=turn))
             if fit is not None and math.isinf(track.patch.turn_doubt)
@@ -243,8 +245,7 @@ class TextureStick(Kept):
 
     def _turns_along(self, one: Fit, two: Fit) -> bool:
         """Return whether both patches are rotated as much as the line through both points."""
-        a, b = np.array(place(one.warp)), np.array(place(two.warp))
-        turn = math.atan2(*(b - a)[::-1]) - math.atan2(*self._offset[::-1])
+        turn = self._turn_between(one, two)
         return all(
             math.isinf(track.patch.turn_doubt) or turned(turn_of(fit.warp), turn) < _OWN_TURN_RAD
             for track, fit in zip(self._tracks, (one, two), strict=True)

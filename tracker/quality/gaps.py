@@ -304,8 +304,7 @@ def flicker_advice(causes: Causes) -> list[str]:
     flicker = causes.flicker
     if flicker is None or "flicker" in causes.count or not flicker.felt:
         return []
-    words = flicker.words
-    return [f"{words[0].upper()}{words[1:]} Now dim frames err {flicker.error:.1f} times as much as bright ones."]
+    return [f"{capital(flicker.words)} Now dim frames err {flicker.error:.1f} times as much as bright ones."]
 
 
 def smear_around_gaps_px(result: TrackResult, angles: StickAngles) -> float:

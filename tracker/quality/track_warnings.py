@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from torsight.core.series import BY_CHANCE, known_median
 from torsight.core.tracks import MarkerTracks, StickAngles, mean_sigma
-from torsight.core.words.wording import counted
+from torsight.core.words.wording import capital, counted
 from tracker.angle.axis_of_circles import away_px, axis_px, direction_of
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.plane import Orientation
@@ -41,8 +42,12 @@ def doubts(result: TrackResult) -> list[str]:
     return found + _repeated_texture(result) + _moving_axis(still) + _file_faults(result)
 
 
+@functools.lru_cache(maxsize=2)
 def exchanged(result: TrackResult) -> tuple[list[str], bool]:
-    """Return warnings of given sticks or markers that the film shows to be exchanged, and whether angles are wrong."""
+    """Return warnings of given sticks or markers that the film shows to be exchanged, and whether angles are wrong.
+
+    Both the warnings and ``track.json`` ask, for one film or a pair.
+    """
     markers = result.report["markers"]
     if not markers["given"]:
         return [], False
@@ -206,7 +211,7 @@ def _exchanged_markers(tracks: MarkerTracks) -> tuple[list[str], bool]:
         return [], False
     what = "every angle is off by 180 degrees" if len(found) == 1 else "the angles hold, but not the markers' names"
     words = " and ".join(found)
-    sentence = f"{words[0].upper()}{words[1:]}: {what}. Exchange the two positions in the marker file."
+    sentence = f"{capital(words)}: {what}. Exchange the two positions in the marker file."
     return [sentence], len(found) == 1
 
 
@@ -272,9 +277,9 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
 
 def _file_faults(result: TrackResult) -> list[str]:
     """Return warnings of faults in the film, the pictures or the table of times, as noted by the source."""
-    found = [_sentence(entry["text"]) for entry in result.damage if entry["kind"] != "damage"]
+    found = [f"{capital(entry['text'])}." for entry in result.damage if entry["kind"] != "damage"]
     if "note" in result.report["source"]:
-        found.append(_sentence(result.report["source"]["note"]))
+        found.append(f"{capital(result.report['source']['note'])}.")
     damage = [entry for entry in result.damage if entry["kind"] == "damage"]
     if damage:
         lost = int((result.rows["state"] == CODE["damaged"]).any(axis=1).sum())
@@ -282,7 +287,3 @@ def _file_faults(result: TrackResult) -> list[str]:
         more = f" (and {len(damage) - 1} more)" if len(damage) > 1 else ""
         found.append(f"The file is damaged: {damage[0]['text']}{more}.{frames} Copy it from the camera again.")
     return found
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."

@@ -13,6 +13,7 @@ from torsight.core.optics.geometry import pixel_from_ray, ray_from_pixel
 from torsight.core.tracks import MarkerTracks
 from tracker.angle.camera_motion import unmoved
 from tracker.angle.orient import orient
+from tracker.angle.reference_direction import steady_direction
 
 STRAIGHT = replace(TILTED, tilt_deg=(0.0, 0.0), k1=0.0)
 ASIDE = replace(TILTED, k1=0.0)
@@ -130,6 +131,16 @@ def test_the_base_at_rest_is_averaged_between_bumps() -> None:
     off -= np.median(off, axis=0)
     # One frame's middle is known to SIGMA_PX / √2.
     assert np.sqrt(np.mean(off**2)) < 0.5 * SIGMA_PX / np.sqrt(2.0)
+
+
+def test_noise_that_a_codec_freezes_until_the_next_key_frame_is_no_bump() -> None:
+    sigma_rad = 1e-3
+    # Two draws of noise, three standard deviations apart, each frozen for as long as the base rests.
+    direction = np.repeat([0.0, 3.0 * sigma_rad], 60)
+    direction[50:70] = np.nan
+    steady, variance = steady_direction(direction, np.full(120, sigma_rad**2))
+    assert np.isfinite(steady).all()
+    assert (variance >= sigma_rad**2).all()
 
 
 def test_a_bump_behind_a_hand_leaves_one_marker_alone_unsure() -> None:

@@ -33,8 +33,8 @@ def scene(seed: int, *, shift: float = 0.0, arc_rad: float = 4.0):
 
 def unmoved(base, moving):
     """Return the moving stick's points without the shift that the base shows, where it shows one."""
-    shift = picture_shift(np.stack([p for p, _ in base], axis=1), np.stack([s for _, s in base], axis=1))
-    return moving if shift is None else tuple((points - shift.step, spread) for points, spread in moving)
+    step, _ = picture_shift(np.stack([p for p, _ in base], axis=1), np.stack([s for _, s in base], axis=1))
+    return tuple((points - step, spread) for points, spread in moving)
 
 
 def hide(moving, marker: int, frames: slice):
