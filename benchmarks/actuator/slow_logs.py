@@ -32,6 +32,8 @@ from torsight.core.units import DEG
 
 Array = NDArray[np.float64]
 ROW_S = 0.25
+EVERY = 5
+"""Steps of the wire per row: a heating that is not held ends between two rows."""
 START_DEG = 177.6
 
 
@@ -63,15 +65,16 @@ def tables(seeds: int) -> None:
 def measured(interval_s: float, longest_s: float, seed: int) -> list[float]:
     """Return the errors of one log."""
     rng = np.random.default_rng(seed)
-    time_s, wires = programme(rng, longest_s)
+    fine_s, fine = programme(rng, longest_s)
+    time_s, wires = fine_s[::EVERY], [wire[::EVERY] for wire in fine]
     noise_c = float(rng.uniform(0.02, 0.07))
     log_s = np.arange(rng.uniform(0.0, interval_s), time_s[-1], interval_s)
-    read = [np.round(np.interp(log_s, time_s, c) + noise_c * rng.standard_normal(len(log_s)), 2) for c in wires]
+    read = [np.round(np.interp(log_s, fine_s, c) + noise_c * rng.standard_normal(len(log_s)), 2) for c in fine]
     lines = [np.interp(time_s, log_s, c) for c in read]
     errors = (lines[0] - wires[0], condition(time_s, lines[0]).temp_c - wires[0])
     model = ActuatorModel(reference_spec())
     fitted = FittedModel(model, model.nominal())
-    true = angle_deg(model, time_s, wires)
+    true = angle_deg(model, fine_s, fine)[::EVERY]
     record = angle_deg(model, time_s, lines) - true
     later = fitted.predict(TemperatureLog(log_s, *read), start_angle_rad=START_DEG * DEG).angle_rad / DEG
     later -= np.interp(log_s, time_s, true)
@@ -83,12 +86,12 @@ def angle_deg(model: ActuatorModel, time_s: Array, temps_c: list[Array]) -> Arra
     """Return the model's angle, driven by a table."""
     still = np.full(len(time_s), START_DEG * DEG)
     drive = model.prepare(SyncedTable(time_s, still, np.full(len(time_s), 1e-3), temps_c[0], temps_c[1]))
-    return np.asarray(model.simulate(drive).angle_rad / DEG)
+    return np.interp(time_s, drive.time_s, model.simulate(drive).angle_rad / DEG)
 
 
 def programme(rng: np.random.Generator, longest_s: float) -> tuple[Array, list[Array]]:
-    """Return rows and both wires' temperatures: four half-cycles, each heated at its own rate, held and let cool."""
-    time_s = np.arange(0.0, 1600.0, ROW_S)
+    """Return times and both wires' temperatures: four half-cycles, each heated at its own rate, held and let cool."""
+    time_s = np.arange(0.0, 1600.0, ROW_S / EVERY)
     wires = [np.full(len(time_s), 23.0), np.full(len(time_s), 23.0)]
     for number in range(4):
         begin_s, rate, top_c = 400.0 * number + 20.0, rng.uniform(0.2, 0.8), rng.uniform(60.0, 78.0)

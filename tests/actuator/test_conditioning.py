@@ -296,6 +296,24 @@ def test_changes_that_are_alike_on_a_ramp_are_no_last_digit_and_a_slow_log_keeps
     assert found.sigma_c[held].max() < 0.004
 
 
+def test_a_heating_that_is_switched_off_at_its_top_is_known_to_half_the_noise_of_a_reading():
+    # The top lies anywhere between two rows; the wire cools twice as fast as it was heated.
+    rng, noise_c, found = np.random.default_rng(3), 0.05, []
+    time_s = np.arange(0.0, 300.0, 0.25)
+    for top_s in rng.uniform(150.0, 160.0, 40):
+        top_c = 22.0 + 0.3 * top_s
+        past_s = time_s - top_s
+        wire_c = np.where(
+            past_s < 0.0, 22.0 + 0.3 * time_s, 22.0 + 0.3 * top_s * np.exp(-np.maximum(past_s, 0.0) / 75.0)
+        )
+        log = condition(time_s, wire_c + noise_c * rng.standard_normal(len(time_s)))
+        place = int(np.argmax(log.temp_c))
+        found.append(np.array([1.0 / noise_c, 1.0 / log.sigma_c[place]]) * (log.temp_c[place] - top_c))
+    off, pull = np.sqrt(np.mean(np.square(found), axis=0))
+    assert off < 0.5
+    assert 0.4 < pull < 1.2
+
+
 @pytest.mark.parametrize("noise_share", [0.0, 0.2, 1.0])
 def test_a_held_top_is_known_as_well_as_its_last_digit_lets_it(noise_share: float) -> None:
     # Without noise of their own all readings of a level are off by one rounding.

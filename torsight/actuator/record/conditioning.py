@@ -21,13 +21,21 @@ import numpy as np
 from torsight.actuator.record.holds import beside_corners, level_holds
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C, SHORTEST, is_stepped, last_digit, measure_noise
 from torsight.actuator.record.ripple import ripple_peaks
-from torsight.actuator.record.slow_log import SLOW_S, between, own_readings, turns_missed, turns_reached
+from torsight.actuator.record.slow_log import (
+    SLOW_S,
+    Read,
+    between,
+    own_readings,
+    tops_of,
+    turns_missed,
+    turns_reached,
+)
 from torsight.actuator.record.smoother import Smoothed, smoothed
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
 _BLOCK_S: Final = 0.1
-"""Readings within this time are averaged: with twice this value slopes err by 7 % more and tops by 21 %
+"""Readings within this time are averaged: with twice this value slopes err by 14 % more and tops by 18 %
 (benchmarks/actuator/log_constants.py)."""
 
 _PEAKLESS_C: Final = 0.001
@@ -144,7 +152,9 @@ class Readings:
             known = self.with_corners(known_c, left_over, wanted_s)
         else:
             value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
-            value, sigma = turns_reached(wanted_s, value, sigma)
+            # Behind a slow sensor the readings are not the wire's temperature.
+            read = Read(self.temp_c, self.sigma_c) if lag_s == 0.0 and not self.are_clean else None
+            value, sigma = turns_reached(wanted_s, value, sigma, tops_of(self.time_s, known_c, left_over, read))
             known = Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
         return replace(known, log_evidence=evidence)
 

@@ -12,6 +12,7 @@ lines say.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -32,8 +33,8 @@ _REGULAR: Final = 0.9
 points pass in one of 10⁶ cases."""
 _LONGEST_HOLD_S: Final = 40.0
 """Prior of holds: half of all heatings are switched off at their top, the others are held, for times evenly distributed
-up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.62
-and 0.53° (0.51°) where nothing is held, and 0.89 and 0.90° (0.91°) where tops are held for up to 15 s
+up to this value: a choice. With half and twice this value the error on later records with readings every 3 s is 0.75
+and 0.41° (0.51°) where nothing is held, and 0.89 and 0.94° (0.92°) where tops are held for up to 15 s
 (benchmarks/actuator/slow_logs.py, --seeds 10)."""
 _PLACES: Final = 81
 """Heights and times at which the posterior of a top is computed: a grid 80 times finer than what is not known."""
@@ -109,6 +110,13 @@ class _Line(NamedTuple):
         return np.hypot(noise, 0.25 * self.bend * past_s * (past_s + self.span_s))
 
 
+class Read(NamedTuple):
+    """Readings (n,) of a log and the standard deviation of their independent noise."""
+
+    temp_c: Floats
+    sigma_c: float
+
+
 class Top(NamedTuple):
     """An extremum of the wire's temperature beside a few readings, between the lines of the other readings.
 
@@ -132,13 +140,16 @@ class Top(NamedTuple):
         return self.sense * np.minimum(lines, self.height)
 
 
-def tops_of(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> list[Top]:
+def tops_of(time_s: Floats, temp_c: Floats, sigma_c: Floats, read: Read | None = None) -> list[Top]:
     """Return the extrema of a wire's temperature (n,) that lie between readings or are held over two at most.
 
     A heating ends anywhere below the meeting of the lines before and after its top: at the meeting if it is not held.
-    The height has a posterior: the prior of a hold's duration, and the readings between the lines.
+    The height has a posterior: the prior of a hold's duration, and the readings between the lines. A smoothed log is
+    less accurate beside a top than before and after it: where the readings that were smoothed are given, ``read``, the
+    lines lead through rows :data:`SLOW_S` apart, and these readings count between them.
     """
-    found = []
+    found, stride = [], 1 if read is None else max(1, round(SLOW_S / usual_step(time_s)))
+    own = (temp_c, sigma_c) if read is None else (read.temp_c, np.full(len(temp_c), read.sigma_c))
     for turn in turns_of(temp_c, REVERSAL_C).tolist():
         first = last = turn
         least = APART * float(sigma_c[turn])
@@ -146,26 +157,33 @@ def tops_of(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> list[Top]:
             first -= 1
         while last < len(temp_c) - 1 and abs(temp_c[last + 1] - temp_c[turn]) <= least:
             last += 1
-        if last - first <= 1 and first >= 3 and last <= len(temp_c) - 4:
-            top = _top(time_s, temp_c, sigma_c, (first, last))
+        if last - first < 2 * stride and first >= 3 * stride and last < len(temp_c) - 3 * stride:
+            top = _top(time_s, temp_c, sigma_c, own, (first, last), stride)
             found += [] if top is None else [top]
     return found
 
 
-def _top(time_s: Floats, temp_c: Floats, sigma_c: Floats, ends: tuple[int, int]) -> Top | None:
-    """Return the extremum beside the readings from the first to the last; None where no lines lead to it."""
-    before, after = ends[0] - 1, ends[1] + 1
+def _top(
+    time_s: Floats, temp_c: Floats, sigma_c: Floats, read: tuple[Floats, Floats], ends: tuple[int, int], stride: int
+) -> Top | None:
+    """Return the extremum beside the rows from the first to the last; None where no lines lead to it.
+
+    ``read`` are the readings (n,) that count between the lines, with their standard deviations.
+    """
+    before, after = ends[0] - stride, ends[1] + stride
+    to, back = slice(before - 2 * stride, before + 1, stride), slice(after, after + 2 * stride + 1, stride)
     sense = 1.0 if temp_c[ends[0]] > temp_c[before] else -1.0
     begin_s, end_s, course = time_s[before], time_s[after], sense * temp_c
-    up = _Line.towards(time_s[before - 2 : before + 1], course[before - 2 : before + 1], float(sigma_c[before]))
-    down = _Line.towards(time_s[after : after + 3][::-1], course[after : after + 3][::-1], float(sigma_c[after]))
+    up = _Line.towards(time_s[to], course[to], float(sigma_c[before]))
+    down = _Line.towards(time_s[back][::-1], course[back][::-1], float(sigma_c[after]))
     if min(up.slope, down.slope) <= 0.0:
         return None
     past_s = np.linspace(0.0, end_s - begin_s, _PLACES)
     limit = np.minimum(up.at(past_s), down.at(past_s[::-1]))
     meets = int(np.argmax(limit))
     # Readings without noise are known to their last digit.
-    own_s, own, own_sigma = time_s[ends[0] : after], course[ends[0] : after], sigma_c[ends[0] : after] + FINEST_C
+    rows = slice(before + 1, after)
+    own_s, own, own_sigma = time_s[rows], sense * read[0][rows], read[1][rows] + FINEST_C
     # A grid that is fine where a reading leaves little doubt.
     near = (own[:, None] + own_sigma[:, None] * np.linspace(-BY_CHANCE, BY_CHANCE, _PLACES)).ravel()
     least = max(course[before], course[after])
@@ -196,16 +214,16 @@ def _top(time_s: Floats, temp_c: Floats, sigma_c: Floats, ends: tuple[int, int])
     return Top(float(begin_s), float(end_s), float(at_s), sense, mean, sigma, up, down)
 
 
-def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> tuple[Floats, Floats]:
-    """Return temperatures (n,) of a wire and their sigmas, with turns between two readings placed at the later reading.
+def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats, tops: Sequence[Top]) -> tuple[Floats, Floats]:
+    """Return temperatures (n,) of a wire and their sigmas, with turns between two rows placed at the later row.
 
-    At the later reading a transformation that only advances is still in the state that it reached at the turn
+    At the later row a transformation that only advances is still in the state that it reached at the turn
     (:func:`torsight.actuator.record.turns.at_places`).
     """
     reached, sigma = temp_c.copy(), sigma_c.copy()
-    for top in tops_of(time_s, temp_c, sigma_c):
-        place = int(np.searchsorted(time_s, top.at_s))
-        reached[place], sigma[place] = top.sense * top.height, math.hypot(sigma[place], top.sigma)
+    for top in tops:
+        place = min(int(np.searchsorted(time_s, top.at_s)), len(time_s) - 1)
+        reached[place], sigma[place] = top.sense * top.height, top.sigma
     return reached, sigma
 
 

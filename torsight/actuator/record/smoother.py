@@ -42,14 +42,14 @@ from torsight.core.units import Floats
 
 # benchmarks/actuator/log_constants.py measures the effect of half and twice of each constant.
 _DEGREES: Final = 0.6
-"""Degrees of freedom ν of the jumps: with half and twice the wires' temperatures err 0.94 and 1.10 times as much, tops
-1.3 times."""
+"""Degrees of freedom ν of the jumps: with half and twice the wires' temperatures err 0.96 and 1.08 times as much, tops
+1.5 and 1.3 times."""
 _ALIKE_S: Final = 45.0
-"""Window over which jumps have one usual size: with half or twice the wires' temperatures err by 1 % more, tops by 30 %
-and by less than 1 %."""
+"""Window over which jumps have one usual size: with half or twice the wires' temperatures err by 3 % more at most, tops
+by 46 and 8 %."""
 _ROUNDS: Final = 12
-"""Number of alternations between smoothing and sizes of the jumps: with half and twice the wires' temperatures err 1.13
-and 0.94 times as much."""
+"""Number of alternations between smoothing and sizes of the jumps: with half and twice the wires' temperatures err 1.11
+and 0.96 times as much."""
 _AVERAGED_S: Final = 10.0
 """Averaging time of the noise for the initial sizes of the jumps. With half or twice the wires' temperatures err as
 much, to 1 %."""
