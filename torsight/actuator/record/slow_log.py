@@ -6,7 +6,7 @@ the wire, and an incomplete transformation keeps that difference. The lines meet
 can be recovered from the table, as they can where it repeats every reading until the next. A ramp continues to the
 corner and the next ramp begins there, so that the lines on both sides of a gap, extrapolated into it, meet at the
 corner. A heating that is held for a short time ends below this meeting, and as far below it as the readings between the
-lines say.
+lines say. The tops of a log of several rows a second are found in the same way.
 """
 
 from __future__ import annotations
