@@ -153,7 +153,8 @@ class Readings:
         else:
             value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
             # Behind a slow sensor the readings are not the wire's temperature.
-            read = Read(self.temp_c, self.sigma_c) if lag_s == 0.0 and not self.are_clean else None
+            of_wire = lag_s == 0.0 and not self.are_clean
+            read = Read(self.temp_c, np.full(len(self.temp_c), self.sigma_c)) if of_wire else None
             value, sigma = turns_reached(wanted_s, value, sigma, tops_of(self.time_s, known_c, left_over, read))
             known = Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
         return replace(known, log_evidence=evidence)

@@ -111,10 +111,10 @@ class _Line(NamedTuple):
 
 
 class Read(NamedTuple):
-    """Readings (n,) of a log and the standard deviation of their independent noise."""
+    """Readings (n,) of a log and their standard deviations (n,)."""
 
     temp_c: Floats
-    sigma_c: float
+    sigma_c: Floats
 
 
 class Top(NamedTuple):
@@ -149,7 +149,7 @@ def tops_of(time_s: Floats, temp_c: Floats, sigma_c: Floats, read: Read | None =
     lines lead through rows :data:`SLOW_S` apart, and these readings count between them.
     """
     found, stride = [], 1 if read is None else max(1, round(SLOW_S / usual_step(time_s)))
-    own = (temp_c, sigma_c) if read is None else (read.temp_c, np.full(len(temp_c), read.sigma_c))
+    own = read or Read(temp_c, sigma_c)
     for turn in turns_of(temp_c, REVERSAL_C).tolist():
         first = last = turn
         least = APART * float(sigma_c[turn])
@@ -163,12 +163,10 @@ def tops_of(time_s: Floats, temp_c: Floats, sigma_c: Floats, read: Read | None =
     return found
 
 
-def _top(
-    time_s: Floats, temp_c: Floats, sigma_c: Floats, read: tuple[Floats, Floats], ends: tuple[int, int], stride: int
-) -> Top | None:
+def _top(time_s: Floats, temp_c: Floats, sigma_c: Floats, read: Read, ends: tuple[int, int], stride: int) -> Top | None:
     """Return the extremum beside the rows from the first to the last; None where no lines lead to it.
 
-    ``read`` are the readings (n,) that count between the lines, with their standard deviations.
+    ``read`` are the readings that count between the lines.
     """
     before, after = ends[0] - stride, ends[1] + stride
     to, back = slice(before - 2 * stride, before + 1, stride), slice(after, after + 2 * stride + 1, stride)
@@ -183,7 +181,7 @@ def _top(
     meets = int(np.argmax(limit))
     # Readings without noise are known to their last digit.
     rows = slice(before + 1, after)
-    own_s, own, own_sigma = time_s[rows], sense * read[0][rows], read[1][rows] + FINEST_C
+    own_s, own, own_sigma = time_s[rows], sense * read.temp_c[rows], read.sigma_c[rows] + FINEST_C
     # A grid that is fine where a reading leaves little doubt.
     near = (own[:, None] + own_sigma[:, None] * np.linspace(-BY_CHANCE, BY_CHANCE, _PLACES)).ravel()
     least = max(course[before], course[after])
@@ -222,8 +220,9 @@ def turns_reached(time_s: Floats, temp_c: Floats, sigma_c: Floats, tops: Sequenc
     """
     reached, sigma = temp_c.copy(), sigma_c.copy()
     for top in tops:
-        place = min(int(np.searchsorted(time_s, top.at_s)), len(time_s) - 1)
-        reached[place], sigma[place] = top.sense * top.height, top.sigma
+        place = int(np.searchsorted(time_s, top.at_s))
+        # A slice: the turn may be later than all rows.
+        reached[place : place + 1], sigma[place : place + 1] = top.sense * top.height, top.sigma
     return reached, sigma
 
 
@@ -255,14 +254,11 @@ def between(time_s: Floats, temp_c: Floats, sigma_c: Floats, wanted_s: Floats) -
     outer = np.where(before > after, np.minimum(from_before, from_after), np.maximum(from_before, from_after))
     corners = _corner_gaps(time_s, temp_c, sigma_c)
     known_c = np.where(corners[low], outer, temp_c[low] + slope[low] * past_s)
-    doubt = np.zeros(len(wanted_s))
-    for top in tops_of(time_s, temp_c, sigma_c):
+    doubt, tops = np.zeros(len(wanted_s)), tops_of(time_s, temp_c, sigma_c)
+    for top in tops:
         here = (wanted_s > top.begin_s) & (wanted_s < top.end_s)
         known_c[here], doubt[here] = top.course(wanted_s[here]), top.sigma
-        # A turn between two wanted times counts at the later one, as in turns_reached.
-        place = int(np.searchsorted(wanted_s, top.at_s))
-        known_c[place : place + 1], doubt[place : place + 1] = top.sense * top.height, top.sigma
-    return known_c, doubt
+    return turns_reached(wanted_s, known_c, doubt, tops)
 
 
 def _corner_gaps(time_s: Floats, temp_c: Floats, sigma_c: Floats) -> Flags:
