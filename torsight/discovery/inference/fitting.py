@@ -43,8 +43,6 @@ _TRIALS: Final = 150
 """Predictions of a search without derivatives: as many as derivatives by 25 values at six points take."""
 _FINEST: Final = 1e-3
 """Relative accuracy of a parameter that is found without derivatives."""
-_LITTLE: Final = 1e-9
-"""Information, per squared scale, about a value of which neither record nor prior says anything."""
 _STAYS: Final = 1e-3
 """Prior standard deviation, in parameter scales, of a value that is held."""
 
@@ -272,8 +270,7 @@ class Fitter:
         solution, space = fit.solution, self.space(fit.effects)
         residual = np.where(self.weight.each > 0.0, self.problem.observed - solution.prediction, 0.0)
         normal, gradient = normal_equations(solution.jacobian, residual, solution.x, weight=self.weight, space=space)
-        # A value about which the record holds no information stays where it is.
-        normal[np.diag_indices_from(normal)] += _LITTLE / space.scale**2
+        normal[np.diag_indices_from(normal)] += space.least_information
         scan = EventScan(predict, solution.prediction, residual, solution.jacobian, normal, gradient, self.weight)
         found = scan.events(time.lower, time.upper, size=size.value, closest=candidate.scales[time.name])
         return [{time.name: one.at, size.name: one.size} for one in found] or [candidate.null_point()]
@@ -294,7 +291,7 @@ class Fitter:
         costs = self._costs(found.effects)
         least = _FINEST * space.scale[own]
         rest = [i for i in range(len(found.parameters)) if i not in own]
-        information = space.prior_information[rest] + _LITTLE / space.scale[rest] ** 2
+        information = (space.prior_information + space.least_information)[rest]
 
         def at(logarithms: Floats) -> Floats:
             x = found.solution.x.copy()
@@ -305,9 +302,8 @@ class Fitter:
             x = at(logarithms)
             prediction, columns = model(x), found.solution.jacobian[:, rest]
             residual = np.where(self.weight.each > 0.0, self.problem.observed - prediction, 0.0)
-            off = np.where(np.isfinite(space.prior_sigma), x - space.prior_mean, 0.0)[rest]
-            followed = x.copy()
-            followed[rest] += linear_change(columns, residual, weight=self.weight, information=information, centre=-off)
+            back, followed = space.to_means(x)[rest], x.copy()
+            followed[rest] += linear_change(columns, residual, weight=self.weight, information=information, centre=back)
             followed = space.clip(followed)
             return costs(followed, prediction + columns @ (followed - x)[rest])
 

@@ -59,10 +59,19 @@ class Space:
         """Return the distance from the priors in standard deviations."""
         return (x - self.prior_mean) / self.prior_sigma
 
+    def to_means(self, x: Floats) -> Floats:
+        """Return the step (m,) from a point to the priors' means, zero where there is no prior."""
+        return np.where(np.isfinite(self.prior_sigma), self.prior_mean - x, 0.0)
+
     @property
     def prior_information(self) -> Floats:
         """One over the priors' variances."""
         return 1.0 / self.prior_sigma**2
+
+    @property
+    def least_information(self) -> Floats:
+        """Next to no information (m,), with which a value of which neither record nor prior says anything stays."""
+        return 1e-9 / self.scale**2
 
 
 @dataclass(frozen=True, slots=True, eq=False)

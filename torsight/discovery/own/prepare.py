@@ -323,8 +323,8 @@ def _relaxed_cost(fitter: Fitter, base: Fit, left: Floats, further: Floats | Non
     ``further`` (n, k) are the columns of additional coefficients, which have no prior.
     """
     weight, space = fitter.weight, space_of(base.parameters)
-    columns, information = base.solution.jacobian, space.prior_information + 1e-9 / space.scale**2
-    back = np.where(np.isfinite(space.prior_sigma), space.prior_mean - base.solution.x, 0.0)
+    columns, information = base.solution.jacobian, space.prior_information + space.least_information
+    back = space.to_means(base.solution.x)
     if further is not None:
         size = np.maximum(np.sqrt(np.sum(further**2, axis=0)), 1e-30)
         columns = np.hstack([columns, further / size])

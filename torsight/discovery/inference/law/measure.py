@@ -227,8 +227,7 @@ class Measurement:
         residual, space = self._residual(slopes.at_x), self._space.at(range(m))
         weight = self._likelihood.weight(residual)
         information = prior_information(self._space, slopes.x, self._base)[:m]
-        off = np.where(np.isfinite(space.prior_sigma), u - space.prior_mean, 0.0)
-        step = linear_change(columns, residual, weight=weight, information=information, centre=-off)
+        step = linear_change(columns, residual, weight=weight, information=information, centre=space.to_means(u))
         there = space.clip(u + step)
 
         def value(x: Floats) -> float:
