@@ -32,14 +32,13 @@ from torsight.actuator.model import ActuatorModel
 from torsight.core.parallel.threads import one_thread
 from torsight.core.progress import silent
 from torsight.core.units import Floats
-from torsight.discovery import actuator_problem
 from torsight.discovery.actuator import temperature_errors
 from torsight.discovery.actuator_problem import ActuatorProblem
 from torsight.discovery.inference.search import Search
 from torsight.discovery.settings import Settings
 
 FACTORS = (0.5, 1.0, 2.0)
-CONSTANTS = ((temperature_errors, "_TOP_C"), (actuator_problem, "_NOISE_DRAWS"))
+CONSTANTS = ((temperature_errors, "_TOP_C"), (temperature_errors, "_DRAWS"))
 
 
 class Scaled(ActuatorProblem):

@@ -284,11 +284,11 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
-        return tuple(with_errors(self.drive, one.smooth_c) for one in draw_errors(self.drive, seed=self.seed))
+        return tuple(with_errors(self.drive, one.smooth) for one in draw_errors(self.drive, seed=self.seed))
 
     @cached_property
     def _lasting_drives(self) -> tuple[Drive, ...]:
-        return tuple(with_errors(self.drive, error_c) for error_c in lasting_errors(self.drive))
+        return tuple(with_errors(self.drive, error) for error in lasting_errors(self.drive))
 
 
 def _means_between(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:

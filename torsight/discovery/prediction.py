@@ -153,4 +153,4 @@ def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Dri
             yield model, replace(drive, start_angle_rad=drive.start_angle_rad + off_rad), 0.5
     drawn = draw_errors(drive, seed=0)
     for errors in drawn:
-        yield model, with_errors(drive, errors.with_tops_c), 1.0 / len(drawn)
+        yield model, with_errors(drive, *errors), 1.0 / len(drawn)

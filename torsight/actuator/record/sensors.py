@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, NamedTuple
@@ -25,6 +26,13 @@ _COUNTS: Final = 0.0625
 for the best by as much as of an estimate with one Gaussian error (benchmarks/actuator/log_lags.py)."""
 
 
+class Added(NamedTuple):
+    """Errors (n,) of both springs' temperatures, as uncertain as the temperatures in the rows ``of_row`` (n,) are."""
+
+    error_c: Pair
+    of_row: Ints
+
+
 class _Wire(NamedTuple):
     """A wire's temperature (n,) less its sensor's, and the factor (n,) by which the correction magnifies noise.
 
@@ -43,7 +51,7 @@ class Sensors:
     ``time_s`` (m,) are the log's times, ``readings`` those of both springs; ``rows`` (n,) are the rows that the whole
     drive keeps, ``driven_c`` both conditioned temperatures (n,) there and ``sigma_c`` (n,) their standard deviation. A
     reversal of a temperature counts as a turn from ``least_turn_c`` on. ``without_lag`` is the log evidence of both
-    readings for sensors without a lag. ``errors_c`` are errors (n,) that were added to the conditioned temperatures.
+    readings for sensors without a lag. ``errors`` were added to the conditioned temperatures.
     """
 
     time_s: Floats
@@ -53,7 +61,7 @@ class Sensors:
     sigma_c: Floats
     least_turn_c: float
     without_lag: tuple[float, float]
-    errors_c: Pair | None = None
+    errors: Sequence[Added] = ()
     _known: dict[float, tuple[_Wire, _Wire]] = field(default_factory=dict)
 
     def get_ready(self) -> None:
@@ -99,7 +107,7 @@ class Sensors:
     def _correction(self, spring: int, lag_s: float) -> Floats:
         """Return the differences at a grid point; errors that were added grow as the smoother's own do."""
         wire = self._at(lag_s)[spring]
-        return wire.off_c if self.errors_c is None else wire.off_c + self.errors_c[spring] * (wire.growth - 1.0)
+        return wire.off_c + sum(one.error_c[spring] * (wire.growth[one.of_row] - 1.0) for one in self.errors)
 
     def _at(self, lag_s: float) -> tuple[_Wire, _Wire]:
         if lag_s not in self._known:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -21,8 +21,9 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.record.holds import LEAST_HOLD_S
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.ripple import UNSURE
+from torsight.actuator.record.sensors import Added
 from torsight.core.series import rms, usual_step
-from torsight.core.units import Floats
+from torsight.core.units import Floats, Ints
 
 _TOP_C: Final = 1.0
 """Distance below a top over which its error decreases by e. The resulting errors of the angle change by 2 % with half
@@ -32,16 +33,14 @@ _DRAWS: Final = 6
 a few hundredths (benchmarks/discovery/tops.py, --constants)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TemperatureErrors:
-    """One draw (n,) for either spring.
+class TemperatureErrors(NamedTuple):
+    """One draw: errors that remain after the conditioning, correlated over a few seconds, and persistent errors.
 
-    ``smooth_c`` remains after the conditioning, correlated over a few seconds; ``with_tops_c`` adds to it an error of
-    every half-cycle's top and one of the height of a ripple's peaks.
+    Persistent errors are those of every half-cycle's top and of the height of a ripple's peaks.
     """
 
-    smooth_c: tuple[Floats, Floats]
-    with_tops_c: tuple[Floats, Floats]
+    smooth: Added
+    lasting: Added
 
 
 def draw_errors(drive: Drive, *, seed: int) -> list[TemperatureErrors]:
@@ -84,24 +83,41 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
         alike = gaussian_filter1d(white, filter_s / usual_step(drive.time_s), mode="nearest")
         smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
     height = UNSURE * rng.standard_normal()
-    with_tops = smooth + height * np.array([drive.peaks_a_c, drive.peaks_b_c])
+    lasting = height * np.array([drive.peaks_a_c, drive.peaks_b_c])
     for spring, error_c in _tops(drive):
-        with_tops[spring] += rng.standard_normal() * error_c
-    return TemperatureErrors((smooth[0], smooth[1]), (with_tops[0], with_tops[1]))
+        lasting[spring] += rng.standard_normal() * error_c
+    own_row = np.arange(len(drive))
+    return TemperatureErrors(
+        Added((smooth[0], smooth[1]), own_row), Added((lasting[0], lasting[1]), _rows_of_tops(drive))
+    )
 
 
-def lasting_errors(drive: Drive) -> list[tuple[Floats, Floats]]:
-    """Return one standard deviation of every persistent error, for both springs (n,) each; none where negligible.
-
-    Persistent errors are those of tops and of the height of a ripple's peaks.
-    """
+def lasting_errors(drive: Drive) -> list[Added]:
+    """Return one standard deviation of every persistent error, for both springs; none where negligible."""
     if _are_negligible(drive):
         return []
-    none = np.zeros(len(drive))
+    none, of_row = np.zeros(len(drive)), _rows_of_tops(drive)
     tops = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
     peaks_c = (drive.peaks_a_c, drive.peaks_b_c)
     ripple = [(UNSURE * peaks_c[0], UNSURE * peaks_c[1])] if any(one.any() for one in peaks_c) else []
-    return [*tops, *ripple]
+    return [Added(error_c, of_row) for error_c in (*tops, *ripple)]
+
+
+def _rows_of_tops(drive: Drive) -> Ints:
+    """Return the row (n,) of the top of each row's half-cycle."""
+    found = np.zeros(len(drive), np.int64)
+    for rows, _, turn in _heatings(drive):
+        found[rows] = turn
+    return found
+
+
+def _heatings(drive: Drive) -> Iterator[tuple[Ints, int, int]]:
+    """Yield every half-cycle's rows (k,), its driven spring, and the last row of that spring's highest temperature."""
+    for label in np.unique(drive.cycles.half):
+        rows = np.flatnonzero(drive.cycles.half == label)
+        spring = int(drive.cycles.active[rows[0]])
+        driven_c = (drive.temp_a_c, drive.temp_b_c)[spring][rows]
+        yield rows, spring, int(rows[len(rows) - 1 - int(np.argmax(driven_c[::-1]))])
 
 
 def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
@@ -109,31 +125,25 @@ def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
 
     Each is an error (n,) in °C of that spring's temperature.
     """
-    temps_c = (drive.temp_a_c, drive.temp_b_c)
-    for label in np.unique(drive.cycles.half):
-        rows = np.flatnonzero(drive.cycles.half == label)
-        spring = int(drive.cycles.active[rows[0]])
-        driven_c, time_s = temps_c[spring][rows], drive.time_s[rows]
+    for rows, spring, turn in _heatings(drive):
+        driven_c, time_s = (drive.temp_a_c, drive.temp_b_c)[spring], drive.time_s
         level, rise = np.zeros(len(drive)), np.zeros(len(drive))
-        below = np.exp(-(np.max(driven_c) - driven_c) / _TOP_C)
-        turn = len(rows) - 1 - int(np.argmax(driven_c[::-1]))
-        turn_s, size_c = time_s[turn], drive.temp_sigma_c[rows[turn]]
-        level[rows] = size_c * below
+        level[rows] = drive.temp_sigma_c[turn] * np.exp(-(driven_c[turn] - driven_c[rows]) / _TOP_C)
         # Over the shortest hold the rise is as uncertain as the level: 0.4 of one sample's noise at four rows a second
         # (from the slope of 17 samples, at their end).
-        rise[rows] = size_c * below * np.clip((time_s - turn_s) / LEAST_HOLD_S + 1.0, 0.0, 1.0)
+        rise[rows] = level[rows] * np.clip((time_s[rows] - time_s[turn]) / LEAST_HOLD_S + 1.0, 0.0, 1.0)
         yield spring, level
         yield spring, rise
 
 
-def with_errors(drive: Drive, added_c: tuple[Floats, Floats]) -> Drive:
+def with_errors(drive: Drive, *added: Added) -> Drive:
     """Return the drive with errors on its temperatures and on their slopes."""
-    slopes = [np.gradient(error, drive.time_s) for error in added_c]
+    error_a_c, error_b_c = (sum(errors) for errors in zip(*(one.error_c for one in added), strict=True))
     return replace(
         drive,
-        temp_a_c=drive.temp_a_c + added_c[0],
-        temp_b_c=drive.temp_b_c + added_c[1],
-        rate_a_c_s=drive.rate_a_c_s + slopes[0],
-        rate_b_c_s=drive.rate_b_c_s + slopes[1],
-        sensors=replace(drive.sensors, errors_c=added_c),
+        temp_a_c=drive.temp_a_c + error_a_c,
+        temp_b_c=drive.temp_b_c + error_b_c,
+        rate_a_c_s=drive.rate_a_c_s + np.gradient(error_a_c, drive.time_s),
+        rate_b_c_s=drive.rate_b_c_s + np.gradient(error_b_c, drive.time_s),
+        sensors=replace(drive.sensors, errors=added),
     )
