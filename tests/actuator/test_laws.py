@@ -10,6 +10,7 @@ from actuator_programmes import programme
 
 from torsight.actuator.drive import prepare_log
 from torsight.actuator.laws import FAMILIES, between_nodes, laws_from, laws_of
+from torsight.actuator.laws.banks import counted
 from torsight.actuator.laws.phase_window import BRANCH, OWN_STEPS, exponential_lead, phase_places
 from torsight.actuator.model import ActuatorModel
 from torsight.actuator.ports import History
@@ -266,3 +267,15 @@ def test_beyond_the_record_a_law_is_as_uncertain_as_its_prior(laws):
         # The coefficients of which the record says nothing change nothing that it has reached.
         beyond = ~np.abs(basis[law.reached]).any(axis=0)
         assert beyond.any() or np.linalg.matrix_rank(kernel.matrix) < np.count_nonzero(law.reached)
+
+
+@pytest.mark.parametrize("loss", [0.003, 0.01, 0.05])
+def test_a_slope_over_the_half_cycles_allows_wear_in_proportion_to_what_is_left(loss):
+    count = np.arange(12.0)
+    wear, seen = (1.0 - loss) ** count - 1.0, count < 8.0
+    prior = counted(count)[0].matrix * wear[7] ** 2 / counted(count)[0].matrix[7, 7]
+    across = prior[np.ix_(~seen, seen)]
+    gain = across @ np.linalg.inv(prior[np.ix_(seen, seen)] + 1e-8 * np.eye(8))
+    sigma = np.sqrt(np.diag(prior[np.ix_(~seen, ~seen)] - gain @ across.T))
+    assert np.all(np.abs(wear[~seen] - gain @ wear[seen]) < 2.0 * sigma)
+    assert np.all(sigma < 0.04 * np.abs(wear[~seen]))

@@ -23,6 +23,9 @@ _FADES = 2.0
 """Steps past a window over which a smooth phase law fades, a choice: two steps there are a tenth of the window."""
 _RELAXES_S = (10.0, 100.0, 1000.0)
 """Onset times of relaxations with the logarithm of time: the decades between one row and a whole record, s."""
+_UNSTEADY = 0.1
+"""Size of the lasting changes beside a slope, as a share of what the slope comes to: where wear is proportional to what
+is left, its rate has changed by a tenth once a tenth is lost."""
 _WANDERS = 0.1
 """Wander of a clock as a share of its possible offset: computers that were never synchronised differ by seconds and
 drift by tenths of a second an hour (200 ppm), and a network's corrections move a clock by some tens of milliseconds
@@ -90,19 +93,21 @@ def counted(nodes: Floats) -> tuple[Kernel, ...]:
     """Return a slope, decays towards a limit, and sums of persistent changes; all vanish at the first node.
 
     The change from one count to the next is an Ornstein-Uhlenbeck process: beyond the record the law continues with its
-    last rate for about the correlation length of the changes, then stays constant (zero length: a random walk).
+    last rate for about the correlation length of the changes, then stays constant (zero length: a random walk). A slope
+    has such changes beside it, because no wear goes on at quite the same rate.
     """
     off = nodes - nodes[0]
-    forms = [("slope", off)]
-    forms += [(f"towards a limit, {n} of them", 1.0 - np.exp(-off / n)) for n in _COUNTS if len(nodes) > n]
+    forms = [(f"towards a limit, {n} of them", 1.0 - np.exp(-off / n)) for n in _COUNTS if len(nodes) > n]
     common = np.minimum.outer(off, off)
     sums = {"from one to the next": common}
     for n in _COUNTS:
         faded, apart = np.exp(-off / n), np.exp(-np.abs(np.subtract.outer(off, off)) / n)
         # Covariance of the process's integral from 0 to either count.
         sums[f"changes that last for {n:g}"] = 2.0 * common + n * (np.add.outer(faded, faded) - apart - 1.0)
-    whole = (Kernel(name, matrix / matrix[-1, -1], smooth=True) for name, matrix in sums.items())
-    return (*usual_kernels(forms), *whole)
+    changes = [Kernel(name, matrix / matrix[-1, -1], smooth=True) for name, matrix in sums.items()]
+    line = outer(off)
+    steady = Kernel("slope", line + _UNSTEADY**2 * line[-1, -1] * changes[-1].matrix, smooth=False)
+    return (steady, *usual_kernels(forms), *changes)
 
 
 def drifting(nodes: Floats) -> tuple[Kernel, ...]:
