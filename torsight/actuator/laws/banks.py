@@ -163,17 +163,18 @@ def leading(nodes: Floats) -> tuple[Kernel, ...]:
 
 
 def unlike(nodes: Floats) -> tuple[Kernel, ...]:
-    """Return the covariances of the differences of two springs: transformation temperatures together, moduli, all.
+    """Return the covariances of two springs' differences: transformation temperatures, moduli, critical angle, all.
 
     The values are those of :func:`differing`: four temperatures in °C, four shares in per cent.
     """
     place = np.arange(len(nodes))
-    # The critical angle, the last of the values, is no modulus.
-    together, moduli = place < TEMPERATURES, (place >= TEMPERATURES) & (place < place[-1])
-    alike, scaled = (np.outer(one, one).astype(np.float64) for one in (together, moduli))
+    angle = place == place[-1]
+    together, moduli = place < TEMPERATURES, (place >= TEMPERATURES) & ~angle
+    alike, scaled, critical = (np.outer(one, one).astype(np.float64) for one in (together, moduli, angle))
     return (
         Kernel("transformation temperatures together", alike, smooth=False),
         Kernel("moduli together", scaled, smooth=False),
+        Kernel("critical angle", critical, smooth=False),
         Kernel("all values", alike + scaled + 0.1 * np.eye(len(nodes)), smooth=True),
     )
 
