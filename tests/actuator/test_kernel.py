@@ -114,3 +114,19 @@ def same_by_both_ways(drive, model, monkeypatch, more=None):
     for name in ("phi_rad", "xi_a", "xi_b"):
         np.testing.assert_allclose(getattr(short, name), getattr(long, name), rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(short.friction_nm, long.friction_nm, rtol=0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.99, 0.999, 0.9999])
+def test_a_disk_breaks_loose_between_two_samples_at_the_least_torque_of_a_cooling_spring(share):
+    # Heated again without being wound meanwhile, a spring that cools pulls less, then more again.
+    log, _ = programme([(0, [(82.0, 0.2)]), (1, [(66.0, 0.25)]), (0, [(34.0, 0.25)]), (1, [(66.0, 0.25)])])
+    model = ActuatorModel(reference_spec())
+    drive = model.prepare_log(log, start_angle_rad=170.0 * DEG)
+    last = drive.cycles.half == 3
+    top = int(np.flatnonzero(last)[np.argmax(drive.temp_b_c[last])])
+    # With this friction the disk just holds: 0.01 % less let it go for less than a sample's time.
+    friction = {"tau_c_mnm": share * 1.17658}
+    rows = np.concatenate([np.arange(top + 1), np.arange(top + 40, len(drive), 40)])
+    every, few = model.simulate(drive, friction).angle_rad, model.simulate(drive.at(rows), friction).angle_rad
+    assert np.ptp(every[top + 40 :]) > 10.0 * DEG
+    np.testing.assert_allclose(few, every[rows], rtol=0.0, atol=1e-9)

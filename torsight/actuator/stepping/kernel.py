@@ -60,6 +60,7 @@ from torsight.actuator.stepping.kernel_roots import (
     give_way,
     glide,
     keep_slide,
+    least_phase,
     renew,
     slide,
     slide_anew,
@@ -91,6 +92,27 @@ def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tabl
     return slide(sense, state.s[0]["guess"], first, state, p, o, tables, sections) if first > 0.0 else state.s[0]["x"]
 
 
+@inlined
+def _excess_at_rest(
+    sense: float, at: float, limit: float, transforms: bool, state: State, p: Scalars, tables: Floats, sections: Floats
+) -> tuple[float, float]:
+    """Return by how much the torque passes the limit at which the disk breaks loose, and ξ there.
+
+    The torque of a spring that cools falls and may rise again: then the disk breaks loose between two samples.
+    """
+    s, q = state.s[0], state.q[0]
+    if not transforms:
+        return sense * (limit - made_torque(at, s["xi"], s, q, p, tables)), s["xi"]
+    reached = fraction_and_slope(limit, s, p, tables, sections, state.w)[0]
+    over = sense * (limit - made_torque(at, reached, s, q, p, tables))
+    if over <= SLIP_TOLERANCE:
+        least = least_phase(at, s["xi"], reached, q, p)
+        most = sense * (limit - made_torque(at, least, s, q, p, tables))
+        if most > SLIP_TOLERANCE:
+            return most, least
+    return over, reached
+
+
 @shared
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Find the active spring's equilibrium in this sample and return whether the spring slid.
@@ -106,21 +128,20 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         sense = -1.0 if (s["heating"] > 0.0) == (attempt == 0) else 1.0
         at = yields_at(sense, hold, state, p, tables)
         limit = load_torque(at, sense, hold, s, p, o, tables)
-        reached = fraction_and_slope(limit, s, p, tables, sections, w)[0] if attempt == 0 else s["xi"]
-        over = sense * (limit - made_torque(at, reached, s, q, p, tables))
+        over, reached = _excess_at_rest(sense, at, limit, attempt == 0, state, p, tables, sections)
         if over > SLIP_TOLERANCE:
             s["x"] = at
-            begins = q["sliding"] != sense
-            if begins or q["at_rest"] > 0.0:
-                slide_anew(sense, limit, reached if attempt == 0 else s["xi"], state, p, tables)
+            anew = q["sliding"] != sense or q["at_rest"] > 0.0
+            if anew:
+                slide_anew(sense, limit, reached, state, p, tables)
             held = x
             if hold > scale:
                 # The end of the slide without the drop of friction: the distance beyond it is the jump.
                 s["scale"] = hold
                 held = _slid(sense, excess(x, sense, state, p, o, tables, sections), state, p, o, tables, sections)
                 s["scale"] = scale
-            anew = begins or hold > scale or at != x
-            first = excess(x, sense, state, p, o, tables, sections) if anew else over
+            changed = anew or hold > scale or at != x
+            first = excess(x, sense, state, p, o, tables, sections) if changed else over
             s["x"] = _slid(sense, first, state, p, o, tables, sections)
             s["tau"] = load_torque(s["x"], sense, scale, s, p, o, tables)
             s["xi"] = advance(s["tau"], s, p, tables, sections, w)

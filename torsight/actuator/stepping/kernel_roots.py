@@ -155,6 +155,19 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Scalars
     return 0.5 * (a + b)
 
 
+@inlined
+def least_phase(x: float, xi_from: float, xi_to: float, q: Scalars, p: Scalars) -> float:
+    """Return ξ between ``xi_from`` and ``xi_to`` at which the own torque (12), (20) is least at a constant angle.
+
+    The torque is quadratic in ξ. It has no least value where K_A is less than K_M: ``xi_to`` is returned then.
+    """
+    slope = p["k_m"] - p["k_a"]
+    if slope >= 0.0 or q["theta_l"] == 0.0:
+        return xi_to
+    lowest = 0.5 * ((x - q["x"]) / q["theta_l"] + q["xi"] - p["k_a"] / slope)
+    return min(max(lowest, min(xi_from, xi_to)), max(xi_from, xi_to))
+
+
 @lending
 def transform_at_rest(state: State, p: Scalars, tables: Floats, sections: Floats) -> None:
     """Let the active spring's phase follow its temperature while friction holds the angle.
