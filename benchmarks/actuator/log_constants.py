@@ -124,9 +124,10 @@ def lagged(wire: Wire, seed: int) -> tuple[float, float]:
     above = next(lag_s for lag_s in LAG_GRID_S if lag_s > wire.lag_s)
     below = max(lag_s for lag_s in LAG_GRID_S if lag_s <= wire.lag_s)
     readings = Readings.of(time_s, read)
-    low, high, own = (readings.behind(time_s, lag_s).temp_c for lag_s in (below, above, wire.lag_s))
     share = (wire.lag_s - below) / (above - below)
-    return 1e6 * rms(low + share * (high - low) - temp_c) ** 2, 1e6 * rms(own - temp_c) ** 2
+    between = readings.at(time_s, readings.wire(below).towards(readings.wire(above), share), wire.lag_s).temp_c
+    own = readings.behind(time_s, wire.lag_s).temp_c
+    return 1e6 * rms(between - temp_c) ** 2, 1e6 * rms(own - temp_c) ** 2
 
 
 def true_wire(wire: Wire) -> tuple[Array, Array]:

@@ -15,16 +15,16 @@ from torsight.discovery.actuator_problem import ActuatorProblem
 NOISE_C, FINE_S, ROOM_C = 0.05, 0.01, 23.0
 
 
-def wire() -> NDArray[np.float64]:
+def wire(hold_s: float) -> NDArray[np.float64]:
     """Return a wire that is heated four times, at half a degree per second, and cools each time for four minutes."""
     heated_s, after_s = np.arange(0.0, 80.0, FINE_S), np.arange(0.0, 240.0, FINE_S)
-    once = np.concatenate([0.5 * heated_s, np.full(1000, 40.0), 40.0 * np.exp(-after_s / 45.0)])
+    once = np.concatenate([0.5 * heated_s, np.full(round(hold_s / FINE_S), 40.0), 40.0 * np.exp(-after_s / 45.0)])
     return ROOM_C + np.tile(once, 4)
 
 
-def drive_of(lag_s: float, *, noise_c: float = NOISE_C, interval_s: float = 0.25) -> Drive:
+def drive_of(lag_s: float, *, noise_c: float = NOISE_C, interval_s: float = 0.25, hold_s: float = 10.0) -> Drive:
     """Return a record in which A is heated and B stays at room temperature, read by sensors with a lag."""
-    read_c = wire()
+    read_c = wire(hold_s)
     if lag_s > 0.0:
         keep = np.exp(-FINE_S / lag_s)
         read_c = lfilter([1.0 - keep], [1.0, -keep], read_c - ROOM_C) + ROOM_C
@@ -75,3 +75,12 @@ def test_the_log_counts_beside_the_fitted_rows_with_a_lag_less_its_pure_delay(sh
     each = problem.also_seen({"lag_a_s": 2.0, "lag_b_s": 9.0}, ["unlike_lags"])
     assert each == pytest.approx(sharp.sensors.log_evidence(2.0, 9.0))
     assert problem.also_seen({}, []) == 0.0
+
+
+@pytest.mark.parametrize("lag_s", [3.1, 4.7, 6.0])
+def test_a_top_behind_a_slow_sensor_is_as_high_between_the_time_constants_of_the_grid(lag_s: float) -> None:
+    drive = drive_of(lag_s, noise_c=0.005, hold_s=0.0)
+    wire_c = drive.temp_a_c + drive.sensors.lag_correction(0, lag_s)
+    tops_c = [wire_c[abs(drive.time_s - top_s) < 5.0].max() for top_s in 80.0 + 320.0 * np.arange(4.0)]
+    # The mean of four tops, whose readings have a noise of 0.005 °C.
+    assert np.mean(tops_c) == pytest.approx(ROOM_C + 40.0, abs=0.004)

@@ -313,9 +313,8 @@ class Ports:
         """Return ports with the wires' temperatures estimated for sensors with these time constants, s."""
         wires_c = []
         for spring, (temp_c, lag_s) in enumerate(((self.temp_a_c, lag_a_s), (self.temp_b_c, lag_b_s))):
-            share, shorter_c, longer_c = self.drive.sensors.lag_correction(spring, lag_s)
-            off_c, longer_c = self.logged(shorter_c, longer_c)
-            wires_c.append(temp_c + off_c + share * (longer_c - off_c))
+            (off_c,) = self.logged(self.drive.sensors.lag_correction(spring, lag_s))
+            wires_c.append(temp_c + off_c)
         return self.changed(temp_a_c=wires_c[0], temp_b_c=wires_c[1])
 
     def at_log_times(self, wanted_s: Floats) -> Ports:

@@ -31,6 +31,7 @@ from torsight.actuator.record.slow_log import (
     turns_reached,
 )
 from torsight.actuator.record.smoother import Smoothed, smoothed
+from torsight.actuator.record.turns import REVERSAL_C, at_places, turns_of
 from torsight.core.series import usual_step
 from torsight.core.units import Floats
 
@@ -144,20 +145,33 @@ class Readings:
 
     def behind(self, wanted_s: Floats, lag_s: float) -> Conditioned:
         """Return the wire's temperature (n,) at the wanted times, for a sensor with the time constant ``lag_s``."""
-        known_c, slope_c_s, left_over, evidence = self.smooth(lag_s)
+        return self.at(wanted_s, self.wire(lag_s), lag_s)
+
+    def wire(self, lag_s: float) -> Smoothed:
+        """Return the wire's temperature at the readings (n,), level where the readings have become level."""
+        found = self.smooth(lag_s)
         if lag_s > 0.0 and self.noise_c > NEGLIGIBLE_C:
-            # Where the readings have become level, so has the wire.
-            level_holds(self.time_s, self.temp_c, self.sigma_c, value=known_c, rate=slope_c_s, left_over=left_over)
+            level_holds(self.time_s, self.temp_c, self.sigma_c, value=found.value, rate=found.slope,
+                        left_over=found.sigma)  # fmt: skip
+        return found
+
+    def at(self, wanted_s: Floats, wire: Smoothed, lag_s: float, *, least_turn_c: float = REVERSAL_C) -> Conditioned:
+        """Return the temperature (n,) at the wanted times of a wire that is known at the readings (m,).
+
+        A reversal from ``least_turn_c`` on is placed at the first wanted time after it, at its full height.
+        """
         if self.far_apart:
-            known = self.with_corners(known_c, left_over, wanted_s)
+            known = self.with_corners(wire.value, wire.sigma, wanted_s)
         else:
-            value, slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (known_c, slope_c_s, left_over))
+            slope, sigma = (np.interp(wanted_s, self.time_s, each) for each in (wire.slope, wire.sigma))
+            places = np.interp(wanted_s, self.time_s, np.arange(float(len(self.time_s))))
+            value = at_places(wire.value, turns_of(wire.value, least_turn_c), places)
             # Behind a slow sensor the readings are not the wire's temperature.
             of_wire = lag_s == 0.0 and not self.are_clean
             read = Read(self.temp_c, np.full(len(self.temp_c), self.sigma_c)) if of_wire else None
-            value, sigma = turns_reached(wanted_s, value, sigma, tops_of(self.time_s, known_c, left_over, read))
+            value, sigma = turns_reached(wanted_s, value, sigma, tops_of(self.time_s, wire.value, wire.sigma, read))
             known = Conditioned(value, slope, sigma, self.noise_c, self.interval_s, np.zeros(len(wanted_s)))
-        return replace(known, log_evidence=evidence)
+        return replace(known, log_evidence=wire.log_evidence)
 
     def smooth(self, lag_s: float) -> Smoothed:
         """Return the wire's temperature at the readings (n,)."""

@@ -11,16 +11,17 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from torsight.actuator.record.conditioning import Readings
-from torsight.actuator.record.turns import at_places, turns_of
+from torsight.actuator.record.smoother import Smoothed
 from torsight.core.units import Floats, Ints
 
 Pair = tuple[Floats, Floats]
 
 LAG_GRID_S: Final = (0.0, 0.7, 1.5, 2.5, 3.7, 5.2, 7.0, 9.2, 12.0, 16.0, 21.0, 28.0, 38.0, 52.0, 70.0)
 """Time constants for which the wires' temperatures are estimated; between them they are interpolated. For 3 s the error
-is then 14.35 mK, that of a direct estimate 14.26 mK (benchmarks/actuator/log_constants.py)."""
+is then 14.09 mK, that of a direct estimate 14.08 mK (benchmarks/actuator/log_constants.py, --seeds 10)."""
 
-
+_KEPT: Final = 16
+"""Number of corrections that are kept: those beside which other values change, and a few of a step of the lag."""
 _COUNTS: Final = 0.0625
 """Weight of the evidence that a log gives for a time constant: with it, the evidence for the true one is less than that
 for the best by as much as of an estimate with one Gaussian error (benchmarks/actuator/log_lags.py)."""
@@ -31,17 +32,6 @@ class Added(NamedTuple):
 
     error_c: Pair
     of_row: Ints
-
-
-class _Wire(NamedTuple):
-    """A wire's temperature (n,) less its sensor's, and the factor (n,) by which the correction magnifies noise.
-
-    ``log_evidence`` is that of the readings for the time constant, up to a constant.
-    """
-
-    off_c: Floats
-    growth: Floats
-    log_evidence: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,22 +52,25 @@ class Sensors:
     least_turn_c: float
     without_lag: tuple[float, float]
     errors: Sequence[Added] = ()
-    _known: dict[float, tuple[_Wire, _Wire]] = field(default_factory=dict)
+    _known: dict[float, tuple[Smoothed, Smoothed]] = field(default_factory=dict)
+    _last: dict[tuple[int, float], tuple[Floats, Floats]] = field(default_factory=dict)
 
     def get_ready(self) -> None:
-        """Compute the corrections of :meth:`lag_correction` for all time constants."""
+        """Estimate the wires' temperatures for all time constants."""
         for lag_s in LAG_GRID_S:
-            self._at(lag_s)
+            self._wires(lag_s)
 
-    def lag_correction(self, spring: int, lag_s: float) -> tuple[float, Floats, Floats]:
-        """Return the differences of a wire's from its sensor's temperature at the kept rows, for a time constant.
+    def lag_correction(self, spring: int, lag_s: float) -> Floats:
+        """Return the difference (n,) of a wire's from its sensor's temperature at the kept rows, for a time constant.
 
-        They are computed and cached for a grid of time constants. Returned are the weight of the upper of the two
-        neighbouring grid points, and the differences at the lower and at the upper one.
+        Errors that were added to the conditioned temperatures grow as the smoother's own do.
         """
-        low = min(max(bisect_right(LAG_GRID_S, lag_s) - 1, 0), len(LAG_GRID_S) - 2)
-        share = (lag_s - LAG_GRID_S[low]) / (LAG_GRID_S[low + 1] - LAG_GRID_S[low])
-        return share, self._correction(spring, LAG_GRID_S[low]), self._correction(spring, LAG_GRID_S[low + 1])
+        if (spring, lag_s) not in self._last:
+            if len(self._last) >= _KEPT:
+                self._last.clear()
+            self._last[spring, lag_s] = self._behind(spring, lag_s)
+        off_c, growth = self._last[spring, lag_s]
+        return off_c + sum(one.error_c[spring] * (growth[one.of_row] - 1.0) for one in self.errors)
 
     def log_evidence(self, lag_a_s: float, lag_b_s: float) -> float:
         r"""Return the log-likelihood ratio of the readings for the sensors' time constants, against no lag.
@@ -97,32 +90,42 @@ class Sensors:
         """The log-likelihood ratios of both sensors' readings for every time constant of the grid."""
         found = []
         for spring in range(2):
-            sharp = _COUNTS * np.array([self._at(lag_s)[spring].log_evidence for lag_s in LAG_GRID_S])
+            sharp = _COUNTS * np.array([self._log_evidence(spring, lag_s) for lag_s in LAG_GRID_S])
             # The mean likelihood of all longer time constants.
             longer = np.logaddexp.accumulate(sharp[::-1])[::-1][1:] - np.log(np.arange(len(sharp) - 1, 0, -1))
             either = np.append(np.logaddexp(sharp[:-1], longer) - np.log(2.0), sharp[-1])
             found.append(either - either[0])
         return found[0], found[1]
 
-    def _correction(self, spring: int, lag_s: float) -> Floats:
-        """Return the differences at a grid point; errors that were added grow as the smoother's own do."""
-        wire = self._at(lag_s)[spring]
-        return wire.off_c + sum(one.error_c[spring] * (wire.growth[one.of_row] - 1.0) for one in self.errors)
+    def _log_evidence(self, spring: int, lag_s: float) -> float:
+        return self._wires(lag_s)[spring].log_evidence if lag_s > 0.0 else self.without_lag[spring]
 
-    def _at(self, lag_s: float) -> tuple[_Wire, _Wire]:
+    def _behind(self, spring: int, lag_s: float) -> tuple[Floats, Floats]:
+        """Return the difference for a time constant, and the factor (n,) by which the correction magnifies noise.
+
+        The wire's temperature is interpolated between the neighbours on the grid before its tops are sought: those at
+        the neighbours lie elsewhere, and would be interpolated to lower ones.
+        """
+        low = min(max(bisect_right(LAG_GRID_S, lag_s) - 1, 0), len(LAG_GRID_S) - 2)
+        shorter_s, longer_s = LAG_GRID_S[low : low + 2]
+        share = (lag_s - shorter_s) / (longer_s - shorter_s)
+        longer = self._wires(longer_s)[spring]
+        if low == 0:
+            # Without a lag the sensor's temperature is the wire's, also where the conditioning did more than smooth.
+            off_c, growth = self._at_rows(spring, longer, longer_s)
+            return share * off_c, 1.0 + share * (growth - 1.0)
+        shorter = self._wires(shorter_s)[spring]
+        return self._at_rows(spring, shorter.towards(longer, share), lag_s)
+
+    def _at_rows(self, spring: int, wire: Smoothed, lag_s: float) -> tuple[Floats, Floats]:
+        found = self.readings[spring].at(self.time_s[self.rows], wire, lag_s, least_turn_c=self.least_turn_c)
+        one = np.ones(len(self.rows))
+        growth = np.divide(found.sigma_c, self.sigma_c, out=one, where=self.sigma_c > 0.0)
+        return found.temp_c - self.driven_c[spring], growth
+
+    def _wires(self, lag_s: float) -> tuple[Smoothed, Smoothed]:
+        """Return both wires' temperatures at the readings for a time constant of the grid."""
         if lag_s not in self._known:
-            none = np.zeros(len(self.rows))
-            a, b = (
-                self._behind(readings, driven_c, lag_s) if lag_s > 0.0 else _Wire(none, none + 1.0, evidence)
-                for readings, driven_c, evidence in zip(self.readings, self.driven_c, self.without_lag, strict=True)
-            )
-            self._known[lag_s] = (a, b)
+            a, b = (readings.wire(lag_s) for readings in self.readings)
+            self._known[lag_s] = a, b
         return self._known[lag_s]
-
-    def _behind(self, readings: Readings, driven_c: Floats, lag_s: float) -> _Wire:
-        found = readings.behind(self.time_s, lag_s)
-        sigma, one = found.sigma_c[self.rows], np.ones(len(self.rows))
-        growth = np.divide(sigma, self.sigma_c, out=one, where=self.sigma_c > 0.0)
-        # The wire's temperature at the kept rows, with its turns at their full height.
-        wire_c = at_places(found.temp_c, turns_of(found.temp_c, self.least_turn_c), self.rows.astype(float))
-        return _Wire(wire_c - driven_c, growth, found.log_evidence)

@@ -153,9 +153,10 @@ def tops_of(time_s: Floats, temp_c: Floats, sigma_c: Floats, read: Read | None =
     for turn in turns_of(temp_c, REVERSAL_C).tolist():
         first = last = turn
         least = APART * float(sigma_c[turn])
-        while first > 0 and abs(temp_c[first - 1] - temp_c[turn]) <= least:
+        # Longer holds are no extrema that are sought here.
+        while first > 0 and last - first < 2 * stride and abs(temp_c[first - 1] - temp_c[turn]) <= least:
             first -= 1
-        while last < len(temp_c) - 1 and abs(temp_c[last + 1] - temp_c[turn]) <= least:
+        while last < len(temp_c) - 1 and last - first < 2 * stride and abs(temp_c[last + 1] - temp_c[turn]) <= least:
             last += 1
         if last - first < 2 * stride and first >= 3 * stride and last < len(temp_c) - 3 * stride:
             top = _top(time_s, temp_c, sigma_c, own, (first, last), stride)

@@ -97,6 +97,15 @@ class Smoothed(NamedTuple):
     sigma: Floats
     log_evidence: float
 
+    def towards(self, other: Smoothed, share: float) -> Smoothed:
+        """Return the estimate that lies at a share of the way to another one."""
+        return Smoothed(
+            self.value + share * (other.value - self.value),
+            self.slope + share * (other.slope - self.slope),
+            self.sigma + share * (other.sigma - self.sigma),
+            self.log_evidence + share * (other.log_evidence - self.log_evidence),
+        )
+
 
 def smoothed(time_s: Floats, temp_c: Floats, sigma_c: float, lag_s: float) -> Smoothed:
     """Return the wire's temperature at readings (n,) with the noise ``sigma_c``.

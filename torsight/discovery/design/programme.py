@@ -201,10 +201,9 @@ class Played:
 class _ExactSensors(Sensors):
     """Readings without noise: a lag τ hides τ dT/dt of the wire's temperature."""
 
-    def lag_correction(self, spring: int, lag_s: float) -> tuple[float, Floats, Floats]:
-        """Return the differences of a wire's temperature from its sensor's."""
-        off_c = np.asarray(lag_s * np.gradient(self.driven_c[spring], self.time_s))
-        return 0.0, off_c, off_c
+    def lag_correction(self, spring: int, lag_s: float) -> Floats:
+        """Return the difference of a wire's temperature from its sensor's."""
+        return np.asarray(lag_s * np.gradient(self.driven_c[spring], self.time_s))
 
 
 class _Wires:
