@@ -29,7 +29,13 @@ from torsight.core.series import pair_means
 from torsight.core.units import DEG, Flags, Floats, Ints
 from torsight.core.words.wording import EXPLAINED, RESOLUTION_DEG
 from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
-from torsight.discovery.actuator.temperature_errors import alike_s, draw_errors, lasting_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import (
+    alike_s,
+    are_negligible,
+    draw_errors,
+    lasting_errors,
+    with_errors,
+)
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
 
 _SAMPLES: Final = ("rows", "share", "time_s", "_means", "valid", "block", "rest")
@@ -284,11 +290,13 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
-        return tuple(with_errors(self.drive, one.smooth) for one in draw_errors(self.drive, seed=self.seed))
+        drawn = () if are_negligible(self.drive) else draw_errors(self.drive, seed=self.seed)
+        return tuple(with_errors(self.drive, one.smooth) for one in drawn)
 
     @cached_property
     def _lasting_drives(self) -> tuple[Drive, ...]:
-        return tuple(with_errors(self.drive, error) for error in lasting_errors(self.drive))
+        errors = () if are_negligible(self.drive) else lasting_errors(self.drive)
+        return tuple(with_errors(self.drive, error) for error in errors)
 
 
 def _means_between(drive: Drive, rows: Ints) -> tuple[Floats, Floats]:

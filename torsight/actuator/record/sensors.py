@@ -28,10 +28,15 @@ for the best by as much as of an estimate with one Gaussian error (benchmarks/ac
 
 
 class Added(NamedTuple):
-    """Errors (n,) of both springs' temperatures, as uncertain as the temperatures in the rows ``of_row`` (n,) are."""
+    """Errors (n,) of both springs' temperatures.
+
+    They are as uncertain as the temperatures in their rows, or as the tops of their half-cycles, which begin in the
+    rows ``begins`` (k,) and whose highest readings lie in the rows ``tops`` (k,).
+    """
 
     error_c: Pair
-    of_row: Ints
+    begins: Ints | None = None
+    tops: Ints | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +74,21 @@ class Sensors:
             if len(self._last) >= _KEPT:
                 self._last.clear()
             self._last[spring, lag_s] = self._behind(spring, lag_s)
-        off_c, growth = self._last[spring, lag_s]
-        return off_c + sum(one.error_c[spring] * (growth[one.of_row] - 1.0) for one in self.errors)
+        off_c, sigma_c = self._last[spring, lag_s]
+        return off_c + sum(
+            one.error_c[spring] * (self._growth(spring, off_c, sigma_c, one) - 1.0) for one in self.errors
+        )
+
+    def _growth(self, spring: int, off_c: Floats, sigma_c: Floats, added: Added) -> Floats:
+        """Return the factor (n,) by which a correction with the sigmas ``sigma_c`` (n,) magnifies added errors."""
+        own_c = self.sigma_c
+        if added.begins is not None and added.tops is not None:
+            # The wire's top lies before that of a slow sensor.
+            wire_c, ends = self.driven_c[spring] + off_c, [*added.begins[1:], len(off_c)]
+            rows = [begin + int(np.argmax(wire_c[begin:end])) for begin, end in zip(added.begins, ends, strict=True)]
+            lengths = np.diff([*added.begins, len(off_c)])
+            sigma_c, own_c = np.repeat(sigma_c[rows], lengths), np.repeat(own_c[added.tops], lengths)
+        return np.divide(sigma_c, own_c, out=np.ones(len(off_c)), where=own_c > 0.0)
 
     def log_evidence(self, lag_a_s: float, lag_b_s: float) -> float:
         r"""Return the log-likelihood ratio of the readings for the sensors' time constants, against no lag.
@@ -101,7 +119,7 @@ class Sensors:
         return self._wires(lag_s)[spring].log_evidence if lag_s > 0.0 else self.without_lag[spring]
 
     def _behind(self, spring: int, lag_s: float) -> tuple[Floats, Floats]:
-        """Return the difference for a time constant, and the factor (n,) by which the correction magnifies noise.
+        """Return the difference for a time constant, and the standard deviation (n,) of the wire's temperature.
 
         The wire's temperature is interpolated between the neighbours on the grid before its tops are sought: those at
         the neighbours lie elsewhere, and would be interpolated to lower ones.
@@ -112,16 +130,14 @@ class Sensors:
         longer = self._wires(longer_s)[spring]
         if low == 0:
             # Without a lag the sensor's temperature is the wire's, also where the conditioning did more than smooth.
-            off_c, growth = self._at_rows(spring, longer, longer_s)
-            return share * off_c, 1.0 + share * (growth - 1.0)
+            off_c, sigma_c = self._at_rows(spring, longer, longer_s)
+            return share * off_c, self.sigma_c + share * (sigma_c - self.sigma_c)
         shorter = self._wires(shorter_s)[spring]
         return self._at_rows(spring, shorter.towards(longer, share), lag_s)
 
     def _at_rows(self, spring: int, wire: Smoothed, lag_s: float) -> tuple[Floats, Floats]:
         found = self.readings[spring].at(self.time_s[self.rows], wire, lag_s, least_turn_c=self.least_turn_c)
-        one = np.ones(len(self.rows))
-        growth = np.divide(found.sigma_c, self.sigma_c, out=one, where=self.sigma_c > 0.0)
-        return found.temp_c - self.driven_c[spring], growth
+        return found.temp_c - self.driven_c[spring], found.sigma_c
 
     def _wires(self, lag_s: float) -> tuple[Smoothed, Smoothed]:
         """Return both wires' temperatures at the readings for a time constant of the grid."""

@@ -44,9 +44,7 @@ class TemperatureErrors(NamedTuple):
 
 
 def draw_errors(drive: Drive, *, seed: int) -> list[TemperatureErrors]:
-    """Return draws of errors with the standard deviations of a drive's conditioning; none if negligible."""
-    if _are_negligible(drive):
-        return []
+    """Return draws of errors with the standard deviations of a drive's conditioning."""
     rng = np.random.default_rng(seed)
     return [_draw(drive, rng) for _ in range(_DRAWS)]
 
@@ -62,8 +60,8 @@ def alike_s(drive: Drive) -> Floats:
     return _alike_s(drive, drive.temp_sigma_c)
 
 
-def _are_negligible(drive: Drive) -> bool:
-    """Return whether all errors are: a log without noise may still miss the height of a top between two rows."""
+def are_negligible(drive: Drive) -> bool:
+    """Return whether all are as read: a log without noise may still miss the height of a top between two rows."""
     return bool(np.max(drive.temp_sigma_c, initial=drive.noise_c) <= NEGLIGIBLE_C)
 
 
@@ -86,29 +84,23 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
     lasting = height * np.array([drive.peaks_a_c, drive.peaks_b_c])
     for spring, error_c in _tops(drive):
         lasting[spring] += rng.standard_normal() * error_c
-    own_row = np.arange(len(drive))
-    return TemperatureErrors(
-        Added((smooth[0], smooth[1]), own_row), Added((lasting[0], lasting[1]), _rows_of_tops(drive))
-    )
+    return TemperatureErrors(Added((smooth[0], smooth[1])), Added((lasting[0], lasting[1]), *_rows_of_tops(drive)))
 
 
 def lasting_errors(drive: Drive) -> list[Added]:
-    """Return one standard deviation of every persistent error, for both springs; none where negligible."""
-    if _are_negligible(drive):
-        return []
-    none, of_row = np.zeros(len(drive)), _rows_of_tops(drive)
+    """Return one standard deviation of every persistent error, for both springs."""
+    none, rows = np.zeros(len(drive)), _rows_of_tops(drive)
     tops = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
     peaks_c = (drive.peaks_a_c, drive.peaks_b_c)
     ripple = [(UNSURE * peaks_c[0], UNSURE * peaks_c[1])] if any(one.any() for one in peaks_c) else []
-    return [Added(error_c, of_row) for error_c in (*tops, *ripple)]
+    return [Added(error_c, *rows) for error_c in (*tops, *ripple)]
 
 
-def _rows_of_tops(drive: Drive) -> Ints:
-    """Return the row (n,) of the top of each row's half-cycle."""
-    found = np.zeros(len(drive), np.int64)
-    for rows, _, turn in _heatings(drive):
-        found[rows] = turn
-    return found
+def _rows_of_tops(drive: Drive) -> tuple[Ints, Ints]:
+    """Return the rows (k,) in which the half-cycles begin, and those of their tops."""
+    found = [(int(rows[0]), turn) for rows, _, turn in _heatings(drive)]
+    begins, tops = np.array(found, np.int64).reshape(-1, 2).T
+    return begins, tops
 
 
 def _heatings(drive: Drive) -> Iterator[tuple[Ints, int, int]]:
