@@ -122,3 +122,17 @@ def test_values_in_another_unit_are_refused_where_the_spec_is_made(model: Actuat
         replace(model.spec, values={**model.spec.values, "E_A_gpa": 60e9})
     with pytest.raises(ConfigError, match="has no key 'A_s_c'"):
         replace(model.spec, values={k: v for k, v in model.spec.values.items() if k != "A_s_c"}, uncertainty={})
+
+
+def test_what_the_springs_do_tells_the_turn_of_a_record_that_moves_to_one_side_only(model: ActuatorModel) -> None:
+    # The middle of readings from 226° to 265° would be a turn lower.
+    time_s = np.arange(0.0, 1200.0, 0.5)
+    cold = np.full_like(time_s, 23.0)
+    heat = np.interp(time_s, [0, 30, 280, 320, 600, 630, 880, 920, 1200], [23, 23, 74, 74, 23, 23, 90, 90, 23])
+    drive = model.prepare_log(TemperatureLog(time_s, cold, heat), start_angle_rad=226.0 * DEG)
+    angle_rad = model.simulate(drive).angle_rad
+    for turns in (-1, 0, 1):
+        read_rad = angle_rad + 2.0 * np.pi * turns
+        prepared = model.prepare(SyncedTable(time_s, read_rad, np.full_like(time_s, 1e-3), cold, heat))
+        assert prepared.turns == turns
+        np.testing.assert_allclose(prepared.angle_rad, angle_rad, atol=1e-9)

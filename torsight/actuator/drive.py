@@ -73,7 +73,7 @@ class Drive:
     turning : two (k,) int64
         Rows of the whole drive at which the temperatures of A and of B turn.
     turns : int
-        Whole turns by which the reading is ahead of the actuator's own angle; see :func:`whole_turns`.
+        Whole turns by which the reading is ahead of the actuator's own angle.
     clock_sigma_s : float or None
         Standard deviation of the record's clock offset; None for a log alone.
     wrong_angles, wrong_readings : int
@@ -161,12 +161,18 @@ class Drive:
         whole, places = self.whole
         return replace(self, cycles=cycles, part_of=(whole, places[rows]), **rowwise)
 
+    def ahead(self, turns: int) -> Drive:
+        """Return the whole drive whose readings are ahead of the actuator's angle by so many whole turns more."""
+        ahead_rad = 2.0 * math.pi * turns
+        angle_rad, start_rad = self.angle_rad - ahead_rad, self.start_angle_rad - ahead_rad
+        return replace(self, angle_rad=angle_rad, start_angle_rad=start_rad, turns=self.turns + turns)
+
 
 def whole_turns(angle_rad: Floats) -> int:
     """Return the number of whole turns by which the readings exceed the actuator's own angle.
 
     A film cannot tell a stick at 185° from one at −175°. The actuator's range lies around zero (the paper shifts its
-    profile so that the middle is zero), so the middle of the range of the readings decides.
+    profile so that the middle is zero), so the middle of the range of the readings decides, as long as no model does.
     """
     return round(sum(extent(angle_rad)) / 2.0 / (2.0 * math.pi))
 

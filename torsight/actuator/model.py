@@ -25,7 +25,7 @@ from torsight.core.files.storage import check_keys
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import extent
+from torsight.core.series import extent, rms
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.plausible import require_units
 from torsight.core.words.wording import counted, number
@@ -120,14 +120,24 @@ class ActuatorModel:
         drive = prepare_table(table, where=where)
         rig = Rig.from_values(self._nominal)
         if not _begins_within(drive, self.simulate(drive.at(np.arange(1))), rig):
-            return drive
+            return self._in_its_turn(drive)
         row = _first_cold_row(drive, rig)
         later = table.at(table.time_s >= drive.time_s[row]) if row < len(drive) else None
         try:
             cut = drive if later is None else prepare_table(later, where=where)
         except (InputError, NoResultError):
             cut = drive
-        return replace(cut, left_out_s=float(cut.time_s[0] - drive.time_s[0]))
+        return replace(self._in_its_turn(cut), left_out_s=float(cut.time_s[0] - drive.time_s[0]))
+
+    def _in_its_turn(self, drive: Drive) -> Drive:
+        """Return the drive with those whole turns with which the characterised values predict its angles best.
+
+        A film cannot tell the turns. Where the disk moves to one side only, the middle of its angles says little.
+        """
+        reach_rad = 0.5 * self.spec.values["theta_p_deg"] * DEG
+        found = [drive, *(one for one in map(drive.ahead, (-1, 1)) if abs(one.start_angle_rad) < reach_rad)]
+        rows = drive.measured
+        return min(found, key=lambda one: rms((one.angle_rad - self.simulate(one).angle_rad)[rows]))
 
     def _require_reach(self, table: SyncedTable, *, where: str) -> None:
         """Refuse angles whose range exceeds the total winding: such values are most likely not in radians."""

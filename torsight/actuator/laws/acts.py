@@ -37,6 +37,29 @@ def friction_angle(ports: Ports, law: Curve) -> Ports:
     return ports.with_friction(factor, factor)
 
 
+def stray_of(ports: Ports, angle_deg: Floats) -> Floats:
+    """Return the stray torque over the angle, mN·m."""
+    if ports.stray_nm is None:
+        return np.zeros_like(angle_deg)
+    return np.interp(angle_deg * DEG, ports.phi_grid_rad(), ports.stray_nm) / MNM
+
+
+def friction_of(ports: Ports, angle_deg: Floats) -> Floats:
+    """Return the share by which friction is changed over the angle, mean of both directions."""
+    if ports.friction_down_nm is None or ports.friction_up_nm is None:
+        return np.zeros_like(angle_deg)
+    mean_nm = 0.5 * (ports.friction_down_nm + ports.friction_up_nm)
+    return np.interp(angle_deg * DEG, ports.phi_grid_rad(), mean_nm) / ports.rig.tau_c_nm - 1.0
+
+
+def reading_of(ports: Ports, angle_deg: Floats) -> Floats:
+    """Return what is added to the reading over the angle, degrees."""
+    read_rad = angle_deg * DEG
+    for reading in ports.reading:
+        read_rad = reading(read_rad, np.zeros_like(read_rad))
+    return read_rad / DEG - angle_deg
+
+
 def _scaled(factor: str, driver: Callable[[Ports], Floats]) -> Callable[[Ports, Curve], Ports]:
     """Return the function that changes a factor of the ports over a driver by a share."""
 

@@ -48,7 +48,7 @@ class Family:
 
 _ALL: Final = (
     Family("torque_angle_deg", "torque", "angle_deg", "mN·m", "stray torque over the angle", "torque", acts.stray,
-           nodes.angle_nodes, 0.1, banks.waves),
+           nodes.angle_nodes, 0.1, banks.waves, read=acts.stray_of),
     Family("winding_winding_deg", "winding", "winding_deg", "mN·m", "a spring's torque over its winding", "torque",
            acts.winding("both"), nodes.winding_nodes, 0.1, banks.wound),
     *(Family(f"winding_{one}_winding_deg", "winding", "winding_deg", "mN·m",
@@ -65,7 +65,7 @@ _ALL: Final = (
            "the loading curve over the winding, recoverable angle as before", "torque",
            acts.loading("both", follows=0.0), nodes.winding_nodes, 0.1, banks.wound),
     Family("friction_angle_deg", "friction", "angle_deg", "", "friction over the angle", "friction",
-           acts.friction_angle, nodes.angle_nodes, 0.1, banks.waves),
+           acts.friction_angle, nodes.angle_nodes, 0.1, banks.waves, read=acts.friction_of),
     Family("friction_temp_active_c", "friction", "temp_active_c", "", "friction over the driven spring's temperature",
            "friction", acts.friction_active, nodes.active_nodes, 0.1, banks.plain),
     Family("friction_temp_passive_c", "friction", "temp_passive_c", "", "friction over the other spring's temperature",
@@ -81,7 +81,7 @@ _ALL: Final = (
     Family("friction_cycle", "friction", "cycle", "", "friction over the half-cycles", "friction", acts.friction_cycle,
            nodes.half_nodes, 0.1, banks.counted, time_like=True),
     Family("reading_angle_deg", "reading", "angle_deg", "°", "the reading over the angle", "reading",
-           acts.reading_angle, nodes.angle_nodes, 0.3, banks.waves, spring=""),
+           acts.reading_angle, nodes.angle_nodes, 0.3, banks.waves, spring="", read=acts.reading_of),
     Family("reading_time_s", "reading", "time_s", "°", "the reading over time", "reading", acts.reading_time,
            nodes.time_nodes, 0.3, banks.drifting, spring="", time_like=True),
     Family("temperature_temp_active_c", "temperature", "temp_active_c", "°C", "the wires' temperatures over themselves",
