@@ -5,6 +5,7 @@ The names of a package are listed in its stub, ``__init__.pyi``, where editors a
 
 from __future__ import annotations
 
+import atexit
 import functools
 import gc
 import importlib
@@ -61,3 +62,5 @@ def collect_seldom() -> None:
     compiler is a fourteenth faster than with Python's default, but needs 0.8 GB.
     """
     gc.set_threshold(10_000, 20, 10)
+    # What is left at the end of the process is not looked through: that took a fifth of a short track.
+    atexit.register(gc.freeze)
