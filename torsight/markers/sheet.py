@@ -22,6 +22,7 @@ RING_PX: Final = 9.0
 _FINE: Final = 4
 """Binary digits of a pixel to which OpenCV draws."""
 _QUICK: Final = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP)
+"""OpenCV tries five filters on every row: one of them takes half the time, and the file is no larger."""
 
 
 class Sheet:
@@ -84,7 +85,7 @@ class Sheet:
         part[:] = cv2.addWeighted(over, share, part, 1.0 - share, 0.0)
 
     def write(self, path: Path) -> None:
-        """Write the picture as a PNG file, compressed quickly: with one filter in half the time of five, and no larger."""
+        """Write the picture as a PNG file, compressed quickly."""
         _, coded = cv2.imencode(".png", self.pixels, _QUICK)
         write_bytes(path, coded.tobytes())
 

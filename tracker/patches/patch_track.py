@@ -57,9 +57,8 @@ class PatchTrack(Kept):
         (t2, before), (t1, last) = self._history
         return last @ carried((time_s - t1) / (t1 - t2) * twist(before, last))
 
-    def follow(self, luma: NDArray[np.uint8], time_s: float, judge: Judge) -> tuple[Fit | None, str]:
-        """Return the patch's fit in the next frame, from the predicted warp, and why it is rejected (empty if not)."""
-        ahead = self.predict(time_s)
+    def follow(self, luma: NDArray[np.uint8], ahead: Floats, time_s: float, judge: Judge) -> tuple[Fit | None, str]:
+        """Return the patch's fit in the next frame, from its warp ``ahead``, and why it is rejected (empty if not)."""
         fit = self.near(luma, ahead, time_s)
         if fit is None:
             return None, "lost" if self.patch.in_picture(ahead, luma) else "outside"

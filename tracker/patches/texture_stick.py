@@ -90,8 +90,12 @@ class TextureStick(Kept):
         """Return the readings (2,) of both markers in the next frame."""
         self._shift = shift
         # In an oblique view the distance changes as the stick turns.
-        ahead = [place(track.predict(time_s)) for track in self._tracks]
-        found = [track.follow(luma, time_s, partial(self._judge, track)) for track in self._tracks]
+        warps = [track.predict(time_s) for track in self._tracks]
+        ahead = [place(warp) for warp in warps]
+        found = [
+            track.follow(luma, warp, time_s, partial(self._judge, track))
+            for track, warp in zip(self._tracks, warps, strict=True)
+        ]
         fits: list[Fit | None] = [None if why else fit for fit, why in found]
         whys = [why for _, why in found]
         for lost, seen in ((0, 1), (1, 0)):
