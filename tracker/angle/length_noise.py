@@ -59,11 +59,9 @@ def in_motion(position_px: Floats) -> Flags:
     window = [position_px[first : first + n - side + 1] for first in range(side)]
     # A marker that is not seen at all in a window is ignored.
     extent = np.fmax.reduce(np.fmax.reduce(window) - np.fmin.reduce(window), axis=(1, 2))
-    moves = np.ones(n, bool)
-    for first in np.flatnonzero(extent < _STILL_PX):
-        moves[first : first + side] = False
+    rests = np.convolve(extent < _STILL_PX, np.ones(side)) > 0.0
     # The first and last frames of a motion are within the limit, but no longer frozen by the codec.
-    around = np.convolve(moves, np.ones(2 * _EDGE_FRAMES + 1), mode="full")
+    around = np.convolve(~rests, np.ones(2 * _EDGE_FRAMES + 1))
     return np.asarray(around[_EDGE_FRAMES : _EDGE_FRAMES + n] > 0.0)
 
 

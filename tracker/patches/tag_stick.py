@@ -146,11 +146,7 @@ class TagStick(Kept):
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return the readings (2,) of both markers in the next frame."""
         del shift
-        fit: Fit | None = None
-        why = "lost"
-        if self._found is not None:
-            _, track = self._found
-            fit, why = track.follow(luma, track.predict(time_s), time_s, self._judge)
+        fit, why = (None, "lost") if self._found is None else self._found[1].follow(luma, time_s, self._judge)
         if why:
             again, still = self._detect(luma, time_s)
             fit, why = (again, "") if again is not None else (fit, still or why)
