@@ -33,8 +33,8 @@ Judge = Callable[[Fit], str]
 class PatchTrack(Kept):
     """A patch, its last warp, and its usual correlation.
 
-    ``warp`` is that of the last frame in which the patch was seen, or the initial guess, ``ahead`` what was predicted for
-    the last frame; ``lost`` counts frames since the patch was seen, ``followed`` is whether it ever was.
+    ``warp`` is that of the last frame in which the patch was seen, or the initial guess, ``ahead`` what was predicted
+    for the last frame; ``lost`` counts frames since the patch was seen, ``followed`` is whether it ever was.
     ``usual`` and ``gain`` are running means of correlation and contrast, ``learnt`` the mean residuals of a drawn
     template, None for a template taken from the film; ``exposure`` is that of the pictures of the patch.
     """
