@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 
 from torsight.core.lazy import scipy_extension
 from torsight.core.units import Floats
-
-_TOLERANCE: Final = 1e-8
-"""Relative change of the sum of squares, of the values, and cosine of the gradient, at which a search ends: SciPy's."""
 
 
 def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple[Floats, Floats, float]:
@@ -25,8 +22,10 @@ def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple
     def slopes(values: Floats) -> Floats:
         return jacobian_of(residuals, values)
 
-    # As scipy.optimize.least_squares(method="lm") calls it: the most evaluations, the first step, and its scale.
-    limits = (_TOLERANCE, _TOLERANCE, _TOLERANCE, 100 * len(start), 100.0, None)
+    # As scipy.optimize.leastsq calls it: the least changes of the sum of squares and of the values, no limit for the
+    # gradient, the most evaluations, the first step, and its scale.
+    least = math.sqrt(np.finfo(np.float64).eps)
+    limits = (least, least, 0.0, 100 * (len(start) + 1), 100.0, None)
     found, about, _ = minpack._lmder(residuals, slopes, start.copy(), (), True, False, *limits)  # noqa: SLF001
     jacobian, error = slopes(found), about["fvec"]
     return found, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), float(error @ error)
