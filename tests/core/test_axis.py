@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from torsight.core.errors import NoResultError
-from torsight.core.minimise import least_squares
 from torsight.core.optics.axis import axis_from_pair, axis_in_picture, pose_from_axis
 from torsight.core.optics.camera import Intrinsics, RightCamera
 from torsight.core.optics.circles import Sight, axis_basis
@@ -139,14 +138,3 @@ def test_pose_has_the_axis_as_z_towards_the_camera():
     assert rotation_matrix(pose.rvec)[:, 2] == pytest.approx(direction, abs=1e-6)
     assert pose.tvec_mm == pytest.approx(centre, abs=1e-4)
     assert pose.base_z_mm == -4.0
-
-
-def test_least_squares_finds_a_straight_line():
-    x = np.linspace(0, 1, 20)
-    y = 3.0 * x - 1.0 + np.random.default_rng(0).normal(0, 0.1, 20)
-    values, covariance, chi_squared = least_squares(lambda p: (p[0] * x + p[1] - y) / 0.1, np.zeros(2))
-    expected, residual, *_ = np.linalg.lstsq(np.stack((x, np.ones(20)), axis=1), y, rcond=None)
-    assert values == pytest.approx(expected, abs=1e-7)
-    assert chi_squared == pytest.approx(residual[0] / 0.01, rel=1e-9)
-    design = np.stack((x, np.ones(20)), axis=1) / 0.1
-    assert covariance == pytest.approx(np.linalg.inv(design.T @ design), rel=1e-6)

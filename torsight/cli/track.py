@@ -20,10 +20,9 @@ from torsight.cli.options import CameraFile, Fps
 from torsight.core.errors import NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.storage import read_json, write_json, write_table
-from torsight.core.files.tables import write_angles
 from torsight.core.optics.camera import Camera, read_camera, require_second, require_size
 from torsight.core.progress import Progress, silent
-from torsight.core.tracks import LEAST_SURE, USUAL_SHARE, MarkerTracks, StickAngles, marker_columns
+from torsight.core.tracks import LEAST_SURE, USUAL_SHARE, MarkerTracks, StickAngles, angle_columns, marker_columns
 
 if TYPE_CHECKING:
     from tracker.detect.marker_file import MarkerHints
@@ -136,7 +135,7 @@ def track_to_folder(
         write_table(
             out / "markers.csv", marker_columns(orientation.with_errors(result.tracks), orientation.position_mm)
         )
-        write_angles(out / "angle.csv", orientation.angles)
+        write_table(out / "angle.csv", angle_columns(orientation.angles))
         found = doubts_of_length(result, orientation) + doubts(result)
         minor = doubts_of_turns(orientation.angles) + doubts_of_tilt(orientation)
         doubtful = [(str(video), doubt) for doubt in found]
@@ -213,7 +212,8 @@ def _write_nothing(out: Path, source: Source, why: str) -> None:
     tracks = MarkerTracks.unseen(time_s, source.size_px)
     unknown, never = np.full(count, np.nan), np.zeros(count, np.bool_)
     write_table(out / "markers.csv", marker_columns(tracks))
-    write_angles(out / "angle.csv", StickAngles(tracks.frame, time_s, unknown, unknown, never, ~never))
+    angles = StickAngles(tracks.frame, time_s, unknown, unknown, never, ~never)
+    write_table(out / "angle.csv", angle_columns(angles))
     frames = {"total": count, "with_angle": 0, "without_angle": count}
     write_json(out / "track.json", {"source": source.describe(), "frames": frames, "advice": [why], "events": []})
 

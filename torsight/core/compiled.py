@@ -19,12 +19,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import importlib.util
 import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader, FileFinder
 from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
@@ -41,6 +39,8 @@ from numba.core.options import DefaultOptions
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 from numpy.typing import NDArray
+
+from torsight.core.lazy import scipy_extension
 
 __all__ = ["compiled", "copy_to", "inlined", "internal", "lending", "njit", "numbers", "shared"]
 
@@ -288,24 +288,10 @@ def _stats_below(folder: Path | str) -> Iterator[tuple[str, int, int]]:
 
 
 def lend_blas() -> None:
-    """Load the only extension of SciPy that numba's compiler needs, without the rest of its package.
-
-    Numba checks for a BLAS by importing all of ``scipy.linalg``, which takes longer than the rest of the compiler. The
-    extension alone needs nothing of that.
-    """
-    name, package = "scipy.linalg.cython_blas", importlib.util.find_spec("scipy")
-    if name in sys.modules or package is None:
-        return
-    for folder in package.submodule_search_locations or ():
-        finder = FileFinder(str(Path(folder) / "linalg"), (ExtensionFileLoader, EXTENSION_SUFFIXES))
-        spec = finder.find_spec(name)
-        if spec is not None and spec.loader is not None:
-            # Where only SciPy itself finds the libraries of the extension, numba imports all of SciPy as usual.
-            with contextlib.suppress(ImportError):
-                module = importlib.util.module_from_spec(spec)
-                spec.loader.exec_module(module)
-                sys.modules[name] = module
-            return
+    """Load the BLAS that numba's compiler needs: numba would import all of ``scipy.linalg``, which takes longer."""
+    # Where only SciPy itself finds the libraries of the extension, numba imports all of SciPy as usual.
+    with contextlib.suppress(ImportError):
+        scipy_extension("scipy.linalg.cython_blas")
 
 
 if _LOADS:

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
+from torsight.core.lazy import scipy_extension
 from torsight.core.units import Floats
 
 
 def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple[Floats, Floats, float]:
-    """Minimise a sum of squares by SciPy's Levenberg-Marquardt method, with derivatives by differences.
+    """Minimise a sum of squares by the Levenberg-Marquardt method of SciPy's MINPACK, with derivatives by differences.
 
     ``start`` (p,) are the start values. Returns the values (p,), their covariance (p, p) as the inverse of JᵀJ, which
     is valid for residuals in units of their sigmas, and χ².
     """
-    # Imported where it is needed: it takes a tenth of a second, which every command would pay.
-    from scipy import optimize
+    minpack = scipy_extension("scipy.optimize._minpack")
 
-    found = optimize.least_squares(residuals, start, method="lm", x_scale="jac")
-    jacobian = np.asarray(found.jac, np.float64)
-    return found.x, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), 2.0 * float(found.cost)
+    def slopes(values: Floats) -> Floats:
+        return jacobian_of(residuals, values)
+
+    # As scipy.optimize.leastsq calls it: the least changes of the sum of squares and of the values, no limit for the
+    # gradient, the most evaluations, the first step, and its scale.
+    least = math.sqrt(np.finfo(np.float64).eps)
+    limits = (least, least, 0.0, 100 * (len(start) + 1), 100.0, None)
+    found, about, _ = minpack._lmder(residuals, slopes, start.copy(), (), True, False, *limits)  # noqa: SLF001
+    jacobian, error = slopes(found), about["fvec"]
+    return found, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), float(error @ error)
 
 
 def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats) -> Floats:

@@ -21,6 +21,8 @@ RING_PX: Final = 9.0
 """Radius of the ring around a marker that is not drawn to scale."""
 _FINE: Final = 4
 """Binary digits of a pixel to which OpenCV draws."""
+_QUICK: Final = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP)
+"""OpenCV tries five filters on every row: one of them takes half the time, and the file is no larger."""
 
 
 class Sheet:
@@ -84,7 +86,7 @@ class Sheet:
 
     def write(self, path: Path) -> None:
         """Write the picture as a PNG file, compressed quickly."""
-        _, coded = cv2.imencode(".png", self.pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        _, coded = cv2.imencode(".png", self.pixels, _QUICK)
         write_bytes(path, coded.tobytes())
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from torsight.core.series import robust_sigma
 from torsight.core.units import Flags, Floats
@@ -57,16 +56,12 @@ def in_motion(position_px: Floats) -> Flags:
     side = min(_STILL_FRAMES, n)
     if side == 0:
         return np.zeros(0, bool)
-    seen = np.isfinite(position_px)
-    high = sliding_window_view(np.where(seen, position_px, -np.inf), side, axis=0).max(axis=-1)
-    low = sliding_window_view(np.where(seen, position_px, np.inf), side, axis=0).min(axis=-1)
-    # A marker that is not seen at all in a window is ignored: its extent is −∞.
-    extent = (high - low).max(axis=(1, 2))
-    moves = np.ones(n, bool)
-    for first in np.flatnonzero((extent >= 0.0) & (extent < _STILL_PX)):
-        moves[first : first + side] = False
+    window = [position_px[first : first + n - side + 1] for first in range(side)]
+    # A marker that is not seen at all in a window is ignored.
+    extent = np.fmax.reduce(np.fmax.reduce(window) - np.fmin.reduce(window), axis=(1, 2))
+    rests = np.convolve(extent < _STILL_PX, np.ones(side)) > 0.0
     # The first and last frames of a motion are within the limit, but no longer frozen by the codec.
-    around = np.convolve(moves, np.ones(2 * _EDGE_FRAMES + 1), mode="full")
+    around = np.convolve(~rests, np.ones(2 * _EDGE_FRAMES + 1))
     return np.asarray(around[_EDGE_FRAMES : _EDGE_FRAMES + n] > 0.0)
 
 

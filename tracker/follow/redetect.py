@@ -114,8 +114,10 @@ def redetect(scene: Scene, luma: NDArray[np.uint8], stage: int) -> Scene:
     lost = int(scene.markers["lost"][2 * stick : 2 * stick + 2].max())
     if lost > _EAGER and lost % SELDOM:
         return scene
-    # A shake lasts one frame: near the position of a marker that was lost earlier there may be another dot.
-    shaken = [] if lost else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
+    # A shake lasts one frame: where a marker was lost earlier there may be another dot. A base that was covered
+    # moved only with the picture, whose shift the moving stick measures.
+    since = int(scene.rig["unknown"][0]) if is_base(scene.rig[0], stick) else lost
+    shaken = [] if since else _pairs(scene, luma, stick, SHAKE_PX * math.sqrt(2.0))
     found = [min(shaken, key=operator.itemgetter(0))] if shaken else _pairs(scene, luma, stick, _jump_px(scene, stick))
     if len(found) == 1:
         _, *pair, scene.readings[:] = found[0]

@@ -264,7 +264,7 @@ class Patch:
         # The rounding alone has as much contrast; beyond half its width the picture is unknown to the template.
         if abs(found[_GAIN]) * self.spread < SIGMAS * math.sqrt(_ROUNDED) or not np.abs(delta).max() < self.half_px:
             return None
-        after = warp @ np.linalg.inv(np.eye(3) + np.tensordot(delta, self.generators, 1))
+        after = warp @ np.linalg.inv(np.eye(3) + (delta @ self.generators.reshape(-1, 9)).reshape(3, 3))
         after /= after[2, 2]
         before, rim = (project(one, self.rim).T for one in (warp, after))
         if not ((rim >= part.low) & (rim <= part.high)).all():

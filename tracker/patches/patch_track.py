@@ -33,16 +33,16 @@ Judge = Callable[[Fit], str]
 class PatchTrack(Kept):
     """A patch, its last warp, and its usual correlation.
 
-    ``warp`` is that of the last frame in which the patch was seen, or the initial guess; ``lost`` counts frames since
-    then, and ``followed`` is whether it was ever seen. ``usual`` and ``gain`` are running means of correlation and
-    contrast, ``learnt`` the mean residuals of a drawn template, None for a template taken from the film; ``exposure``
-    is that of the pictures of the patch.
+    ``warp`` is that of the last frame in which the patch was seen, or the initial guess, ``ahead`` what was predicted
+    for the last frame; ``lost`` counts frames since the patch was seen, ``followed`` is whether it ever was.
+    ``usual`` and ``gain`` are running means of correlation and contrast, ``learnt`` the mean residuals of a drawn
+    template, None for a template taken from the film; ``exposure`` is that of the pictures of the patch.
     """
 
     kept = ("warp", "lost", "usual", "gain", "learnt", "doubt", "_history", "followed", "exposure")
 
     def __init__(self, patch: Patch, warp: Floats) -> None:
-        self.warp = warp
+        self.warp = self.ahead = warp
         self.lost = 0
         self.usual = self.gain = 1.0
         self._history: list[tuple[float, Floats]] = []
@@ -59,10 +59,10 @@ class PatchTrack(Kept):
 
     def follow(self, luma: NDArray[np.uint8], time_s: float, judge: Judge) -> tuple[Fit | None, str]:
         """Return the patch's fit in the next frame, from the predicted warp, and why it is rejected (empty if not)."""
-        ahead = self.predict(time_s)
-        fit = self.near(luma, ahead, time_s)
+        self.ahead = self.predict(time_s)
+        fit = self.near(luma, self.ahead, time_s)
         if fit is None:
-            return None, "lost" if self.patch.in_picture(ahead, luma) else "outside"
+            return None, "lost" if self.patch.in_picture(self.ahead, luma) else "outside"
         return fit, judge(fit)
 
     def near(self, luma: NDArray[np.uint8], guess: Floats, time_s: float) -> Fit | None:

@@ -89,9 +89,9 @@ class TextureStick(Kept):
     def step(self, luma: NDArray[np.uint8], time_s: float, shift: Floats) -> NDArray[np.void]:
         """Return the readings (2,) of both markers in the next frame."""
         self._shift = shift
-        # In an oblique view the distance changes as the stick turns.
-        ahead = [place(track.predict(time_s)) for track in self._tracks]
         found = [track.follow(luma, time_s, partial(self._judge, track)) for track in self._tracks]
+        # In an oblique view the distance changes as the stick turns.
+        ahead = [place(track.ahead) for track in self._tracks]
         fits: list[Fit | None] = [None if why else fit for fit, why in found]
         whys = [why for _, why in found]
         for lost, seen in ((0, 1), (1, 0)):

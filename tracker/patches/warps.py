@@ -45,7 +45,7 @@ def twist(before: Floats, after: Floats) -> Floats:
 
 
 def carried(motion: Floats) -> Floats:
-    """Return the warp (3, 3) of the template's plane by a motion (3, 3)."""
+    """Return the warps (..., 3, 3) of the template's plane by motions (..., 3, 3)."""
     return np.asarray(np.linalg.solve(np.eye(3) - 0.5 * motion, np.eye(3) + 0.5 * motion))
 
 

@@ -18,7 +18,7 @@ from tracker.angle.views import longest_view
 from tracker.detect.marker_file import STICKS
 from tracker.follow.camera_state import circle_sigma_px
 from tracker.follow.judgement import MOVED_RAD
-from tracker.innovation import SIGMAS, SURE, passes
+from tracker.innovation import LIMITS, SIGMAS, SURE
 from tracker.rows import CODE
 from tracker.track import TrackResult
 
@@ -264,7 +264,7 @@ def _moving_axis(tracks: MarkerTracks) -> list[str]:
     usual = np.median(away, axis=0)
     sigma_px = np.array([circle_sigma_px(px, 0.0) for px in usual.tolist()])
     chi_squared = np.sum(np.square((away - usual) / sigma_px), axis=1)
-    off = sum(not passes(value, 2) for value in chi_squared.tolist())
+    off = int(np.sum(chi_squared > LIMITS[1]))
     if off < _WANDERS * len(both):
         return []
     words = (
