@@ -335,7 +335,8 @@ def read_model(path: AnyPath) -> FittedModel:
     content = read_json(path)
     if content.get("kind") != KIND:
         raise InputError(
-            "is no fitted model", where=f"{path}, key kind", value=repr(content.get("kind")), limit=repr(KIND),
+            "is no fitted model", where=f"{path}, key kind",
+            value=repr(content["kind"]) if "kind" in content else "no such key", limit=repr(KIND),
             do="name a model.json of 'torsight fit' or 'torsight discover'",
         )  # fmt: skip
     try:
