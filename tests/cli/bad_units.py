@@ -135,7 +135,7 @@ MORE: dict[str, Bad] = {
     "board: output of another kind": Bad("board --out {board.xyz}", fine, 2, ".xyz"),
     "board: page that nobody prints": Bad("board --out {b.pdf} --page a99", fine, 2, "a99"),
     "batch: all experiments fail": Bad(
-        "batch {experiment.toml} --out {out} --jobs 1", gone("temps.csv"), 4, "all 1 experiments failed"
+        "batch {experiment.toml} --out {out} --jobs 1", gone("temps.csv"), 4, "the only experiment failed"
     ),
     "init: files that are there": Bad("init {.}", fine, 2, "is there already"),
     "doctor: nothing of that name": Bad("doctor {none.toml}", fine, 3, "none.toml"),
