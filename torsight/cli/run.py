@@ -57,7 +57,10 @@ def run(
 
 
 def shown(folder: Path, *more: str, view: bool) -> Answer:
-    """Print a finished run's summary with ``more`` lines, open its recording where ``view`` asks, return its answer."""
+    """Print a finished run's summary with ``more`` lines, open its recording where ``view`` asks, return its answer.
+
+    A viewer that cannot open is only a warning: the results are there.
+    """
     from torsight.cli.summary import summary
 
     for line in ("", *summary(folder), *more):
@@ -65,7 +68,10 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
     if view:
         from torsight.cli.view import view as open_view
 
-        open_view(folder)
+        try:
+            open_view(folder)
+        except NoResultError as error:
+            say(f"warning: {error}")
     return answer_of(folder)
 
 
