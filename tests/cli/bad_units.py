@@ -127,6 +127,9 @@ MORE: dict[str, Bad] = {
     "predict: model with a law that is none": Bad(
         PREDICT, model(lambda content: content.update(laws=[{"id": "os.system"}])), 3, "os.system"
     ),
+    "predict: model of an earlier version with a part that is not known any more": Bad(
+        PREDICT, model(lambda content: content.update(closure={"angle_deg": [0.0, 1.0]})), 3, "unknown key 'closure'"
+    ),
     "predict: model of half a cycle": Bad(
         PREDICT, model(lambda content: content["cycles"].update(a=0.5)), 3, "no whole number"
     ),
