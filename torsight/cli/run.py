@@ -22,7 +22,7 @@ from torsight.cli.track import is_no_result, track_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash, provenance, versions
-from torsight.core.files.storage import atomic_path, json_text, read_json, write_json, write_text
+from torsight.core.files.storage import atomic_path, read_json, write_json
 from torsight.core.files.tables import read_angles, write_angles
 from torsight.core.optics.camera import read_camera
 from torsight.core.progress import Progress, silent
@@ -314,4 +314,4 @@ class _State:
         self._path.unlink(missing_ok=True)
 
     def _write(self) -> None:
-        write_text(self._path, json_text({"key": self._key, "finished": self.finished}))
+        write_json(self._path, {"key": self._key, "finished": self.finished})
