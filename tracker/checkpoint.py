@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import OutputError, reason_of
-from torsight.core.files.storage import json_text, write_text
+from torsight.core.files.storage import write_json
 from tracker.rows import ROW
 
 VERSION: Final = 15
@@ -150,7 +150,7 @@ class RowStore:
         if self._folder is None:
             return
         self._empty(sync=True)
-        write_text(self._state_path, json_text({"key": self._key, "rows": self.saved, "state": state}))
+        write_json(self._state_path, {"key": self._key, "rows": self.saved, "state": state})
         self._last_s = time.monotonic()
 
     def rows(self) -> NDArray[np.void]:

@@ -138,11 +138,14 @@ def _found_by_itself(source: FrameSource, progress: Progress) -> Start:
 
 
 def _in_tag(luma: NDArray[np.uint8], marker: Marker) -> bool:
-    """Return whether a marker lies in a tag: it is one of its modules then, or a few."""
+    """Return whether a marker is a module, or a few, of a tag that is seen upright or mirrored."""
     (x, y), reach = place_of(marker.record[0]), math.ceil(MOST_MODULES * 2.0 * marker.record[0]["shape"]["radius"])
     left, top = max(round(x) - reach, 0), max(round(y) - reach, 0)
     part = luma[top : round(y) + reach, left : round(x) + reach]
-    return any(tag.holds(x - left, y - top) for found in usual_tags(part).values() for tag in found)
+    ways = ((part, x - left), (part[:, ::-1], part.shape[1] - 1 - (x - left)))
+    return any(
+        tag.holds(across, y - top) for seen, across in ways for found in usual_tags(seen).values() for tag in found
+    )
 
 
 class _Dots:

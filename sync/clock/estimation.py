@@ -205,7 +205,8 @@ def _from_led(angles: StickAngles, reading: LogReading, light: LightEvents, prio
         weighed = WeighedRestarts(weighed.likelihood, moved_to(weighed.reading, [gaussian]))
     notes = list(_restart_notes(weighed))
     if match.rivals:
-        notes.append(f"{match.rivals} other shifts pair as many changes of the LED: check the offset")
+        others = "1 other shift pairs" if match.rivals == 1 else f"{match.rivals} other shifts pair"
+        notes.append(f"{others} as many changes of the LED: check the offset")
     if match.second_shift_s is not None:
         notes.append(
             f"{match.events - match.matched} changes of the LED at one end of the film fit the log when its "

@@ -297,7 +297,9 @@ def missing_column(header: Sequence[str], chosen: ChosenColumns, role: str, *, w
         line = ",".join(CONTRACT[one] for one in NEEDED)
         do = f"write a line like '{line}' above the numbers, in the order of the columns"
         return InputError("has no header", where=where, value=shown, do=do)
-    near = difflib.get_close_matches(name, list(header), n=1, cutoff=0.8)
+    # A column that is needed itself keeps its name.
+    other_names = [one for one in header if one not in CONTRACT.values()]
+    near = difflib.get_close_matches(name, other_names, n=1, cutoff=0.8)
     example = ",".join(f"{one}=NAME" for one in NEEDED)
     hint = f"rename '{near[0]}', or " if near else ""
     do = f'{hint}say which columns to use: --columns "{example}", or [temperature] columns of an experiment'

@@ -136,8 +136,9 @@ def _require_order(ordered: OrderedTimestamps, rows: int, *, where: str) -> None
         raise InputError(
             "is out of order",
             where=where,
-            value=f"{restarts} steps back in {covered_s:.3g} s, {len(ordered.row)} of {rows} rows in order",
-            limit=f"one restart of the clock every {SHORTEST_STRETCH_S:g} s, and half of the rows",
+            value=f"{len(ordered.row)} of {rows} rows in order"
+            + f", {restarts} steps back in {covered_s:.3g} s" * (restarts > 0),
+            limit=f"half of the rows or more, and one restart of the clock every {SHORTEST_STRETCH_S:g} s",
             do="sort the log by time",
         )
 

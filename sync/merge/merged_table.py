@@ -4,7 +4,8 @@ Temperatures are interpolated linearly between the two timestamps around a frame
 over neighbouring rows rounds the corners of the temperature, where an incomplete transformation ends, and noise is
 better removed before a model is driven, with the same filter for measurement and simulation. Where a frame coincides
 with a timestamp the reading is unchanged. Switches and the log's other columns have the value of the last row at or
-before the instant; further columns of the angles stay at their frames. Where the readings around are further apart than
+before the instant; further columns of the angles stay at their frames; where both have one name, the log's gets
+``_log`` at its end. Where the readings around are further apart than
 the longest gap the temperature is empty. Where the film lacks frames for longer than the log lacks readings, the log's
 rows are added without an angle, because the temperature there, such as the top of a heating, drives the actuator
 whether it is filmed or not.
@@ -64,7 +65,9 @@ def merge(angles: StickAngles, log: TemperatureLog, clock: ClockMap, *, max_gap_
     filmed = np.isin(np.arange(len(time_s)), frames)
     at_frame = np.maximum(np.cumsum(filmed) - 1, 0)
     extra = {name: _held(values, at_frame, filmed) for name, values in angles.extra.items()}
-    extra |= {name: _held(values, row, covered) for name, values in log.extra.items()}
+    extra |= {
+        f"{name}_log" if name in extra else name: _held(values, row, covered) for name, values in log.extra.items()
+    }
     return SyncedTable(
         time_s=time_s,
         angle_rad=angle,

@@ -123,6 +123,13 @@ def test_a_name_that_is_not_known_is_refused_where_a_spec_is_made(member: str) -
         replace(spec, **{member: wrong})
 
 
+@pytest.mark.parametrize("start", [0.0, 0.05])
+def test_friction_may_begin_at_little_with_a_wide_prior(start: float) -> None:
+    content = {**GOOD, "friction": {"tau_c_mnm": start}, "uncertainty": {"tau_c_mnm": 0.3}}
+    spec = actuator_from(content, where="a.toml")
+    assert spec.uncertainty["tau_c_mnm"] == 0.3
+
+
 @pytest.mark.parametrize(("name", "sigma"), [("E_A_gpa", 1.8e9), ("A_s_c", 40.0), ("tau_c_mnm", 300.0)])
 def test_an_uncertainty_in_another_unit_is_refused_where_a_spec_is_made(name: str, sigma: float) -> None:
     with pytest.raises(ConfigError, match=f"'{name}' is out of range.*in the value's unit"):

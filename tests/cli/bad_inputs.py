@@ -273,6 +273,10 @@ BAD: dict[str, Bad] = {
     "sync: gap that is negative": Bad(SYNC + " --max-gap -1", fine, 2, "gap"),
     "sync: given offset without overlap": Bad(SYNC + " --offset 90000", fine, 3, "overlap"),
     "track: film that is missing": Bad(TRACK, gone("film.avi"), 3, "film.avi"),
+    "track: film whose name is empty": Bad("track '' --out {out}", fine, 2, "names no film"),
+    "track: table of times that ends too early": Bad(
+        TRACK + " --timestamps {times.csv}", written("times.csv", "frame,time_s\n0,0\n"), 3, "table of timestamps for"
+    ),
     "track: film that is empty": Bad(TRACK, written("film.avi", ""), 3, "film.avi"),
     "track: film that is a text": Bad(TRACK, written("film.avi", "no film\n" * 99), 3, "film.avi"),
     "track: film without markers": Bad(TRACK, fine, 4, "marker"),

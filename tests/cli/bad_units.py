@@ -127,6 +127,9 @@ MORE: dict[str, Bad] = {
     "predict: model with a law that is none": Bad(
         PREDICT, model(lambda content: content.update(laws=[{"id": "os.system"}])), 3, "os.system"
     ),
+    "predict: model of an earlier version with a part that is not known any more": Bad(
+        PREDICT, model(lambda content: content.update(closure={"angle_deg": [0.0, 1.0]})), 3, "unknown key 'closure'"
+    ),
     "predict: model of half a cycle": Bad(
         PREDICT, model(lambda content: content["cycles"].update(a=0.5)), 3, "no whole number"
     ),
@@ -135,7 +138,7 @@ MORE: dict[str, Bad] = {
     "board: output of another kind": Bad("board --out {board.xyz}", fine, 2, ".xyz"),
     "board: page that nobody prints": Bad("board --out {b.pdf} --page a99", fine, 2, "a99"),
     "batch: all experiments fail": Bad(
-        "batch {experiment.toml} --out {out} --jobs 1", gone("temps.csv"), 4, "all 1 experiments failed"
+        "batch {experiment.toml} --out {out} --jobs 1", gone("temps.csv"), 4, "the only experiment failed"
     ),
     "init: files that are there": Bad("init {.}", fine, 2, "is there already"),
     "doctor: nothing of that name": Bad("doctor {none.toml}", fine, 3, "none.toml"),

@@ -211,7 +211,7 @@ def test_names_are_short_readable_and_different(tmp_path: Path) -> None:
 def test_when_all_fail_the_table_is_there_and_it_is_said(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = made / "none"
     assert leave("batch", str(made / "rigs" / "broken"), "--out", str(out), "--jobs", "1") == 4
-    assert "all 1 experiments failed" in capsys.readouterr().err
+    assert "the only experiment failed" in capsys.readouterr().err
     assert pd.read_csv(out / "results.csv")["status"].tolist() == ["failed"]
 
 

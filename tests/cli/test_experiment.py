@@ -90,6 +90,8 @@ def test_a_stereo_pair(folder: Path) -> None:
             InputError,
             r"did you mean film\.mp4.*experiment\.toml, \[video\] path",
         ),
+        ('path = "film.mp4"', 'path = ""', ConfigError, r"\[video\]: 'path' names no film; found ''"),
+        ('path = "temps.csv"', 'path = " "', ConfigError, r"\[temperature\]: 'path' is empty; found ' '"),
         ('path = "temps.csv"', "", ConfigError, r"\[temperature\]: names no file"),
         ('file = "actuator.toml"', "file = 3", ConfigError, "'file' is not a text"),
         ("seed = 4", "seed = -1", ConfigError, "'seed' is out of range; found -1"),

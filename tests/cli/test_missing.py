@@ -109,6 +109,9 @@ def test_a_model_file_and_records_give_results_and_a_report(world: Path) -> None
     content = json.loads((results / "discovery.json").read_text(encoding="utf-8"))
     assert (content["schema"], content["verdict"]) == (1, "identified")
     assert [effect["id"] for effect in content["effects"]] == ["hardening"]
+    assert content["after"]["rmse_held_out"] < content["before"]["rmse_held_out"]
+    assert content["outputs"]["x_mm"] == {"before": content["before"], "after": content["after"]}
+    assert len(content["held_out"]) == content["blocks"]
     page = (results / "report.html").read_text(encoding="utf-8")
     assert "hardening is missing" in page
     drawn = {"before_after_1", "before_after_2", "candidates", "residual_u", "residual_time_s", "residual_reading_v"}

@@ -132,6 +132,9 @@ def test_bytes_that_are_no_table(tmp_path: Path) -> None:
 
 def test_json_of_another_schema_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
+    path.write_text("{}")
+    with pytest.raises(InputError, match="another schema; found no such key; allowed 1"):
+        read_json(path)
     path.write_text('{"schema": 7}')
     with pytest.raises(InputError, match="another schema; found 7; allowed 1"):
         read_json(path)

@@ -87,12 +87,19 @@ def test_tables_are_read_as_a_spreadsheet_writes_them(tmp_path: Path, mark: str)
     assert table.extra["note"].tolist() == ["fine"] * 4
 
 
-@pytest.mark.parametrize("times", ["0\n1\n1\n", "0\n2\n1\n", "0\n\n2\n"])
-def test_times_that_do_not_increase_name_the_row(tmp_path: Path, times: str) -> None:
+@pytest.mark.parametrize(
+    ("times", "found"),
+    [
+        ("0\n1\n1\n", "row 4, column time_s: time does not increase; found 1 after 1"),
+        ("0\n2\n1\n", "row 4, column time_s: time does not increase; found 1 after 2"),
+        ("0\n\n2\n", "row 3, column time_s: time is missing; found an empty field after 0"),
+    ],
+)
+def test_times_that_do_not_increase_name_the_row(tmp_path: Path, times: str, found: str) -> None:
     path = tmp_path / "merged.csv"
     rows = [f"{time},1,0.1,20,20" for time in times.split("\n")[:3]]
     path.write_text("time_s,angle_deg,angle_sigma_deg,temp_a_c,temp_b_c\n" + "\n".join(rows) + "\n")
-    with pytest.raises(InputError, match=r"row [34], column time_s: time does not increase"):
+    with pytest.raises(InputError, match=found):
         read_merged(path)
 
 

@@ -1,6 +1,10 @@
 """An answer in one sentence."""
 
-from torsight.core.words.wording import clock_words, named, not_explained, predicts_worse
+import math
+
+import pytest
+
+from torsight.core.words.wording import clock_words, named, not_explained, not_fixed, predicts_worse
 
 
 def law(identifier, effect=None):
@@ -38,6 +42,12 @@ def test_records_that_are_only_explained_alone_may_be_of_different_rigs():
     assert together.startswith("The 2 records are not explained together: the residual is 7.00 times the noise floor.")
     assert "not of one rig" in together
     assert not not_explained({"evidence": {"over_floor_after": 1.5}, "records": [{}, {}]})
+
+
+@pytest.mark.parametrize("held_out", [None, math.nan])
+def test_a_record_of_one_half_cycle_has_no_error_on_held_out_ones(held_out: float | None):
+    part = {"rmse_train_deg": 0.06, "rmse_held_out_deg": held_out}
+    assert not not_fixed({"verdict": "none", "before": part, "after": part, "noise_floor_deg": 0.06})
 
 
 def test_an_extended_model_that_predicts_worse_than_the_plain_one_is_no_gain():

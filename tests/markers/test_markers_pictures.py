@@ -112,7 +112,10 @@ def test_positions_without_a_dot_are_drawn_as_given(tracked: Path, tmp_path: Pat
 
 def test_the_preview_shows_the_markers_where_they_are(tracked: Path, tmp_path: Path) -> None:
     film, out = tracked / "film.mkv", tmp_path / "markers.toml"
+    out.write_text("base = [[1, 2], [3, 4]]\nmoving = [[5, 6], [7, 8]]\nbase_mm = 16.5\n", encoding="utf-8")
     assert leave("markers", film, "--preview", tmp_path / "seen.png", "--out", out) == 0
+    # A length that was measured by hand is not lost.
+    assert "base_mm = 16.5" in out.read_text(encoding="utf-8")
     truth = COVERED.marker_px(60.0)
     np.testing.assert_allclose(read_markers(out).position_px, truth, atol=0.05)
     picture = read(tmp_path / "seen.png")
@@ -129,7 +132,11 @@ def test_the_preview_shows_the_markers_where_they_are(tracked: Path, tmp_path: P
 def test_the_preview_names_the_tags_by_their_motion(tmp_path: Path) -> None:
     base, moving = ([Sprite(**tag("5X5_50", number, side_mm=40.0, along_mm=70.0))] for number in (4, 3))
     film = FlatFilm(base, moving, lambda t: 60.0 + 90.0 * t, frames=36).write(tmp_path / "film.mkv")
+    dots = "base = [[1, 2], [3, 4]]\nmoving = [[5, 6], [7, 8]]\nbase_mm = 16.5\n"
+    (tmp_path / "m.toml").write_text(dots, encoding="utf-8")
     assert leave("markers", film, "--preview", tmp_path / "seen.png", "--out", tmp_path / "m.toml") == 0
+    # A distance of dots is no side of a tag.
+    assert "base_mm" not in (tmp_path / "m.toml").read_text(encoding="utf-8")
     hints = read_markers(tmp_path / "m.toml")
     assert (hints.family, hints.ids) == ("5X5_50", (4, 3))
 

@@ -39,6 +39,8 @@ QUICK = {"protocol": {"time_factor": 0.05}, "seed": 5}
         ({"protocol": {"half_cycle": [{"spring": "a", "points": [[5, 20], [1, 80]]}]}}, "do not increase"),
         ({"protocol": {"half_cycle": [{"peak": 80.0, "spring": "a"}]}}, "did you mean 'peak_c'"),
         ({"actuator": {"material": {"E_A_gp": 60}}}, "did you mean 'E_A_gpa'"),
+        ({"actuator": {"material": {"E_A_gpa": 10.0}}}, "'E_M_gpa' is not below 'E_A_gpa'"),
+        ({"actuator": {"material": {"E_A_gpa": 60e9}}}, "give it in GPa"),
         ({"rig": {"true": {"A_s_c": 70.0}}}, "'A_f_c' is not above 'A_s_c'"),
     ],
 )

@@ -19,6 +19,7 @@ import pytest
 from tests.tracker.films import Rig, write_film
 from tests.tracker.flat_films import FlatFilm, Sprite, tag
 from torsight.core.errors import ConfigError, InputError, NoResultError, TorsightError
+from torsight.core.files.storage import read_json
 from tracker.frames.source import open_source
 
 ROOT = Path(__file__).parents[2]
@@ -270,6 +271,8 @@ def test_a_checkpoint_of_another_film_is_not_gone_on_from(folder: Path, tmp_path
     store.begin()
     store.add(np.zeros((), ROW))
     store.checkpoint({})
+    # Like every JSON file it has its schema.
+    assert read_json(tmp_path / "out" / ".track" / "state.json")["rows"] == 1
     film, markers = folder / "film.mkv", folder / "markers.toml"
     track_to_folder(film, markers=markers, out=tmp_path / "out", resume=True)
     track_to_folder(film, markers=markers, out=tmp_path / "whole")

@@ -32,6 +32,11 @@ from torsight.core.words.shown import Shown
 from torsight.core.words.wording import number
 
 KIND: Final = "torsight actuator model"
+_KEYS: Final = (
+    "schema", "kind", "actuator", "effects", "phase_law", "theta_l_deg", "values", "cycles", "turns",
+    "start_angle_deg", "duration_s", "end", "laws", "account", "doubt",
+)  # fmt: skip
+"""Keys of ``model.json``."""
 _MOST_COUNTED: Final = int(MOST_ROWS_APART_S / SHORTEST_S)
 """Largest number of cycles or whole turns in a file: of the shortest cycles in the longest record."""
 _SAME_HOME_RAD: Final = 2.0 * DEG
@@ -335,7 +340,8 @@ def read_model(path: AnyPath) -> FittedModel:
     content = read_json(path)
     if content.get("kind") != KIND:
         raise InputError(
-            "is no fitted model", where=f"{path}, key kind", value=repr(content.get("kind")), limit=repr(KIND),
+            "is no fitted model", where=f"{path}, key kind",
+            value=repr(content["kind"]) if "kind" in content else "no such key", limit=repr(KIND),
             do="name a model.json of 'torsight fit' or 'torsight discover'",
         )  # fmt: skip
     try:
@@ -352,6 +358,8 @@ def _optional_deg(content: Mapping[str, Any], key: str, *, where: str, lower: fl
 
 def _model_from(content: Mapping[str, Any]) -> FittedModel:
     where = "model"
+    # A part that is not known would be left out of every prediction.
+    check_keys(content, _KEYS, where=where)
     law = get_text(content, "phase_law", where=where, choices=get_args(PhaseLaw))
     effects = get_names(content, "effects", where=where)
     theta_l_deg = _optional_deg(content, "theta_l_deg", where=where, lower=0.0)

@@ -267,14 +267,17 @@ def _uncertainty(content: Mapping[str, Any], values: Mapping[str, float], *, whe
 
 
 def _check_sigmas(sigmas: Mapping[str, Any], values: Mapping[str, float], *, where: str) -> None:
-    """Refuse what is no standard deviation of a value; one larger than the value is in another unit."""
+    """Refuse what is no standard deviation of a value; one larger than the value is in another unit.
+
+    The friction torque is a start value, which may be far from the truth, or zero.
+    """
     for name in sigmas:
         key = KEYS[name]
         upper = 30.0 if key.unit == "°C" else max(abs(values[name]), 1e-3)
         if name == "zero_deg":
             upper = key.upper
         elif name == "tau_c_mnm":
-            upper *= 10.0
+            upper = min(10.0 * values[name], key.upper) or key.upper
         hint = f"one standard deviation, in the value's unit; the value is {values[name]:g} {key.unit}".rstrip()
         get_number(sigmas, name, where=where, lower=0.0, upper=upper, hint=hint)
 

@@ -163,7 +163,8 @@ def write_results(rows: Sequence[dict[str, Any]], out: Path) -> None:
     write_table(out / "results.parquet", columns)
     failed = [row for row in rows if row["status"] == "failed"]
     if failed and len(failed) == len(rows):
+        count = f"all {len(rows)} experiments" if len(rows) > 1 else "the only experiment"
         raise NoResultError(
-            f"all {len(rows)} experiments failed, the first ({failed[0]['name']}) with: {failed[0]['message']}",
+            f"{count} failed, the first ({failed[0]['name']}) with: {failed[0]['message']}",
             where=str(out / "results.csv"),
         )

@@ -246,7 +246,11 @@ def _together(table: Mapping[str, Any], files: _Files, *, where: str) -> bool | 
 def _films(table: Mapping[str, Any], files: _Files, *, where: str) -> tuple[str, str | None]:
     value = table.get("path")
     names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list) or len(names) not in (1, 2) or not all(isinstance(name, str) for name in names):
+    if (
+        not isinstance(names, list)
+        or len(names) not in (1, 2)
+        or not all(isinstance(n, str) and n.strip() for n in names)
+    ):
         raise ConfigError(
             "'path' names no film", where=where, value=repr(value), limit="a text, or a list of two for left and right"
         )

@@ -74,7 +74,7 @@ def _page(source: Source, out: Path, *, port: int, wait_s: float, no_open: bool)
 
 def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
     from torsight.markers.beginning import Beginning, name_tags
-    from torsight.markers.picks import content_of, write_markers
+    from torsight.markers.picks import content_of, lengths_of, read_earlier, write_markers
     from torsight.markers.preview import write_preview
     from torsight.markers.session import NAMING_S, find_markers, first_picture
     from tracker.detect.given_positions import LOOKED_AT
@@ -115,6 +115,7 @@ def _preview(source: Source, picture: Path, *, out: Path | None) -> Answer:
         say(f"{key} = {value!r}".replace("'", '"'))
     if out is None:
         return Answer({**result, **content}, files=(picture,))
+    content |= lengths_of(read_earlier(out)[0], kind=content["kind"])
     write_markers(out, content, film=name, size_px=(first.shape[1], first.shape[0]))
     say(f"wrote {out}")
     return Answer({**result, **content}, files=(picture, out))

@@ -22,7 +22,7 @@ from torsight.cli.track import is_no_result, track_to_folder
 from torsight.core.errors import ConfigError, InputError, NoResultError
 from torsight.core.files.paths import require_apart
 from torsight.core.files.provenance import file_hash, provenance, versions
-from torsight.core.files.storage import atomic_path, json_text, read_json, write_json, write_text
+from torsight.core.files.storage import atomic_path, read_json, write_json
 from torsight.core.files.tables import read_angles, write_angles
 from torsight.core.optics.camera import read_camera
 from torsight.core.progress import Progress, silent
@@ -57,7 +57,10 @@ def run(
 
 
 def shown(folder: Path, *more: str, view: bool) -> Answer:
-    """Print a finished run's summary with ``more`` lines, open its recording where ``view`` asks, return its answer."""
+    """Print a finished run's summary with ``more`` lines, open its recording where ``view`` asks, return its answer.
+
+    A viewer that cannot open is only a warning: the results are there.
+    """
     from torsight.cli.summary import summary
 
     for line in ("", *summary(folder), *more):
@@ -65,7 +68,10 @@ def shown(folder: Path, *more: str, view: bool) -> Answer:
     if view:
         from torsight.cli.view import view as open_view
 
-        open_view(folder)
+        try:
+            open_view(folder)
+        except NoResultError as error:
+            say(f"warning: {error}")
     return answer_of(folder)
 
 
@@ -308,4 +314,4 @@ class _State:
         self._path.unlink(missing_ok=True)
 
     def _write(self) -> None:
-        write_text(self._path, json_text({"key": self._key, "finished": self.finished}))
+        write_json(self._path, {"key": self._key, "finished": self.finished})

@@ -85,10 +85,17 @@ def content_of(picks: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, A
     content: dict[str, Any] = {
         **{stick: [_pair(points[f"{stick}_{end}"]) for end in ("inner", "outer")] for stick in STICKS},
         "kind": kinds["base"] if same else kinds,
-        **{key: kept[key] for key in (f"{stick}_mm" for stick in STICKS) if key in kept},
+        **lengths_of(kept),
     }
     read_markers(content)
     return content
+
+
+def lengths_of(kept: Mapping[str, Any], *, kind: str | None = None) -> dict[str, Any]:
+    """Return the measured lengths in a marker file, of markers of one ``kind`` where this is given."""
+    if kind is not None and kept.get("kind", SNAPS) != kind:
+        return {}
+    return {key: kept[key] for key in (f"{stick}_mm" for stick in STICKS) if key in kept}
 
 
 def _pair(value: Any) -> Any:

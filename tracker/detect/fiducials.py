@@ -123,11 +123,14 @@ class TagsSeen:
         """Add the tags of a picture."""
         self.pictures, self._last = self.pictures + 1, luma
         codes, framed = _usual_codes(luma, _squares(luma))
-        for family, found in _found(luma, codes).items():
+        seen = _found(luma, codes)
+        for family, found in seen.items():
             numbers = Counter(tag.number for tag in found)
             self._shown[family].update(number for number, times in numbers.items() if times == 1)
             self._twins[family].update(number for number, times in numbers.items() if times == 2)
-            others = [at for at in framed[_codes_of(family)[0]] if not any(tag.holds(*at) for tag in found)]
+            # A square that is a tag of a family with fewer codes is no clutter.
+            rarer = [tag for one, tags in seen.items() if _share_of(one) < _share_of(family) for tag in tags]
+            others = [at for at in framed[_codes_of(family)[0]] if not any(tag.holds(*at) for tag in (*found, *rarer))]
             self._by_chance[family] = max(self._by_chance[family], _share_of(family) * len(others))
 
     @property
@@ -139,6 +142,11 @@ class TagsSeen:
     def single(self) -> list[tuple[str, list[int]]]:
         """The families of which at least one tag is seen, and their numbers."""
         return self._seen_of(self._shown, least=1)
+
+    def is_rarer_than(self, family: str) -> bool:
+        """Return whether tags are seen that are less probable by chance than one tag of ``family``."""
+        pair, chance = self.pair[0], _share_of(family)
+        return bool(pair and _share_of(pair) ** 2 < chance) or any(_share_of(one) < chance for one, _ in self.single)
 
     def fault(self) -> tuple[str, str, str] | None:
         """Return what is wrong with the tags seen, their numbers, and what to do; None where no tag is seen."""

@@ -206,7 +206,7 @@ def _pair(content: Mapping[str, Any], key: str, where: str) -> list[list[float]]
         raise ConfigError(
             f"'{key}' is not two positions",
             where=where,
-            value=repr(value),
+            value=repr(value) if key in content else "no such key",
             limit=f"{key} = [[x, y], [x, y]], inner marker first",
         )
     return [[get_number({key: number}, key, where=where) for number in point] for point in value]

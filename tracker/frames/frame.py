@@ -114,9 +114,9 @@ class GivenTimes:
             return float(self.times_s[index])
         raise InputError(
             "has no time for this frame",
-            where=f"--timestamps for {self.name}, frame {index}",
+            where=f"table of timestamps for {self.name}, frame {index}",
             limit=f"one row for every frame; the table ends with frame {len(self.times_s) - 1}",
-            do="complete the table, or leave --timestamps away",
+            do="complete the table, or track without it",
         )
 
     def note_rows_left(self, damage: Damage, count: int) -> None:
@@ -127,7 +127,7 @@ class GivenTimes:
         damage.add(
             max(count - 1, 0),
             float(self.times_s[count - 1]) if count else 0.0,
-            f"the table of --timestamps has {int(known.sum())} rows for {count} frames: the last "
+            f"the table of timestamps has {int(known.sum())} rows for {count} frames: the last "
             f"{int(known[count:].sum())} are not used; if frames were lost while filming, every time after the first "
             "lost one is wrong",
             kind="timestamps",

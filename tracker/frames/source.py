@@ -43,6 +43,8 @@ def open_source(source: str | Path, *, fps: float | None = None, timestamps: Any
     timestamps = None if timestamps is None else Path(timestamps)
     if fps is not None and not (np.isfinite(fps) and fps > 0):
         raise ConfigError("is no frame rate", where="--fps", value=fps, limit="above 0")
+    if not str(source).strip():
+        raise ConfigError("names no film", where="VIDEO", value=repr(str(source)), limit="a film, folder or glob")
     times = None if timestamps is None else read_times(timestamps)
     path, found = Path(source), files_named(source)
     if found == [path] and path.stat().st_size == 0:

@@ -182,31 +182,43 @@ def look_for_tags(source: FrameSource, hints: MarkerHints, *, progress: Progress
         mirrored = [tag.number for tag in find_tags(picture[:, ::-1], hints.family) if tag.number in missing]
         words = listed([f"tag {number} of the {stick} stick" for number, stick in missing.items()])
         what = f"{words} ({hints.family}) {'was' if len(missing) == 1 else 'were'} not found"
-        raise _not_found(what, hints.family, mirrored, others, seen, where=f"{source.name}, frames 0 to {last}")
+        known = sorted(set(named) - set(missing))
+        raise _not_found(what, hints.family, mirrored, known, others, seen, where=f"{source.name}, frames 0 to {last}")
 
 
 def _not_found(
-    what: str, family: str, mirrored: list[int], others: list[int], seen: TagsSeen, *, where: str
+    what: str,
+    family: str,
+    mirrored: list[int],
+    known: list[int],
+    others: list[int],
+    seen: TagsSeen,
+    *,
+    where: str,
 ) -> NoResultError:
     """Return the error for tags that are not found, with the likely cause.
 
-    ``mirrored`` are those seen in the picture turned over, ``others`` other numbers of their family.
+    ``mirrored`` are those seen in the picture turned over, ``known`` those that were named and found, ``others`` other
+    numbers of their family.
     """
-    if mirrored:
+    # Turned over, a tag may by chance be one of a family with few modules.
+    if mirrored and not known and not seen.is_rarer_than(family):
         value = f"{in_words(mirrored)} in the picture turned over"
         return NoResultError(f"{what}: the picture is mirrored", where=where, value=value, do=UNMIRROR)
     if others:
         value = f"of this family {in_words(others)}"
         return NoResultError(what, where=where, value=value, do="correct base_id and moving_id")
-    if seen.single:
+    if seen.single and not known:
         other, numbers = seen.single[0]
         do = f'set family = "{other}" and the numbers that are seen'
         return NoResultError(f"{what}, but tags of another family", where=where, value=numbered(other, numbers), do=do)
     return NoResultError(
         what,
         where=where,
-        value=f"no tag of {family} nor of {len(set(USUAL) - {family})} {'other ' * (family in USUAL)}usual families",
-        limit="tags that lie flat, sharp, whole in the picture, with a white border of a module around, and modules of "
-        "4 px and more",
+        value=f"of this family {in_words(known)}"
+        if known
+        else f"no tag of {family} nor of {len(set(USUAL) - {family})} {'other ' * (family in USUAL)}usual families",
+        limit="tags of this family that lie flat, sharp, whole in the picture, with a white border of a module around, "
+        "and modules of 4 px and more",
         do="move the camera closer or print them larger, light them evenly, and keep hands out of the picture",
     )

@@ -177,6 +177,7 @@ def test_heating_switches_are_guessed_and_mapped(tmp_path):
         ("time_s (ms),temp_a_c,temp_b_c", {}, "'time_s .ms.' is said to be in s and in ms"),
         # Parted by blanks, these would name all three: time, A and B.
         ("Time (s),Temp A (ms),Temp B (°C)", {}, "no column 'temp_a_c'"),
+        ("time_s,temp_a_c", {}, "no column 'temp_b_c'; found time_s, temp_a_c; say which columns"),
         ("Time (K),Temp A (ms),Temp B (K)", {}, "'Time .K.' is in K, and that is no unit of the time"),
         ("Time,Temp A Last,Temp A Ave.,Temp B", {}, "more than one column may be the temperature of spring A"),
     ],

@@ -224,7 +224,7 @@ def test_rows_behind_a_step_back_are_a_restart_where_their_time_was_there_alread
 
 def test_a_log_that_runs_backwards_is_refused_as_out_of_order(tmp_path):
     time_s, temp_a, temp_b = ramp(200)
-    with pytest.raises(InputError, match="out of order"):
+    with pytest.raises(InputError, match="out of order; found 1 of 200 rows in order; allowed half of the rows"):
         read_temperature_log(written(tmp_path, time_s[::-1], temp_a, temp_b))
 
 

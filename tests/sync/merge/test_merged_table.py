@@ -114,6 +114,14 @@ def test_further_columns_of_the_angles_stay_at_their_frames():
     assert set(table.extra) == {"light_v"}
 
 
+def test_columns_of_one_name_in_angles_and_log_are_both_kept():
+    film_s, log_s = np.arange(0.0, 30.0), np.arange(0.0, 50.0)
+    log = TemperatureLog(log_s, 20.0 + log_s, log_s, None, None, {"light_v": 2.0 * log_s})
+    table = merge(replace(angles_at(film_s), extra={"light_v": film_s}), log, exact())
+    np.testing.assert_array_equal(table.extra["light_v"], film_s)
+    np.testing.assert_array_equal(table.extra["light_v_log"], 2.0 * film_s)
+
+
 def test_no_overlap_is_told():
     log_s = np.arange(0.0, 20.0, 1.0)
     log = TemperatureLog(log_s, log_s, log_s)

@@ -30,6 +30,15 @@ ALONG = 70.0
 FAMILY = "4X4_50"
 TAG_1 = Sprite(**tag(FAMILY, 1, side_mm=SIDE, along_mm=95.0))
 TAG_5 = Sprite(**tag(FAMILY, 5, side_mm=SIDE, along_mm=40.0))
+LARGE_TAGS = [Sprite(**tag("APRILTAG_36h11", number, side_mm=60.0, along_mm=90.0)) for number in (4, 9)]
+LARGE = {
+    "base": LARGE_TAGS[:1],
+    "moving": LARGE_TAGS[1:],
+    "angle_deg": lambda t: 70.0 + 60.0 * t,
+    "frames": 40,
+    "size": (420, 320),
+    "blur_px": 1.2,
+}
 PAIR = {"kind": "tag", "family": FAMILY, "base_id": 0, "moving_id": 1}
 
 
@@ -268,8 +277,7 @@ def test_small_tags_that_are_a_little_out_of_focus_are_found() -> None:
 
 
 def test_modules_of_tags_that_look_like_dots_on_two_sticks_are_not_taken_for_them(tmp_path: Path) -> None:
-    base, moving = (Sprite(**tag("APRILTAG_36h11", number, side_mm=60.0, along_mm=90.0)) for number in (4, 9))
-    made = FlatFilm([base], [moving], lambda t: 70.0 + 60.0 * t, frames=40, size=(420, 320), blur_px=1.2)
+    made = film(**LARGE)
     # Four of them pass for markers.
     assert are_markers(couples_in(np.asarray(next(made.pictures())))[0])
     start = find_start(open_source(made.write(tmp_path / "film.mkv")), None)
@@ -292,6 +300,8 @@ def test_tags_that_are_seen_in_few_of_the_first_frames_are_found(tmp_path: Path)
         ({"ids": (3, 3), "frames": 6}, ["two tags have the same number", "4X4_50, number 3", "board --tags"]),
         ({"mirrored": True, "frames": 6}, ["tags are seen mirrored", "numbers 0 and 1", "hflip"]),
         ({"moving": [], "frames": 6}, ["only one tag is seen", "number 0", "a tag on each stick"]),
+        # Four modules of these pass for markers.
+        ({"mirrored": True, **LARGE}, ["tags are seen mirrored", "APRILTAG_36h11, numbers 4 and 9"]),
     ],
 )
 def test_tags_found_without_a_marker_file_that_tell_no_angle(how: dict, words: list[str], tmp_path: Path) -> None:
@@ -339,6 +349,9 @@ def test_motion_tells_which_stick_moves(tmp_path: Path) -> None:
         ({"ids": (0, 0)}, {}, ["tag 0 of the base stick is seen 2 times", "board --tags"]),
         ({"mirrored": True}, {}, ["mirrored", "hflip"]),
         ({"ids": (0, 5)}, {}, ["tag 1 of the moving stick (4X4_50) was not found", "number 5"]),
+        ({"moving": []}, {}, ["tag 1 of the moving stick (4X4_50) was not found; found of this family number 0;"]),
+        # Turned over, tag 0 is read as one of this family.
+        ({}, {"family": "APRILTAG_16h5"}, ["another family", "4X4_50, numbers 0 and 1"]),
     ],
 )
 def test_tags_that_are_not_as_told(how: dict, hints: dict, words: list[str], tmp_path: Path) -> None:

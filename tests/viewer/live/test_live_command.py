@@ -17,6 +17,9 @@ import pytest
 from live_rig import FPS, log_text, write_film
 
 from tests.command_line import leave
+from tests.made_up_run import write_made_up_run
+from torsight.cli import run
+from torsight.cli.answer import Answer
 from torsight.cli.experiment_file import read_experiment
 from torsight.cli.view import recording_of
 from torsight.core.errors import ConfigError, InputError, NoResultError
@@ -223,6 +226,19 @@ def test_view_without_a_display_says_what_to_do(tmp_path: Path) -> None:
     (tmp_path / "recording.rrd").write_bytes(b"anything")
     with pytest.raises(NoResultError, match=r"recording\.rrd.*no display.*--serve"):
         view(tmp_path)
+
+
+@pytest.mark.usefixtures("no_display")
+def test_a_run_is_done_where_its_recording_cannot_be_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run, "answer_of", lambda _: Answer({"verdict": "none"}))
+    write_made_up_run(tmp_path)
+    (tmp_path / "recording.rrd").write_bytes(b"anything")
+    assert run.shown(tmp_path, view=True).exit_code == 0
+    said = capsys.readouterr().err
+    assert "warning: " in said
+    assert "no display" in said
 
 
 def test_view_of_a_folder_without_results_is_named(tmp_path: Path) -> None:

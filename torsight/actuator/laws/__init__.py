@@ -58,7 +58,7 @@ def _law_from(entry: Mapping[str, Any], *, where: str) -> LawForm:
     rising = len(nodes) > 0 and bool(np.all(np.diff(nodes) > 0.0))
     if not (rising and basis.shape[1] and np.isfinite(nodes).all() and np.isfinite(basis).all()):
         raise ConfigError("a law has no rising nodes with finite values", where=where, value=name)
-    unit = get_text(entry, "unit", where=where)
+    unit = get_text(entry, "unit", where=where, empty=True)
     scale = get_number(entry, "scale", where=where, lower=0.0, upper=1e6)
     return LawForm(name, nodes, basis, unit, scale, prior=True)
 

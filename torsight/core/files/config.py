@@ -123,14 +123,22 @@ def get_names(table: Mapping[str, Any], key: str, *, where: str) -> tuple[str, .
 
 
 def get_text(
-    table: Mapping[str, Any], key: str, *, where: str, default: str | None = None, choices: tuple[str, ...] = ()
+    table: Mapping[str, Any],
+    key: str,
+    *,
+    where: str,
+    default: str | None = None,
+    choices: tuple[str, ...] = (),
+    empty: bool = False,
 ) -> str:
-    """Return a string, one of ``choices`` where given."""
+    """Return a string, one of ``choices`` where given; an ``empty`` one, which names nothing, only where allowed."""
     value = _given(table, key, default, where=where)
     if not isinstance(value, str):
         raise ConfigError(f"'{key}' is not a text", where=where, value=repr(value), limit="a text in quotes")
     if "\0" in value:
         raise ConfigError(f"'{key}' holds a character that no name has", where=where, value=repr(value))
+    if key in table and not (empty or value.strip()):
+        raise ConfigError(f"'{key}' is empty", where=where, value=repr(value), do="fill it in, or remove the key")
     if choices and value not in choices:
         raise ConfigError(f"'{key}' is not known", where=where, value=repr(value), limit=", ".join(choices))
     return value

@@ -198,7 +198,7 @@ def read_json(path: Path) -> dict[str, Any]:
         raise InputError(
             "has another schema",
             where=f"{path}, key schema",
-            value=repr(content.get("schema")),
+            value=repr(content["schema"]) if "schema" in content else "no such key",
             limit=str(SCHEMA),
             do="make the file again with this version of torsight",
         )

@@ -107,12 +107,13 @@ def require_increasing(
     bad[1:] |= ~(time_s[1:] > time_s[:-1])
     for row, place in first_row(bad, where=path, column=column, lines=lines):
         before = f" after {time_s[row - 1]:.15g}" if row else ""
+        missing = bool(np.isnan(time_s[row]))
         raise InputError(
-            "time does not increase",
+            "time is missing" if missing else "time does not increase",
             where=place,
-            value=f"{time_s[row]:.15g}{before}",
+            value=f"an empty field{before}" if missing else f"{time_s[row]:.15g}{before}",
             limit="a larger time than in the row before",
-            do="sort or mend the table",
+            do="fill that field in, or leave the row out" if missing else "sort or mend the table",
         )
     require_timestamps(time_s, where=f"{path}, column {column}")
 

@@ -146,8 +146,12 @@ EXPLAINED: Final = 2.0
 
 
 def held_out_errors(discovery: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    """Return the errors on held-out half-cycles of the plain and of the extended model, degrees rms."""
-    before, after = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
+    """Return the errors on held-out half-cycles of the plain and of the extended model, degrees rms.
+
+    None where nothing could be held out: JSON has no NaN.
+    """
+    found = ((discovery.get(name) or {}).get("rmse_held_out_deg") for name in ("before", "after"))
+    before, after = (None if left is None or math.isnan(left) else float(left) for left in found)
     return before, after
 
 

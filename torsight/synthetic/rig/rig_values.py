@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from torsight.actuator.spec import REFERENCE_UNCERTAINTY, REFERENCE_VALUES, keys_of
+from torsight.actuator.spec import REFERENCE_UNCERTAINTY, REFERENCE_VALUES, actuator_from, keys_of
 from torsight.actuator.springs import Rig, wire_length_mm
 from torsight.core.compiled import lending, numbers
 from torsight.core.errors import ConfigError
@@ -87,8 +87,7 @@ def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
         given = get_table(table, name, where=where)
         place = f"{where}, [{name}]"
         check_keys(given, keys, where=place)
-        lower = -273.15 if name == "material" else 0.0
-        numbers = {item: get_number(given, item, where=place, lower=lower) for item in given}
+        numbers = {item: get_number(given, item, where=place) for item in given}
         wound = name == "geometry" and "mean_diameter_mm" in numbers
         base = {"wire_diameter_mm": REFERENCE["geometry"]["wire_diameter_mm"]} if wound else REFERENCE[name]
         tables[name] = {**base, **numbers}
@@ -96,8 +95,11 @@ def declared_from(table: Mapping[str, Any], *, where: str) -> Declared:
     if not isinstance(spread, Mapping):
         raise ConfigError("'uncertainty' is not a table", where=where, value=repr(spread))
     check_keys(spread, _KEYS, where=f"{where}, [uncertainty]")
-    sigmas = {item: get_number(spread, item, where=f"{where}, [uncertainty]", lower=0.0) for item in spread}
-    return Declared(tables=tables, uncertainty=sigmas)
+    sigmas = {item: get_number(spread, item, where=f"{where}, [uncertainty]") for item in spread}
+    declared = Declared(tables=tables, uncertainty=sigmas)
+    # What is written as actuator.toml has to be one.
+    actuator_from(declared.to_toml(), where=where)
+    return declared
 
 
 def draw_values(declared: Declared, *, given: Mapping[str, float], rng: np.random.Generator | None) -> RigValues:

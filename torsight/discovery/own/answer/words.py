@@ -207,8 +207,15 @@ def html(found: Findings) -> str:
 
 
 def to_json(found: Findings) -> dict[str, Any]:
-    """Return the content of ``discovery.json``: the contract's keys, errors by output."""
+    """Return the content of ``discovery.json``: the contract's keys, errors by output and in its unit.
+
+    ``before`` and ``after`` are those of the first output.
+    """
     problem, base = found.problem, found.field.base.log_evidence
+    blocks = np.unique(problem.block[problem.valid])
+    outputs = {
+        name: {"before": asdict(before), "after": asdict(after)} for name, (before, after) in found.errors.items()
+    }
     shares = law_shares(found.field, found.decision.chosen)
     return {
         "verdict": found.verdict,
@@ -216,13 +223,13 @@ def to_json(found: Findings) -> dict[str, Any]:
         "alternatives": [list(names) for names in found.alternatives],
         "drivers": [{"variable": name, "share": share} for name, share in found.drivers],
         "drivers_offered": list(found.drivers_offered),
-        "outputs": {
-            name: {"before": asdict(before), "after": asdict(after)} for name, (before, after) in found.errors.items()
-        },
+        **next(iter(outputs.values())),
+        "held_out": blocks.tolist(),
+        "outputs": outputs,
         "laws": [{**law.to_json(), "share": shares[law.id]} for law in found.laws if law.chosen],
         "noise_floor": _floor(found),
         "resolution": _resolution(found),
-        "blocks": len(np.unique(problem.block[problem.valid])),
+        "blocks": len(blocks),
         "parameters": estimates_to_json(found.parameters),
         "plain_parameters": estimates_to_json(found.plain_parameters),
         "best_fits": [asdict(one) for one in found.best_fits],
