@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
+from torsight.core import minimise
 from torsight.core.minimise import least_squares
 
 
@@ -39,6 +40,7 @@ def test_the_same_as_by_scipy_itself() -> None:
 def test_it_loads_minpack_alone_and_scipy_still_loads_after_it() -> None:
     code = """
 import sys, numpy as np
+from torsight.core import minimise
 from torsight.core.minimise import least_squares
 least_squares(lambda p: p - 1.0, np.zeros(1))
 print("scipy.optimize" in sys.modules)
@@ -47,3 +49,17 @@ print(leastsq(lambda p: p - 1.0, [0.0])[0])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "[1.]"]
+
+
+def test_without_the_extension_scipy_s_public_function_leads_to_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def residuals(p: np.ndarray) -> np.ndarray:
+        return np.array([p[0] - 1.0, 2.0 * p[1] + p[0], p[1] - 0.3])
+
+    own = least_squares(residuals, np.zeros(2))
+
+    def moved(_name: str) -> None:
+        raise ModuleNotFoundError("no module named 'scipy.optimize._minpack'")
+
+    monkeypatch.setattr(minimise, "scipy_extension", moved)
+    for one, other in zip(own, least_squares(residuals, np.zeros(2)), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)

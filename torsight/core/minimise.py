@@ -17,18 +17,29 @@ def least_squares(residuals: Callable[[Floats], Floats], start: Floats) -> tuple
     ``start`` (p,) are the start values. Returns the values (p,), their covariance (p, p) as the inverse of JᵀJ, which
     is valid for residuals in units of their sigmas, and χ².
     """
-    minpack = scipy_extension("scipy.optimize._minpack")
 
     def slopes(values: Floats) -> Floats:
         return jacobian_of(residuals, values)
 
-    # As scipy.optimize.leastsq calls it: the least changes of the sum of squares and of the values, no limit for the
-    # gradient, the most evaluations, the first step, and its scale.
+    found = _minimum(residuals, slopes, start)
+    jacobian, error = slopes(found), residuals(found)
+    return found, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), float(error @ error)
+
+
+def _minimum(residuals: Callable[[Floats], Floats], slopes: Callable[[Floats], Floats], start: Floats) -> Floats:
+    """Return the values (p,) at the minimum."""
+    try:
+        lmder = scipy_extension("scipy.optimize._minpack")._lmder  # noqa: SLF001
+    except (ImportError, AttributeError):
+        # SciPy's public function calls the same, and loads the rest of scipy.optimize.
+        from scipy.optimize import leastsq
+
+        return np.asarray(leastsq(residuals, start, Dfun=slopes)[0], np.float64)
+    # As leastsq calls it: the least changes of the sum of squares and of the values, no limit for the gradient, the
+    # most evaluations, the first step, and its scale.
     least = math.sqrt(np.finfo(np.float64).eps)
     limits = (least, least, 0.0, 100 * (len(start) + 1), 100.0, None)
-    found, about, _ = minpack._lmder(residuals, slopes, start.copy(), (), True, False, *limits)  # noqa: SLF001
-    jacobian, error = slopes(found), about["fvec"]
-    return found, np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64), float(error @ error)
+    return np.asarray(lmder(residuals, slopes, start.copy(), (), True, False, *limits)[0], np.float64)
 
 
 def jacobian_of(residuals: Callable[[Floats], Floats], values: Floats) -> Floats:
