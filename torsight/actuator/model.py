@@ -25,7 +25,7 @@ from torsight.core.files.storage import check_keys
 from torsight.core.law import LawForm
 from torsight.core.parameter import Parameter
 from torsight.core.records import SyncedTable, TemperatureLog
-from torsight.core.series import extent, rms
+from torsight.core.series import extent, share_explained
 from torsight.core.units import DEG, Flags, Floats
 from torsight.core.words.plausible import require_units
 from torsight.core.words.wording import counted, number
@@ -130,14 +130,20 @@ class ActuatorModel:
         return replace(self._in_its_turn(cut), left_out_s=float(cut.time_s[0] - drive.time_s[0]))
 
     def _in_its_turn(self, drive: Drive) -> Drive:
-        """Return the drive with those whole turns with which the characterised values predict its angles best.
+        """Return the drive with those whole turns with which the characterised values explain its angles best.
 
-        A film cannot tell the turns. Where the disk moves to one side only, the middle of its angles says little.
+        A film cannot tell the turns. Where the disk moves to one side only, the middle of its angles says little. Other
+        turns than those of the middle have to explain something of the angles, and with half the error: a wrong
+        actuator file says nothing of the turn.
         """
-        reach_rad = 0.5 * self.spec.values["theta_p_deg"] * DEG
-        found = [drive, *(one for one in map(drive.ahead, (-1, 1)) if abs(one.start_angle_rad) < reach_rad)]
-        rows = drive.measured
-        return min(found, key=lambda one: rms((one.angle_rad - self.simulate(one).angle_rad)[rows]))
+        reach_rad, rows = 0.5 * self.spec.values["theta_p_deg"] * DEG, drive.measured
+
+        def left(one: Drive) -> float:
+            return 1.0 - share_explained(one.angle_rad[rows], self.simulate(one).angle_rad[rows])
+
+        others = {left(one): one for one in map(drive.ahead, (-1, 1)) if abs(one.start_angle_rad) < reach_rad}
+        least = min(others, default=np.inf)
+        return others[least] if least < min(1.0, 0.25 * left(drive)) else drive
 
     def _require_reach(self, table: SyncedTable, *, where: str) -> None:
         """Refuse angles whose range exceeds the total winding: such values are most likely not in radians."""
