@@ -353,7 +353,7 @@ class Search:
 
         Alone, one of two effects may explain less than a third one that resembles both.
         """
-        parts = [part for part in (less(best.members, name) for name in best.members) if part]
+        parts = [less(best.members, name) for name in best.members]
         found: list[Explanation] = self._at_once(
             [(best, part) for part in parts], self.fits.part, step="parts of the best"
         )

@@ -155,12 +155,16 @@ class SetFits:
         return Explanation(fitter, fit, laws, under, evidence, self._progress)
 
     def part(self, item: tuple[Explanation, EffectSet]) -> Explanation:
-        """Return a part of a set, fitted from the set's values; its laws keep their forms."""
+        """Return a part of a set, fitted from the set's values; its laws keep their forms.
+
+        The noise of the inputs is the same whatever is in the set. Where few draws show the noise at the set's values
+        and not at the part's (a disk jumps in another row), the part is judged by the noise of the set.
+        """
         best, members = item
         fitter, laws = part_fitter(best, members)
         effects = fitter.ordered(members)
         start = {p.name: best.fit.values[p.name] for p in fitter.parameters(effects)}
-        return self.settled(fitter.problem, fitter.fit(effects, [start], keep=1), laws)
+        return self.settled(fitter.problem, fitter.fit(effects, [start], keep=1), laws, best.likelihood)
 
     def settled(
         self, problem: Problem, fit: Fit, laws: tuple[Measured, ...], likelihood: Likelihood | None = None
