@@ -94,16 +94,12 @@ def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tabl
 
 @inlined
 def _excess_at_rest(
-    sense: float, at: float, limit: float, transforms: bool, state: State, p: Scalars, tables: Floats, sections: Floats
+    sense: float, at: float, limit: float, reached: float, s: Scalars, q: Scalars, p: Scalars, tables: Floats
 ) -> tuple[float, float]:
-    """Return by how much the torque passes the limit at which the disk breaks loose, and ξ there.
+    """Return by how much the torque passes the limit while ξ advances at rest to the one that is reached, and ξ there.
 
     The torque of a spring that cools falls and may rise again: then the disk breaks loose between two samples.
     """
-    s, q = state.s[0], state.q[0]
-    if not transforms:
-        return sense * (limit - made_torque(at, s["xi"], s, q, p, tables)), s["xi"]
-    reached = fraction_and_slope(limit, s, p, tables, sections, state.w)[0]
     over = sense * (limit - made_torque(at, reached, s, q, p, tables))
     if over <= SLIP_TOLERANCE:
         least = least_phase(at, s["xi"], reached, q, p)
@@ -128,7 +124,8 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         sense = -1.0 if (s["heating"] > 0.0) == (attempt == 0) else 1.0
         at = yields_at(sense, hold, state, p, tables)
         limit = load_torque(at, sense, hold, s, p, o, tables)
-        over, reached = _excess_at_rest(sense, at, limit, attempt == 0, state, p, tables, sections)
+        reached = fraction_and_slope(limit, s, p, tables, sections, w)[0] if attempt == 0 else s["xi"]
+        over, reached = _excess_at_rest(sense, at, limit, reached, s, q, p, tables)
         if over > SLIP_TOLERANCE:
             s["x"] = at
             anew = q["sliding"] != sense or q["at_rest"] > 0.0
