@@ -136,3 +136,13 @@ def test_what_the_springs_do_tells_the_turn_of_a_record_that_moves_to_one_side_o
         prepared = model.prepare(SyncedTable(time_s, read_rad, np.full_like(time_s, 1e-3), cold, heat))
         assert prepared.turns == turns
         np.testing.assert_allclose(prepared.angle_rad, angle_rad, atol=1e-9)
+
+
+def test_angles_that_were_read_while_no_temperature_was_known_tell_no_turn(
+    model: ActuatorModel, record: SyncedTable
+) -> None:
+    angle_rad, temp_a_c = np.full_like(record.angle_rad, np.nan), record.temp_a_c.copy()
+    angle_rad[:30], temp_a_c[:200] = record.angle_rad[:30], np.nan
+    prepared = model.prepare(replace(record, angle_rad=angle_rad, temp_a_c=temp_a_c))
+    assert not prepared.measured.any()
+    assert prepared.turns == round(record.angle_rad[0] / (2.0 * np.pi))

@@ -137,6 +137,8 @@ class ActuatorModel:
         actuator file says nothing of the turn.
         """
         reach_rad, rows = 0.5 * self.spec.values["theta_p_deg"] * DEG, drive.measured
+        if not rows.any():
+            return drive
 
         def left(one: Drive) -> float:
             return 1.0 - share_explained(one.angle_rad[rows], self.simulate(one).angle_rad[rows])
