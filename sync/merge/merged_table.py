@@ -5,10 +5,9 @@ over neighbouring rows rounds the corners of the temperature, where an incomplet
 better removed before a model is driven, with the same filter for measurement and simulation. Where a frame coincides
 with a timestamp the reading is unchanged. Switches and the log's other columns have the value of the last row at or
 before the instant; further columns of the angles stay at their frames; where both have one name, the log's gets
-``_log`` at its end. Where the readings around are further apart than
-the longest gap the temperature is empty. Where the film lacks frames for longer than the log lacks readings, the log's
-rows are added without an angle, because the temperature there, such as the top of a heating, drives the actuator
-whether it is filmed or not.
+``_log`` at its end. Where the readings around are further apart than the longest gap the temperature is empty. Where
+the film lacks frames for longer than the log lacks readings, the log's rows are added without an angle, because the
+temperature there, such as the top of a heating, drives the actuator whether it is filmed or not.
 """
 
 from __future__ import annotations

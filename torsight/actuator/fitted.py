@@ -21,7 +21,7 @@ from torsight.actuator.spec import KEYS, actuator_from
 from torsight.actuator.springs import Rig
 from torsight.actuator.stepping.cycle import stable_cycle
 from torsight.core.errors import ConfigError, InputError, TorsightError, require_kind
-from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole
+from torsight.core.files.config import get_names, get_number, get_table, get_text, get_whole, shown_value
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_json, write_json
 from torsight.core.frozen import Frozen
@@ -340,8 +340,7 @@ def read_model(path: AnyPath) -> FittedModel:
     content = read_json(path)
     if content.get("kind") != KIND:
         raise InputError(
-            "is no fitted model", where=f"{path}, key kind",
-            value=repr(content["kind"]) if "kind" in content else "no such key", limit=repr(KIND),
+            "is no fitted model", where=f"{path}, key kind", value=shown_value(content, "kind"), limit=repr(KIND),
             do="name a model.json of 'torsight fit' or 'torsight discover'",
         )  # fmt: skip
     try:

@@ -154,7 +154,6 @@ def picture_shift(base: Floats, covariance: Floats, *, pixel: float = 1.0) -> tu
 
     Both are interpolated where the base is not seen, and zero in a film in which the shift is no more than noise.
 
-
     A moving camera shifts both markers (n, 2, 2), NaN where not seen; a marker that moves alone was misread.
     ``covariance`` (n, 2, 2, 2) is that of the fits, ``pixel`` the size of a pixel in the unit of the positions.
     """

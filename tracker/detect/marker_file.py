@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from torsight.core.errors import ConfigError
-from torsight.core.files.config import get_number, get_text
+from torsight.core.files.config import get_number, get_text, shown_value
 from torsight.core.files.paths import AnyPath
 from torsight.core.files.storage import check_keys, read_toml
 from torsight.core.frozen import Frozen
@@ -206,7 +206,7 @@ def _pair(content: Mapping[str, Any], key: str, where: str) -> list[list[float]]
         raise ConfigError(
             f"'{key}' is not two positions",
             where=where,
-            value=repr(value) if key in content else "no such key",
+            value=shown_value(content, key),
             limit=f"{key} = [[x, y], [x, y]], inner marker first",
         )
     return [[get_number({key: number}, key, where=where) for number in point] for point in value]

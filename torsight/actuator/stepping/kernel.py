@@ -37,7 +37,6 @@ from torsight.actuator.stepping.kernel_balance import (
     excess,
     fraction_and_slope,
     load_torque,
-    made_torque,
     passive_and_slope,
     section_temp,
     solid_friction,
@@ -57,10 +56,10 @@ from torsight.actuator.stepping.kernel_laws import (
 from torsight.actuator.stepping.kernel_roots import (
     SLIP_TOLERANCE,
     crosstalk,
+    excess_at_rest,
     give_way,
     glide,
     keep_slide,
-    least_phase,
     renew,
     slide,
     slide_anew,
@@ -92,23 +91,6 @@ def _slid(sense: float, first: float, state: State, p: Scalars, o: Scalars, tabl
     return slide(sense, state.s[0]["guess"], first, state, p, o, tables, sections) if first > 0.0 else state.s[0]["x"]
 
 
-@inlined
-def _excess_at_rest(
-    sense: float, at: float, limit: float, reached: float, s: Scalars, q: Scalars, p: Scalars, tables: Floats
-) -> tuple[float, float]:
-    """Return by how much the torque passes the limit while ξ advances at rest to the one that is reached, and ξ there.
-
-    The torque of a spring that cools falls and may rise again: then the disk breaks loose between two samples.
-    """
-    over = sense * (limit - made_torque(at, reached, s, q, p, tables))
-    if over <= SLIP_TOLERANCE:
-        least = least_phase(at, s["xi"], reached, q, p)
-        most = sense * (limit - made_torque(at, least, s, q, p, tables))
-        if most > SLIP_TOLERANCE:
-            return most, least
-    return over, reached
-
-
 @shared
 def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floats) -> bool:
     """Find the active spring's equilibrium in this sample and return whether the spring slid.
@@ -125,7 +107,7 @@ def _settle(state: State, p: Scalars, o: Scalars, tables: Floats, sections: Floa
         at = yields_at(sense, hold, state, p, tables)
         limit = load_torque(at, sense, hold, s, p, o, tables)
         reached = fraction_and_slope(limit, s, p, tables, sections, w)[0] if attempt == 0 else s["xi"]
-        over, reached = _excess_at_rest(sense, at, limit, reached, s, q, p, tables)
+        over, reached = excess_at_rest(sense, at, limit, reached, s, q, p, tables)
         if over > SLIP_TOLERANCE:
             s["x"] = at
             anew = q["sliding"] != sense or q["at_rest"] > 0.0

@@ -156,7 +156,7 @@ def sticking_end(x: float, load: float, xi_from: float, xi_to: float, q: Scalars
 
 
 @inlined
-def least_phase(x: float, xi_from: float, xi_to: float, q: Scalars, p: Scalars) -> float:
+def _least_phase(x: float, xi_from: float, xi_to: float, q: Scalars, p: Scalars) -> float:
     """Return ξ between ``xi_from`` and ``xi_to`` at which the own torque (12), (20) is least at a constant angle.
 
     The torque is quadratic in ξ. It has no least value where K_A is less than K_M: ``xi_to`` is returned then.
@@ -166,6 +166,23 @@ def least_phase(x: float, xi_from: float, xi_to: float, q: Scalars, p: Scalars) 
         return xi_to
     lowest = 0.5 * ((x - q["x"]) / q["theta_l"] + q["xi"] - p["k_a"] / slope)
     return min(max(lowest, min(xi_from, xi_to)), max(xi_from, xi_to))
+
+
+@inlined
+def excess_at_rest(
+    sense: float, at: float, limit: float, reached: float, s: Scalars, q: Scalars, p: Scalars, tables: Floats
+) -> tuple[float, float]:
+    """Return by how much the torque passes the limit while ξ advances at rest to the one that is reached, and ξ there.
+
+    The torque of a spring that cools falls and may rise again: then the disk breaks loose between two samples.
+    """
+    over = sense * (limit - made_torque(at, reached, s, q, p, tables))
+    if over <= SLIP_TOLERANCE:
+        least = _least_phase(at, s["xi"], reached, q, p)
+        most = sense * (limit - made_torque(at, least, s, q, p, tables))
+        if most > SLIP_TOLERANCE:
+            return most, least
+    return over, reached
 
 
 @lending

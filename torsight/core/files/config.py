@@ -53,6 +53,11 @@ def _given(table: Mapping[str, Any], key: str, default: Any, *, where: str) -> A
     return value
 
 
+def shown_value(content: Mapping[str, Any], key: str) -> str:
+    """Return the words of a message for a key's value, also where there is no such key."""
+    return repr(content[key]) if key in content else "no such key"
+
+
 def is_number(value: Any) -> bool:
     """Return whether a value of a file is a finite number (not a boolean, and not too large for a float)."""
     try:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torsight.core.errors import ConfigError, InputError, OutputError, reason_of
+from torsight.core.files.config import shown_value
 from torsight.core.files.kinds import (
     TABLE_KINDS,
     TOML_KINDS,
@@ -198,7 +199,7 @@ def read_json(path: Path) -> dict[str, Any]:
         raise InputError(
             "has another schema",
             where=f"{path}, key schema",
-            value=repr(content["schema"]) if "schema" in content else "no such key",
+            value=shown_value(content, "schema"),
             limit=str(SCHEMA),
             do="make the file again with this version of torsight",
         )

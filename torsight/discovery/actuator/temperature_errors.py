@@ -10,7 +10,7 @@ have a mean square of 0.7 in units of the resulting standard deviation (benchmar
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -21,7 +21,7 @@ from torsight.actuator.drive import Drive
 from torsight.actuator.record.holds import LEAST_HOLD_S
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.ripple import UNSURE
-from torsight.actuator.record.sensors import Added
+from torsight.actuator.record.sensors import Added, Pair
 from torsight.core.series import rms, usual_step
 from torsight.core.units import Floats, Ints
 
@@ -45,8 +45,8 @@ class TemperatureErrors(NamedTuple):
 
 def draw_errors(drive: Drive, *, seed: int) -> list[TemperatureErrors]:
     """Return draws of errors with the standard deviations of a drive's conditioning."""
-    rng = np.random.default_rng(seed)
-    return [_draw(drive, rng) for _ in range(_DRAWS)]
+    rng, tops, rows = np.random.default_rng(seed), list(_tops(drive)), _rows_of_tops(drive)
+    return [TemperatureErrors(_smooth(drive, rng), Added(_lasting(drive, tops, rng), *rows)) for _ in range(_DRAWS)]
 
 
 def alike_s(drive: Drive) -> Floats:
@@ -71,7 +71,7 @@ def _alike_s(drive: Drive, sigma_c: Floats | float) -> Floats:
     return np.asarray(drive.reading_s * np.maximum(left_over**-2, 1.0))
 
 
-def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
+def _smooth(drive: Drive, rng: np.random.Generator) -> Added:
     smooth = np.zeros((2, len(drive)))
     if drive.noise_c > NEGLIGIBLE_C:
         # White noise behind a Gaussian filter of width σ has the integrated correlation time 2 √π σ. Here it is the
@@ -80,11 +80,15 @@ def _draw(drive: Drive, rng: np.random.Generator) -> TemperatureErrors:
         white = rng.standard_normal((2, len(drive)))
         alike = gaussian_filter1d(white, filter_s / usual_step(drive.time_s), mode="nearest")
         smooth = drive.temp_sigma_c * alike / np.maximum(np.std(alike, axis=1, keepdims=True), 1e-12)
+    return Added((smooth[0], smooth[1]))
+
+
+def _lasting(drive: Drive, tops: Sequence[tuple[int, Floats]], rng: np.random.Generator) -> Pair:
     height = UNSURE * rng.standard_normal()
     lasting = height * np.array([drive.peaks_a_c, drive.peaks_b_c])
-    for spring, error_c in _tops(drive):
+    for spring, error_c in tops:
         lasting[spring] += rng.standard_normal() * error_c
-    return TemperatureErrors(Added((smooth[0], smooth[1])), Added((lasting[0], lasting[1]), *_rows_of_tops(drive)))
+    return lasting[0], lasting[1]
 
 
 def lasting_errors(drive: Drive) -> list[Added]:

@@ -353,11 +353,8 @@ class Search:
 
         Alone, one of two effects may explain less than a third one that resembles both.
         """
-        parts = [less(best.members, name) for name in best.members]
-        found: list[Explanation] = self._at_once(
-            [(best, part) for part in parts], self.fits.part, step="parts of the best"
-        )
-        self._keep(found)
+        work = [(best, less(best.members, name)) for name in best.members]
+        self._keep(self._at_once(work, self.fits.part, step="parts of the best"))
 
     def _from_elsewhere(self, item: tuple[Explanation, Mapping[str, float]]) -> Explanation:
         one, base = item
