@@ -10,7 +10,7 @@ from torsight.actuator import ActuatorModel, reference_spec
 from torsight.actuator.record.conditioning import Readings
 from torsight.core.records import SyncedTable
 from torsight.core.units import DEG
-from torsight.discovery.actuator.temperature_errors import draw_errors, lasting_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import lasting_errors, lasting_sums, smooth_errors, with_errors
 
 
 @pytest.mark.parametrize("lag_s", [3.0, 9.0])
@@ -23,7 +23,7 @@ def test_errors_grow_where_the_lag_of_a_sensor_is_undone(lag_s: float) -> None:
     drive = model.prepare(table, where="record")
     values = {**model.nominal(), "lag_s": lag_s, "lag_delay_share": 0.0}
     exact_c = model.ports(drive, values).temp_a_c
-    drawn = [with_errors(drive, one.smooth) for seed in range(7) for one in draw_errors(drive, seed=seed)]
+    drawn = [with_errors(drive, one) for seed in range(7) for one in smooth_errors(drive, seed=seed)]
     spread_c = np.std([model.ports(one, values).temp_a_c - exact_c for one in drawn], axis=0)
     stated_c = Readings.of(time_s, read_c).behind(time_s, lag_s).sigma_c
     # The driven spring is A throughout. A standard deviation of 42 draws is known to 11 %; rows share it.
@@ -48,3 +48,23 @@ def test_the_error_of_a_top_stays_small_behind_a_slow_sensor() -> None:
     for error in errors:
         off_c = model.ports(with_errors(drive, error), values).temp_a_c - exact_c
         assert np.max(np.abs(off_c)) < 3.0 * np.max(stated_c)
+
+
+def test_sums_of_lasting_errors_have_the_variance_of_independent_errors() -> None:
+    # Two heatings of each spring, with noise: level and rise of four tops.
+    rng = np.random.default_rng(3)
+    rows_s = np.arange(0.0, 400.0, 0.25)
+    heated_c = 23.0 + 40.0 * np.interp(rows_s % 200.0, [0.0, 40.0, 60.0, 100.0], [0.0, 1.0, 0.6, 0.0])
+    a_c, b_c = heated_c, np.interp(rows_s - 100.0, rows_s, heated_c, left=23.0)
+    noisy = [temp_c + 0.1 * rng.standard_normal(len(rows_s)) for temp_c in (a_c, b_c)]
+    table = SyncedTable(rows_s, np.zeros(len(rows_s)), np.full(len(rows_s), 0.05 * DEG), noisy[0], noisy[1])
+    drive = ActuatorModel(reference_spec()).prepare(table, where="record")
+    each = np.array([error.error_c for error in lasting_errors(drive)])
+    assert len(each) == 8
+    sums = np.array([error.error_c for error in lasting_sums(drive)])
+    assert np.mean(sums**2, axis=0) == pytest.approx(np.sum(each**2, axis=0), abs=1e-12)
+    # Errors of different half-cycles are not correlated either.
+    tops = [int(np.argmax(np.abs(one).max(axis=0))) for one in each[::2]]
+    springs = [int(np.argmax(np.abs(one).max(axis=1))) for one in each[::2]]
+    at_tops = sums[:, springs, tops]
+    assert at_tops.T @ at_tops == pytest.approx(np.diag(np.sum(at_tops**2, axis=0)), abs=1e-12)

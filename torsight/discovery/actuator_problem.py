@@ -32,8 +32,8 @@ from torsight.discovery.actuator.kept_rows import kept_rows, rest_mask, way_of
 from torsight.discovery.actuator.temperature_errors import (
     alike_s,
     are_negligible,
-    draw_errors,
     lasting_errors,
+    smooth_errors,
     with_errors,
 )
 from torsight.discovery.interface import Candidate, OptionalMembers, known_of
@@ -290,8 +290,8 @@ class ActuatorProblem(OptionalMembers):
 
     @cached_property
     def _smooth_drives(self) -> tuple[Drive, ...]:
-        drawn = () if are_negligible(self.drive) else draw_errors(self.drive, seed=self.seed)
-        return tuple(with_errors(self.drive, one.smooth) for one in drawn)
+        errors = () if are_negligible(self.drive) else smooth_errors(self.drive, seed=self.seed)
+        return tuple(with_errors(self.drive, error) for error in errors)
 
     @cached_property
     def _lasting_drives(self) -> tuple[Drive, ...]:

@@ -19,7 +19,7 @@ from torsight.core.records import TemperatureLog
 from torsight.core.units import DEG, Floats
 from torsight.core.words.shown import span
 from torsight.discovery.actuator.kept_rows import rest_mask
-from torsight.discovery.actuator.temperature_errors import draw_errors, with_errors
+from torsight.discovery.actuator.temperature_errors import lasting_sums, smooth_errors, with_errors
 
 _HALVINGS: Final = 20
 """Number of bisections of the interval's half-width, after which it is known to a millionth of its upper bound."""
@@ -74,7 +74,7 @@ def predict_with_sigma(
     - the uncertainty of the values (the log is simulated one standard deviation to either side along every principal
       axis of their covariance);
     - the differences to other credible explanations of the record, weighted by their probabilities;
-    - the noise of the log's temperatures, from draws: an error at the end of an incomplete heating stays in the angle;
+    - the noise of the log's temperatures: an error at the end of an incomplete heating stays in the angle;
     - in the rows beside a jump of a disk that breaks loose after a rest, the unknown instant of the jump.
 
     Where explanations predict different angles, the distribution is not normal: ±1.96 sigma then hold at least 95 % of
@@ -151,6 +151,5 @@ def _others(model: FittedModel, drive: Drive) -> Iterator[tuple[FittedModel, Dri
     if model.doubt is not None and model.doubt.reading_deg > 0.0:
         for off_rad in (DEG * model.doubt.reading_deg, -DEG * model.doubt.reading_deg):
             yield model, replace(drive, start_angle_rad=drive.start_angle_rad + off_rad), 0.5
-    drawn = draw_errors(drive, seed=0)
-    for errors in drawn:
-        yield model, with_errors(drive, *errors), 1.0 / len(drawn)
+    for errors in (smooth_errors(drive, seed=0), lasting_sums(drive)):
+        yield from ((model, with_errors(drive, error), 1.0 / len(errors)) for error in errors)

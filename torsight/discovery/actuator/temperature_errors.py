@@ -10,18 +10,20 @@ have a mean square of 0.7 in units of the resulting standard deviation (benchmar
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final, NamedTuple
+from itertools import pairwise
+from typing import Final
 
 import numpy as np
+import scipy.linalg
 from scipy.ndimage import gaussian_filter1d
 
 from torsight.actuator.drive import Drive
 from torsight.actuator.record.holds import LEAST_HOLD_S
 from torsight.actuator.record.log_noise import NEGLIGIBLE_C
 from torsight.actuator.record.ripple import UNSURE
-from torsight.actuator.record.sensors import Added, Pair
+from torsight.actuator.record.sensors import Added
 from torsight.core.series import rms, usual_step
 from torsight.core.units import Floats, Ints
 
@@ -31,22 +33,15 @@ and twice this value (benchmarks/discovery/tops.py, --constants)."""
 _DRAWS: Final = 6
 """Number of draws: they give a sample's standard deviation to three parts in ten (1/√12), and its mean over a record to
 a few hundredths (benchmarks/discovery/tops.py, --constants)."""
+_SUMS: Final = 8
+"""Number of sums of lasting errors, and of successive errors of which no two share their signs: two of each of four
+half-cycles' tops. A power of two, for which there is a matrix of Hadamard."""
 
 
-class TemperatureErrors(NamedTuple):
-    """One draw: errors that remain after the conditioning, correlated over a few seconds, and persistent errors.
-
-    Persistent errors are those of every half-cycle's top and of the height of a ripple's peaks.
-    """
-
-    smooth: Added
-    lasting: Added
-
-
-def draw_errors(drive: Drive, *, seed: int) -> list[TemperatureErrors]:
-    """Return draws of errors with the standard deviations of a drive's conditioning."""
-    rng, tops, rows = np.random.default_rng(seed), list(_tops(drive)), _rows_of_tops(drive)
-    return [TemperatureErrors(_smooth(drive, rng), Added(_lasting(drive, tops, rng), *rows)) for _ in range(_DRAWS)]
+def smooth_errors(drive: Drive, *, seed: int) -> list[Added]:
+    """Return draws of the errors that remain after the conditioning, which are correlated over a few seconds."""
+    rng = np.random.default_rng(seed)
+    return [_smooth(drive, rng) for _ in range(_DRAWS)]
 
 
 def alike_s(drive: Drive) -> Floats:
@@ -83,53 +78,65 @@ def _smooth(drive: Drive, rng: np.random.Generator) -> Added:
     return Added((smooth[0], smooth[1]))
 
 
-def _lasting(drive: Drive, tops: Sequence[tuple[int, Floats]], rng: np.random.Generator) -> Pair:
-    height = UNSURE * rng.standard_normal()
-    lasting = height * np.array([drive.peaks_a_c, drive.peaks_b_c])
-    for spring, error_c in tops:
-        lasting[spring] += rng.standard_normal() * error_c
-    return lasting[0], lasting[1]
-
-
 def lasting_errors(drive: Drive) -> list[Added]:
-    """Return one standard deviation of every persistent error, for both springs."""
-    none, rows = np.zeros(len(drive)), _rows_of_tops(drive)
-    tops = [(error_c, none) if spring == 0 else (none, error_c) for spring, error_c in _tops(drive)]
-    peaks_c = (drive.peaks_a_c, drive.peaks_b_c)
-    ripple = [(UNSURE * peaks_c[0], UNSURE * peaks_c[1])] if any(one.any() for one in peaks_c) else []
-    return [Added(error_c, *rows) for error_c in (*tops, *ripple)]
+    """Return one standard deviation of every persistent error, for both springs.
+
+    Persistent errors are those of every half-cycle's top and of the height of a ripple's peaks.
+    """
+    tops, found = _rows_of_tops(drive), []
+    for rows, error_c in _lasting(drive):
+        whole_c = np.zeros((2, len(drive)))
+        whole_c[:, rows] = error_c
+        found.append(Added((whole_c[0], whole_c[1]), *tops))
+    return found
+
+
+def lasting_sums(drive: Drive) -> list[Added]:
+    """Return sums of all persistent errors, each error one standard deviation in size.
+
+    The mean square of the angle's changes by the sums is that by independent errors: the signs of an error in the sums
+    are a column of Hadamard's matrix, and the products of two errors with different columns cancel. Among a few draws
+    the size of an error would be a matter of chance.
+    """
+    signs, sums = scipy.linalg.hadamard(_SUMS), np.zeros((_SUMS, 2, len(drive)))
+    for number, (rows, error_c) in enumerate(_lasting(drive)):
+        sums[:, :, rows] += np.multiply.outer(signs[:, number % _SUMS], error_c)
+    return [Added((a_c, b_c), *_rows_of_tops(drive)) for a_c, b_c in sums]
 
 
 def _rows_of_tops(drive: Drive) -> tuple[Ints, Ints]:
     """Return the rows (k,) in which the half-cycles begin, and those of their tops."""
-    found = [(int(rows[0]), turn) for rows, _, turn in _heatings(drive)]
+    found = [(rows.start, turn) for rows, _, turn in _heatings(drive)]
     begins, tops = np.array(found, np.int64).reshape(-1, 2).T
     return begins, tops
 
 
-def _heatings(drive: Drive) -> Iterator[tuple[Ints, int, int]]:
-    """Yield every half-cycle's rows (k,), its driven spring, and the last row of that spring's highest temperature."""
-    for label in np.unique(drive.cycles.half):
-        rows = np.flatnonzero(drive.cycles.half == label)
-        spring = int(drive.cycles.active[rows[0]])
-        driven_c = (drive.temp_a_c, drive.temp_b_c)[spring][rows]
-        yield rows, spring, int(rows[len(rows) - 1 - int(np.argmax(driven_c[::-1]))])
+def _heatings(drive: Drive) -> Iterator[tuple[slice, int, int]]:
+    """Yield every half-cycle's rows, its driven spring, and the last row of that spring's highest temperature."""
+    half = drive.cycles.half
+    edges = [0, *(np.flatnonzero(np.diff(half)) + 1).tolist(), len(half)]
+    for begin, end in pairwise(edges):
+        spring = int(drive.cycles.active[begin])
+        driven_c = (drive.temp_a_c, drive.temp_b_c)[spring][begin:end]
+        yield slice(begin, end), spring, end - 1 - int(np.argmax(driven_c[::-1]))
 
 
-def _tops(drive: Drive) -> Iterator[tuple[int, Floats]]:
-    """Yield the driven spring of every half-cycle, and one standard deviation of its top's level and of its last rise.
+def _lasting(drive: Drive) -> Iterator[tuple[slice, Floats]]:
+    """Yield one standard deviation of every persistent error: its rows, and the errors (2, k) of both springs there.
 
-    Each is an error (n,) in °C of that spring's temperature.
+    Of every half-cycle's top these are the errors of its level and of its last rise.
     """
     for rows, spring, turn in _heatings(drive):
         driven_c, time_s = (drive.temp_a_c, drive.temp_b_c)[spring], drive.time_s
-        level, rise = np.zeros(len(drive)), np.zeros(len(drive))
-        level[rows] = drive.temp_sigma_c[turn] * np.exp(-(driven_c[turn] - driven_c[rows]) / _TOP_C)
+        own = np.arange(2)[:, None] == spring
+        level_c = own * drive.temp_sigma_c[turn] * np.exp(-(driven_c[turn] - driven_c[rows]) / _TOP_C)
+        yield rows, level_c
         # Over the shortest hold the rise is as uncertain as the level: 0.4 of one sample's noise at four rows a second
         # (from the slope of 17 samples, at their end).
-        rise[rows] = level[rows] * np.clip((time_s[rows] - time_s[turn]) / LEAST_HOLD_S + 1.0, 0.0, 1.0)
-        yield spring, level
-        yield spring, rise
+        yield rows, level_c * np.clip((time_s[rows] - time_s[turn]) / LEAST_HOLD_S + 1.0, 0.0, 1.0)
+    peaks_c = np.array([drive.peaks_a_c, drive.peaks_b_c])
+    if peaks_c.any():
+        yield slice(None), UNSURE * peaks_c
 
 
 def with_errors(drive: Drive, *added: Added) -> Drive:
