@@ -30,9 +30,9 @@ from torsight.core.units import Floats, Ints
 _TOP_C: Final = 1.0
 """Distance below a top over which its error decreases by e. The resulting errors of the angle change by 2 % with half
 and twice this value (benchmarks/discovery/tops.py, --constants)."""
-_DRAWS: Final = 6
-"""Number of draws: they give a sample's standard deviation to three parts in ten (1/√12), and its mean over a record to
-a few hundredths (benchmarks/discovery/tops.py, --constants)."""
+_DRAWS: Final = 24
+"""Number of draws. A row in which a disk may jump is noisy only if a draw moves the jump: with six draws the log
+evidence of a clean record is a matter of chance by tens of units (benchmarks/discovery/tops.py, --draws)."""
 _SUMS: Final = 8
 """Number of sums of lasting errors, and of successive errors of which no two share their signs: two of each of four
 half-cycles' tops. A power of two, for which there is a matrix of Hadamard."""
