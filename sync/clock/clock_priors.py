@@ -42,6 +42,9 @@ class Priors:
     extent of the heating."""
     near_scatter_c_per_deg: tuple[float, float] = (0.2, 0.03)
     """Scatter of the thresholds of such strokes, for a cooling and for a heating."""
+    short_cooling_c: float = 10.0
+    """Range of temperatures over which a cooling moves the disk. A cooling that moves it by a share less than the
+    longest of its kind deviates at its end by that share of this range, and before in proportion to its progress."""
     farthest_deg: float = 40.0
     """Largest distance of a stroke's start from the others of its kind. Strokes that begin further away cross their
     levels under another stress (1.6 °C and more with ``start_sigma_c_per_deg``): they are not comparable and are left
@@ -68,10 +71,13 @@ class Priors:
     """Standard deviation of the time between the end of the temperature's rise and the stop of the motion."""
     changepoint_per_lag: float = 0.6
     """Shift of a changepoint to earlier times per overestimation of the sensor's lag."""
+    stop_complete: tuple[float, float] = (0.5, 0.1)
+    stop_full_speed: float = 0.8
+    """Share of the abrupt stops by a complete transformation, or an end stop, which come at any time of the heating:
+    for motions that are slower before the stop than this share of their mean speed, and for others."""
     stop_astray: float = 0.05
     stop_astray_s: float = 3.0
-    """Share of the stops of short strokes with another cause, and the standard deviation of their times. For full
-    strokes, which may end at an end stop, this share is one half."""
+    """Share of the other stops that come earlier or later than the rise ends, and the standard deviation of that."""
     lag_is_roundness: float = 0.8
     """Probability that the roundness of the log's changepoints is the sensor's lag, as it is where the power is cut
     abruptly; the rest is spread evenly over smaller lags."""

@@ -7,18 +7,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import softmax
+from scipy.special import log_ndtr, softmax
 
 from sync.clock.clock_priors import PRIORS
 from sync.clock.gaussian_mixture import MOST_HYPOTHESES, NEGLIGIBLE_LOG, Gaussian, UnknownGap, conditioned, mixed
 from sync.clock.lag_likelihood import SHORT_LAG_S, LagMixture, lag_mixture, weighed_lags
 from sync.clock.offset_search import ALIKE, Assignment, OffsetRange, assignments, explained_share, find_ranges
-from sync.clock.threshold_crossings import WHOLE_STROKE, ThresholdCrossings, collect_crossings
+from sync.clock.threshold_crossings import ThresholdCrossings, collect_crossings
 from sync.clock.threshold_likelihood import refine, scan, scatter_c
 from sync.led import switchings_of
 from sync.log.outliers import noise_c, rounding_c
 from sync.log.timestamps import longest_gap_s
-from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, cooling_start, find_stop, heating_end
+from sync.signals.changepoints import MAX_LAG_S, SPLITS, Changepoint, Stop, cooling_start, find_stop, heating_end
 from sync.signals.heating_segments import HeatingSegment, LogSignals, lag_window_s, log_signals
 from sync.signals.strokes import Stroke, find_strokes
 from torsight.core.records import TemperatureLog
@@ -53,6 +53,11 @@ class MotionLikelihood:
         """Largest logarithm of a weight in the mixture."""
         return max(gaussian.log_weight for gaussian in self.mixture)
 
+    def weighted(self, log_weight: float) -> MotionLikelihood:
+        """Return the same distribution with another weight among others."""
+        mixture = (replace(one, log_weight=one.log_weight + log_weight) for one in self.mixture)
+        return replace(self, mixture=tuple(mixture))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Inputs:
@@ -60,10 +65,10 @@ class _Inputs:
     log: TemperatureLog
     strokes: tuple[Stroke, ...]
     signals: LogSignals
-    changepoints: tuple[tuple[HeatingSegment, Changepoint], ...]
     lag: LagMixture
     gaps: tuple[UnknownGap, ...]
-    stop: Callable[[Stroke], tuple[float, float] | None]
+    stop: Callable[[Stroke], Stop | None]
+    corners: Callable[[HeatingSegment], tuple[_Corner, ...]]
 
 
 def begin_s(time_s: Floats) -> float:
@@ -136,15 +141,20 @@ def _from_start(
         )
     if not ranges:
         return None
-    # Pieces of the range share their strokes, and a stop takes a hundred fits.
+    # Pieces of the range share their strokes and segments, and a stop takes a hundred fits.
     stop = functools.cache(functools.partial(find_stop, angles))
-    inputs = _Inputs(angles, log, strokes, signals, changepoints, lag, tuple(gaps), stop)
+    corners = functools.cache(functools.partial(_corners, log, changepoints, lag))
+    inputs = _Inputs(angles, log, strokes, signals, lag, tuple(gaps), stop, corners)
     # Strokes have other segments at other offsets: each piece of a range has its own crossings.
     pieces = [piece for one in ranges[:MOST_HYPOTHESES] for piece in assignments(strokes, signals.segments, one)]
     least = min(piece.lost for piece in pieces)
     likely = sorted(pieces, key=lambda piece: piece.lost)[:MOST_HYPOTHESES]
     likely = [piece for piece in likely if piece.lost < least + NEGLIGIBLE_LOG]
-    found = [part for piece in likely if (part := _weigh(inputs, piece, prior))]
+    stops = [_paired_stops(inputs, piece.segments) for piece in likely]
+    # Every piece accounts for the stops of all: one that it does not pair may have been at any instant of the film.
+    every, any_log = {stop.film_s for one in stops for stop in one}, -float(np.log(span[1] - span[0]))
+    weighed = ((_weigh(inputs, piece, own, prior), len(own)) for piece, own in zip(likely, stops, strict=True))
+    found = [part.weighted((len(every) - paired) * any_log) for part, paired in weighed if part is not None]
     if not found:
         return None
     best = max(found, key=lambda part: part.weight)
@@ -157,7 +167,9 @@ def _from_start(
     return replace(best, mixture=tuple(mixture), ranges=ranges, swapped=swapped)
 
 
-def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> MotionLikelihood | None:
+def _weigh(
+    inputs: _Inputs, piece: Assignment, paired: Sequence[_PairedStop], prior: Gaussian | None
+) -> MotionLikelihood | None:
     """Return the likelihood in one range of offsets: by the thresholds, for every possible lag, then by the stops."""
     segments = piece.segments
     offset_range = _possible(piece.where, inputs.strokes, segments, slack_s=1.0 + (inputs.lag.value_s or MAX_LAG_S))
@@ -172,7 +184,6 @@ def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> Motion
         return None
     mixture: list[Gaussian] = []
     late: list[float] = []
-    paired = _paired_stops(inputs, segments)
     later = np.zeros(len(wide.mean))
     later[0] = 1.0
     totals = [mixed(parts.values()) for parts in delays]
@@ -180,6 +191,7 @@ def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> Motion
     for late_s, part, total in sizes:
         # Only the weights between maxima are tempered: the sizes of delay of one maximum share its crossings.
         own = PRIORS.crossing_temper * total.log_weight + part.log_weight - total.log_weight
+        own += _log_mass(part, offset_range)
         for lag_s, log_weight in zip(inputs.lag.grid_s, inputs.lag.log_weight, strict=True):
             gaussian = Gaussian(
                 part.mean - (lag_s - assumed_s) * later, part.covariance, own + float(log_weight) - piece.lost
@@ -202,6 +214,14 @@ def _weigh(inputs: _Inputs, piece: Assignment, prior: Gaussian | None) -> Motion
         scatter_c=scatter,
         late_s=float(late_weight @ list(delays[likeliest])),
     )
+
+
+def _log_mass(gaussian: Gaussian, where: OffsetRange) -> float:
+    """Return the logarithm of the share of a clock's distribution in a range: elsewhere strokes lack their segments."""
+    low, high = (np.array([where.low_s, where.high_s]) - gaussian.mean[0]) / np.sqrt(gaussian.covariance[0, 0])
+    if low > 0.0:
+        low, high = -high, -low
+    return float(log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high))))
 
 
 def _possible(
@@ -232,22 +252,22 @@ def _with_stops(
     covariance[:, :unknowns, :unknowns] = [gaussian.covariance for gaussian in mixture]
     covariance[:, unknowns, unknowns] = late_s**2
     log_weight = np.array([gaussian.log_weight for gaussian in mixture])
-    # A stop that was paired with a heating of another cycle may be anywhere on the film.
-    elsewhere = PRIORS.stop_astray / float(np.ptp(inputs.angles.time_s))
     for stop in stops:
-        # Rows after a gap have timestamps that are too early by the missing time.
-        after_gap = [-1.0 if stop.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
-        design = np.array([1.0, stop.film_s - middle_s, *after_gap, -1.0])
-        found = [(mean, covariance, log_weight + np.log(stop.astray * elsewhere))]
-        own_variance = stop.variance + (PRIORS.delay_shape * late_s) ** 2
-        for variance, share in (
-            (own_variance, 1.0 - stop.astray),
-            (own_variance + PRIORS.stop_astray_s**2, stop.astray),
-        ):
-            moved, smaller, fit = conditioned(
-                mean, covariance, design=design, value=stop.log_s - stop.film_s, variance=variance
-            )
-            found.append((moved, smaller, log_weight + fit + np.log(share)))
+        cut_short = 1.0 - stop.complete
+        found = [(mean, covariance, log_weight + np.log(stop.complete / stop.heated_s))]
+        for corner in stop.corners:
+            # Rows after a gap have timestamps that are too early by the missing time.
+            after_gap = [-1.0 if corner.log_s > gap.after_s else 0.0 for gap in inputs.gaps]
+            design = np.array([1.0, stop.film_s - middle_s, *after_gap, -1.0])
+            own_variance = stop.variance + corner.variance + (PRIORS.delay_shape * late_s) ** 2
+            for variance, share in (
+                (own_variance, 1.0 - PRIORS.stop_astray),
+                (own_variance + PRIORS.stop_astray_s**2, PRIORS.stop_astray),
+            ):
+                moved, smaller, fit = conditioned(
+                    mean, covariance, design=design, value=corner.log_s - stop.film_s, variance=variance
+                )
+                found.append((moved, smaller, log_weight + fit + np.log(cut_short * share / len(stop.corners))))
         mean, covariance, log_weight = (np.concatenate(columns) for columns in zip(*found, strict=True))
         order = np.argsort(-log_weight)[: MOST_HYPOTHESES * len(mixture)]
         order = order[log_weight[order] > log_weight[order[0]] - NEGLIGIBLE_LOG]
@@ -318,49 +338,73 @@ def _delays(
 
 
 @dataclass(frozen=True, slots=True)
-class _PairedStop:
-    """A stop on the film, paired with the end of the heating that drove the stroke."""
+class _Corner:
+    """An instant of the log at which a temperature stops rising, and its variance."""
 
-    film_s: float
     log_s: float
     variance: float
-    astray: float
+
+
+@dataclass(frozen=True, slots=True)
+class _PairedStop:
+    """A stop on the film, paired with the ends of the rises of the heating that drove the stroke.
+
+    ``complete`` is the probability that the transformation was completed: the motion may then stop at any time of the
+    heating, which lasts ``heated_s``.
+    """
+
+    film_s: float
+    variance: float
+    corners: tuple[_Corner, ...]
+    complete: float
+    heated_s: float
 
 
 def _paired_stops(inputs: _Inputs, segments: Sequence[HeatingSegment | None]) -> list[_PairedStop]:
-    """Pair abrupt ends of motion with the ends of the heatings that drove them."""
+    """Pair abrupt ends of motion with the ends of the rises that may have driven them.
+
+    A heating that is held on its way rises several times, and a motion may stop at the end of each.
+    """
     pairs: list[_PairedStop] = []
-    heated = [s.length_rad for s, f in zip(inputs.strokes, segments, strict=True) if f is not None and f.heating]
     for stroke, segment in zip(inputs.strokes, segments, strict=True):
         if segment is None or not segment.heating:
             continue
-        stop = inputs.stop(stroke)
-        if stop is None:
-            continue
-        stop_s, stop_sigma_s = stop
-        cooling = next(
-            (c for f, c in inputs.changepoints if f.spring == segment.spring and abs(f.begin_s - segment.end_s) < 1.0),
-            None,
-        )
-        temperature = inputs.log.temp_c(segment.spring)
+        stop, corners = inputs.stop(stroke), inputs.corners(segment)
+        if stop is not None and corners:
+            variance, heated_s = stop.sigma_s**2 + PRIORS.stop_sigma_s**2, segment.end_s - segment.begin_s
+            # A transformation that completes slows the motion down before.
+            complete = PRIORS.stop_complete[int(stop.speed > PRIORS.stop_full_speed)]
+            pairs.append(_PairedStop(stop.time_s, variance, corners, complete, heated_s))
+    return pairs
+
+
+def _corners(
+    log: TemperatureLog,
+    changepoints: Sequence[tuple[HeatingSegment, Changepoint]],
+    lag: LagMixture,
+    segment: HeatingSegment,
+) -> tuple[_Corner, ...]:
+    """Return the instants at which a heating's temperature stops rising, at holds and at its end."""
+    temperature = log.temp_c(segment.spring)
+    cooling = next(
+        (c for f, c in changepoints if f.spring == segment.spring and abs(f.begin_s - segment.end_s) < 1.0), None
+    )
+    found = []
+    for rise in segment.rises(log):
         changepoint = heating_end(
-            inputs.log,
-            segment,
-            cooling,
+            log,
+            rise,
+            cooling if rise.end_s == segment.end_s else None,
             noise=noise_c(temperature),
             rounding=rounding_c(temperature),
-            lag_s=inputs.lag.value_s,
-            split=inputs.lag.split,
+            lag_s=lag.value_s,
+            split=lag.split,
         )
-        if changepoint is None:
-            continue
-        # The larger the assumed lag, the earlier the changepoint's estimated time.
-        lag_part = PRIORS.changepoint_per_lag * (inputs.lag.sigma_s or 0.0)
-        variance = stop_sigma_s**2 + changepoint.time_sigma_s**2 + lag_part**2 + PRIORS.stop_sigma_s**2
-        # A full stroke can end abruptly at an end stop; one that is shorter than others was cut short.
-        whole = stroke.length_rad > WHOLE_STROKE * max(heated)
-        pairs.append(_PairedStop(stop_s, changepoint.time_s, variance, 0.5 if whole else PRIORS.stop_astray))
-    return pairs
+        if changepoint is not None:
+            # The larger the assumed lag, the earlier the changepoint's estimated time.
+            lag_part = PRIORS.changepoint_per_lag * (lag.sigma_s or 0.0)
+            found.append(_Corner(changepoint.time_s, changepoint.time_sigma_s**2 + lag_part**2))
+    return tuple(found)
 
 
 def _lag(log: TemperatureLog, signals: LogSignals) -> LagMixture:

@@ -74,7 +74,10 @@ def collect_crossings(
             at_s, sigma_s = stroke.crossing_s(level_rad)
             share = WHOLE_STROKE if stroke.length_rad > WHOLE_STROKE * longest_rad else _SHARES[-2]
             usable = np.flatnonzero(np.isfinite(at_s) & (level_rad < share * stroke.length_rad))
-            same = {"spring_b": spring == "b", "heating": heating, "stroke": index, "kind": number, "far_deg": far_deg}
+            # A cooling always ends cold: one that turns the disk less far had another balance of torques.
+            short = 0.0 if heating else 1.0 - stroke.length_rad / longest_rad
+            own = {"spring_b": spring == "b", "heating": heating, "stroke": index, "kind": number}
+            same: dict[str, Any] = {**own, "far_deg": far_deg, "short": short}
             rows.append(
                 {"time_s": at_s[usable], "time_sigma_s": sigma_s[usable], "level": usable}
                 | {name: np.full(len(usable), value) for name, value in same.items()}
@@ -89,6 +92,7 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
     stroke, kind, level = columns["stroke"], columns["kind"], columns["level"]
     far_deg, heating, time_s = columns["far_deg"], columns["heating"], columns["time_s"]
     share = _SHARES[level]
+    short_c = PRIORS.short_cooling_c * columns["short"] * share
     cell = kind * len(_SHARES) + level
     same_cell = (cell[:, None] == cell[None, :]).astype(np.float64)
     far_both = far_deg[:, None] * far_deg[None, :]
@@ -106,7 +110,7 @@ def _with_covariances(columns: Mapping[str, NDArray[Any]]) -> ThresholdCrossings
     near_c = np.minimum(np.abs(far_deg), PRIORS.near_deg) * np.take(
         PRIORS.near_scatter_c_per_deg, heating.astype(np.int64)
     )
-    common += near_c[:, None] * near_c[None, :] * scatter
+    common += near_c[:, None] * near_c[None, :] * scatter + same_stroke * short_c[:, None] * short_c[None, :]
     return ThresholdCrossings(
         time_s=time_s,
         time_sigma_s=columns["time_sigma_s"],

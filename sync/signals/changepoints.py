@@ -10,7 +10,7 @@ the lag where the power is cut abruptly.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -232,8 +232,16 @@ def _decay(time_s: Floats, temp_c: Floats, segment: HeatingSegment) -> float | N
     return float(np.exp(found.x))
 
 
-def find_stop(angles: StickAngles, stroke: Stroke) -> tuple[float, float] | None:
-    """Return the film time of a stroke's abrupt end and its sigma, s; None where the motion ends gradually."""
+class Stop(NamedTuple):
+    """The film time of a stroke's abrupt end and its sigma; its speed before that in mean speeds of the stroke."""
+
+    time_s: float
+    sigma_s: float
+    speed: float
+
+
+def find_stop(angles: StickAngles, stroke: Stroke) -> Stop | None:
+    """Return a stroke's abrupt end; None where the motion ends gradually."""
     length_s = stroke.end_s - stroke.begin_s
     window_s = float(np.clip(0.12 * length_s, 0.4, 8.0))
     inside = (np.abs(angles.time_s - stroke.end_s) <= window_s) & angles.valid
@@ -260,7 +268,7 @@ def find_stop(angles: StickAngles, stroke: Stroke) -> tuple[float, float] | None
     weight = _weights(losses, float(losses[best]), len(time_s))
     mean = float(weight @ at)
     sigma = float(np.sqrt(weight @ (at - mean) ** 2))
-    return mean, float(np.hypot(sigma, 0.1 * step_s))
+    return Stop(mean, float(np.hypot(sigma, 0.1 * step_s)), float(closing[best] / usual))
 
 
 def heating_end(
@@ -316,7 +324,11 @@ def heating_end(
         return None
     # The ramp reaches the hold's level earlier or later by the error of that level.
     sigma_s = float(np.hypot(changepoint.time_sigma_s, rounding / rate))
-    return None if sigma_s > 2.0 else replace(changepoint, time_sigma_s=sigma_s)
+    known = None if sigma_s > 2.0 else replace(changepoint, time_sigma_s=sigma_s)
+    after = time_s > changepoint.time_s
+    rises_on = np.count_nonzero(after) > 1 and np.polyfit(time_s[after], here_c[after], 1)[0] > 0.5 * rate
+    # Where a further rise follows, and no hold, the temperature rises until the cooling.
+    return cooling if rises_on else known
 
 
 def lagged_ramp(x_s: Floats, lag_s: Floats | float, split: float) -> Floats:

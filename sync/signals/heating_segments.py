@@ -12,7 +12,7 @@ import numpy as np
 from sync.log.outliers import noise_c
 from sync.signals.even_signal import WINDOW_S, EvenSignal, even_signal
 from torsight.core.records import TemperatureLog
-from torsight.core.series import BY_CHANCE, extremes, runs
+from torsight.core.series import BY_CHANCE, extremes, runs, usual_step
 from torsight.core.units import Floats
 from torsight.core.words.plausible import HEATED_C
 
@@ -53,6 +53,18 @@ class HeatingSegment:
         """Return how long the segment may drive a motion between given times (n,), s."""
         whole = _shared_s(begin_s, end_s, self.begin_s, self.until_s)
         return np.asarray(whole - sum(_shared_s(begin_s, end_s, *held) for held in self.held_s))
+
+    def rises(self, log: TemperatureLog) -> tuple[HeatingSegment, ...]:
+        """Return the parts of a heating that each end with a hold or with the heating: one where it is never held."""
+        # Between two rows, so that no rounding of times decides on a row.
+        before_s = 0.5 * usual_step(log.time_s)
+        ends = [stop - before_s for _, stop in self.held_s if stop < self.end_s - LATEST_S]
+        begins = [self.begin_s, *ends]
+        low_c = np.interp(ends, log.time_s, log.temp_c(self.spring))
+        return tuple(
+            replace(self, begin_s=begin, end_s=end, low_c=low, held_s=())
+            for begin, end, low in zip(begins, [*ends, self.end_s], [self.low_c, *low_c.tolist()], strict=True)
+        )
 
     @property
     def rise_s(self) -> float:
@@ -193,11 +205,17 @@ def _with_holds(segment: HeatingSegment, signal: EvenSignal) -> HeatingSegment:
 
     The motion may go on for a while, because it is late.
     """
-    time_s, last = signal.time_s, len(signal.value) - 1
+    time_s, value, last = signal.time_s, signal.value, len(signal.value) - 1
     begin, end = np.searchsorted(time_s, [segment.begin_s, segment.end_s])
     usual = (segment.high_c - segment.low_c) / max(segment.end_s - segment.begin_s, signal.step_s)
-    held = signal.slope[begin:end] + BY_CHANCE * signal.slope_sigma < _HELD_SHARE * usual
-    spans = [(float(time_s[begin + i]) + LATEST_S, float(time_s[min(begin + k, last)])) for i, k in runs(held)]
+    # Nearer to a hold than to the ramp beyond chance; as a whole, such a stretch is a hold or rises slowly.
+    slow = signal.slope[begin:end] + BY_CHANCE * signal.slope_sigma < 0.5 * usual
+    stretches = [(begin + i, min(begin + k, last)) for i, k in runs(slow)]
+    spans = [
+        (float(time_s[first]) + LATEST_S, float(time_s[stop]))
+        for first, stop in stretches
+        if value[stop] - value[first] < _HELD_SHARE * usual * (time_s[stop] - time_s[first])
+    ]
     return replace(segment, held_s=tuple(span for span in spans if span[1] > span[0]))
 
 
