@@ -233,9 +233,8 @@ def _possible(
     high = min([segment.until_s - stroke.end_s for stroke, segment in pairs], default=offset_range.high_s) + slack_s
     if high - low < 1.0:
         return offset_range
-    return replace(
-        offset_range, low_s=max(low, offset_range.low_s), high_s=max(min(high, offset_range.high_s), low + 0.5)
-    )
+    low = max(low, offset_range.low_s)
+    return replace(offset_range, low_s=low, high_s=max(min(high, offset_range.high_s), low + 0.5))
 
 
 def _with_stops(
