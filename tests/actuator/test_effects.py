@@ -93,6 +93,9 @@ TRUTH = {
 }
 
 
+BENT = {"kinetics_shape": {"bend": 0.03}}
+
+
 @cache
 def record(name: str):
     """Record a rig with one hidden effect, its own values as declared."""
@@ -186,11 +189,13 @@ def test_own_parameters_come_back_from_another_integrator(name):
 
 
 def test_a_bend_of_the_phase_law_comes_back_as_a_bend():
-    made = made_with({"kinetics_shape": {"bend": 0.03}}, seed=12)
-    found = fitted_to(made, ())
-    # The rig shifts the progress by b sin(π u)/π, at mid-window b/π; the effect by b/4.
+    bent, straight = (fitted_to(made_with(effects, seed=12), ()) for effects in (BENT, {}))
+    # Inertia and presliding, which the model lacks, look like a small bend of a rig without one.
     for name in ("heating_bend", "cooling_bend"):
-        assert found.estimates[name].value == pytest.approx(4.0 * 0.03 / math.pi, abs=0.012)
+        found = bent.estimates[name].value - straight.estimates[name].value
+        # The rig shifts the progress u by b sin(π u)/π, the effect by c u (1 − u): c is b at the ends, 4 b/π in the
+        # middle of a window. A fit's standard deviation is 0.005.
+        assert 0.03 - 0.005 < found < 4.0 * 0.03 / math.pi + 0.005
 
 
 def test_a_disk_that_turns_before_it_slides_is_seen_to():
