@@ -326,3 +326,20 @@ def test_a_held_top_is_known_as_well_as_its_last_digit_lets_it(noise_share: floa
         held = (time_s > 135.0) & (time_s < 148.0)
         off.append(((found.temp_c - top_c) / found.sigma_c)[held])
     assert 0.5 < np.sqrt(np.mean(np.square(off))) < 1.5
+
+
+@pytest.mark.parametrize("rows_per_reading", [1.3, 2.0, 2.6])
+def test_readings_with_a_coarse_digit_are_smoothed_in_a_table_of_rows_between_them(rows_per_reading: float) -> None:
+    # A logger at 5 Hz with tenths of a degree, and a film whose frames lie anywhere between its readings.
+    log_s = np.arange(0.0, 600.0, 0.2)
+    wire_c = 23.0 + np.interp(log_s, [50.0, 250.0, 270.0], [0.0, 40.0, 40.0])
+    wire_c -= 40.0 * (1.0 - np.exp(-np.maximum(log_s - 270.0, 0.0) / 60.0))
+    log_c = np.round(wire_c, 1)
+    film_s = np.arange(0.07, 599.0, 0.2 / rows_per_reading)
+    found = condition(film_s, np.interp(film_s, log_s, log_c))
+    at = np.interp(film_s, log_s, wire_c)
+    moving = (film_s > 55.0) & (film_s < 400.0) & (np.abs(film_s - 260.0) > 15.0)
+    assert found.noise_c > 0.5 * 0.1 / np.sqrt(12.0)
+    # A line through the readings of ten seconds errs by a seventh of a reading's rounding.
+    assert np.std((found.temp_c - at)[moving]) < 0.3 * 0.1 / np.sqrt(12.0)
+    assert np.std((found.rate_c_s - np.gradient(at, film_s))[moving]) < 0.02

@@ -28,6 +28,9 @@ _FREQUENT: Final = 256
 """Number of most frequent changes among which the last digit is searched: enough for noise of up to fifty digits."""
 _SURE: Final = math.log(1000.0 * _FREQUENT)
 """Least evidence, in log units, of a last digit: a thousand to one, times the number of steps that are tried."""
+_FEW_ROWS: Final = 4
+"""Most rows from one reading's repeated value to the next one's: lines of more rows show where readings lie
+(:func:`torsight.actuator.record.slow_log.own_readings`)."""
 _BIWEIGHT: Final = 1.547645
 """Size of a deviation, in scales, from which the biweight is constant: breakdown point of one half, as for a median
 (Rousseeuw and Yohai, in Robust and Nonlinear Time Series Analysis (1984) 256)."""
@@ -107,9 +110,23 @@ def last_digit(temp_c: Floats) -> float:
     share c = 3/q of n changes lies within one tick of a multiple of a step of q ticks. If s is the share that does, the
     evidence of the step is n (s log(s/c) + (1 − s) log((1 − s)/(1 − c))); the last digit is the step with the most. The
     changes of a ramp are alike without a last digit, too, to their noise: it must also be evident among the changes
-    within ten ticks of a multiple alone.
+    within ten ticks of a multiple alone. In a table of rows between the readings, as a film's, no change need be a
+    multiple, but values that repeat are readings.
     """
-    ticks = np.rint(np.abs(np.diff(temp_c)) / FINEST_C)
+    changes = _between_repeated(temp_c)
+    return (_step_of(changes) if len(changes) >= SHORTEST else 0.0) or _step_of(np.abs(np.diff(temp_c)))
+
+
+def _between_repeated(temp_c: Floats) -> Floats:
+    """Return the changes (k,) from one repeated value to another that follows after a few rows."""
+    same = np.flatnonzero(np.abs(np.diff(temp_c)) <= FINEST_C)
+    changes = np.abs(np.diff(temp_c[same]))
+    return changes[(np.diff(same) <= _FEW_ROWS) & (changes > FINEST_C)]
+
+
+def _step_of(changes_c: Floats) -> float:
+    """Return the step, °C, of which many changes (n,) are multiples, 0 where there is none."""
+    ticks = np.rint(changes_c / FINEST_C)
     sizes, times = np.unique(ticks[ticks > 0.0], return_counts=True)
     steps = np.sort(sizes[np.argsort(-times, kind="stable")[:_FREQUENT]])
     steps = steps[steps > _BESIDE]
@@ -130,9 +147,14 @@ def _evidence(count: Floats | float, whole: float, chance: Floats | float) -> Fl
 
 
 def is_stepped(temp_c: Floats, digit_c: float) -> bool:
-    """Return whether nine in ten changes of a log (n,) are no less than a digit, as if every reading were rounded."""
-    changes = np.abs(np.diff(temp_c))
-    changes = changes[changes > FINEST_C]
+    """Return whether every reading of a log (n,) is rounded: nine in ten changes are no less than the digit.
+
+    Of a table of rows between the readings these are the changes from one repeated value to another.
+    """
+    changes = _between_repeated(temp_c)
+    if len(changes) < SHORTEST:
+        changes = np.abs(np.diff(temp_c))
+        changes = changes[changes > FINEST_C]
     return digit_c > 0.0 and len(changes) > 0 and bool(np.quantile(changes, 0.1) > 0.5 * digit_c)
 
 
